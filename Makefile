@@ -1,0 +1,62 @@
+# The two commands: `make campaign` (the main job on the bundled scenarios) and `make test`.
+# Each does its own set-up: a virtual environment in .venv, with uv when it is there, else with pip.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SEEDS ?= scenarios
+OUT ?= out
+JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help campaign test lint types imports unit format doctor clean
+
+help:  ## what can be made
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 22
+
+campaign: $(VENV)/.installed  ## run the bundled scenarios, find the failures near their near misses (SEEDS=, OUT=, JOBS=, ARGS=)
+	@$(BIN)/foresee campaign $(SEEDS) --jobs $(JOBS) --out $(OUT) $(ARGS)
+
+test: lint unit  ## everything that must hold: lint, types, import contract, tests
+
+lint: types imports  ## style, types and the import contract
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+types: $(VENV)/.installed-dev
+	@$(BIN)/mypy
+
+imports: $(VENV)/.installed-dev
+	@$(BIN)/lint-imports --no-logo
+
+unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
+	@$(BIN)/pytest -n $(JOBS) $(ARGS)
+
+format: $(VENV)/.installed-dev  ## format the Python and the scenario files
+	@$(BIN)/ruff format .
+	@$(BIN)/foresee fmt scenarios
+
+doctor: $(VENV)/.installed  ## what is installed, what works, and how to mend what does not
+	@$(BIN)/foresee doctor
+
+clean:  ## remove what was made (the environment too)
+	rm -rf $(VENV) $(OUT) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+
+# A half-made environment is made anew: the stamp is only written when everything is in.
+$(VENV)/.installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "foresee-dsl needs Python 3.11 or newer; set PYTHON=")'
+	@if command -v uv >/dev/null 2>&1; then \
+	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && uv pip install --quiet --python $(BIN)/python -e .; \
+	else \
+	  $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install --quiet --disable-pip-version-check -e .; \
+	fi
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	@if command -v uv >/dev/null 2>&1; then \
+	  uv pip install --quiet --python $(BIN)/python -e '.[dev]'; \
+	else \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'; \
+	fi
+	@touch $@

@@ -1,0 +1,1 @@
+"""The whole method over many scenarios: plan, run in parallel, keep what fails."""

@@ -1,0 +1,248 @@
+"""What a campaign found, as immutable records and as JSON."""
+
+from __future__ import annotations
+
+import statistics
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.simulate.verdict import Verdict
+
+FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.STUCK)
+"""The kinds that are counted, in the order of the tables."""
+
+
+@dataclass(frozen=True)
+class ClipDraft:
+    """A clip before it was run: its name, its text, its point's rank, its file (relative to the campaign's)."""
+
+    name: str
+    text: str
+    file: str
+    rank: int
+
+
+@dataclass(frozen=True)
+class SeedOutcome:
+    """One test case as it was run, unmutated."""
+
+    id: str
+    family: str
+    scenario: str
+    verdict: Verdict
+    reason: str
+    duration_s: float
+    wall_s: float
+    trace: str = ""
+    risky_points: int = 0
+    clips: tuple[ClipDraft, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChildOutcome:
+    """One mutant as it was run; `text` already holds what was found."""
+
+    name: str
+    file: str
+    text: str
+    operators: tuple[str, ...]
+    verdict: Verdict
+    with_: str
+    reason: str
+    time_s: float
+    duration_s: float
+    digest: str
+
+
+@dataclass(frozen=True)
+class ClipOutcome:
+    """One clip as it was run unmutated, and its children.
+
+    `largest_m`: the largest deviation of any actor from the parent's window. `median_m`: the median over the other
+    actors. `within`: the share of the other actors that stay within 0.1 m.
+    """
+
+    seed: str
+    family: str
+    name: str
+    file: str
+    text: str
+    rank: int
+    verdict: Verdict
+    reason: str
+    duration_s: float
+    wall_s: float
+    largest_m: float
+    median_m: float
+    within: float
+    children: tuple[ChildOutcome, ...] = ()
+
+    @property
+    def failing(self) -> tuple[ChildOutcome, ...]:
+        """The children that failed."""
+        return tuple(c for c in self.children if c.verdict.is_failure)
+
+
+@dataclass(frozen=True)
+class FamilyRow:
+    """The figures of one scenario family (or of all of them)."""
+
+    family: str
+    cases: int
+    cases_failed: int
+    risky_points: int
+    clips: int
+    children: int
+    failures: dict[str, int]
+    simulated_s: float
+    wall_s: float
+    fidelity_median_m: float
+    fidelity_max_m: float
+
+    @property
+    def failed(self) -> int:
+        """All failures."""
+        return sum(self.failures.values())
+
+    @property
+    def per_risky_point(self) -> float:
+        """Failures for each clip that was studied."""
+        return self.failed / self.clips if self.clips else 0.0
+
+    @property
+    def per_simulated_hour(self) -> float:
+        """Failures for each simulated hour, seeds and clips included."""
+        return self.failed / (self.simulated_s / 3600) if self.simulated_s else 0.0
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """Everything that a campaign found; seeds and clips sorted by their names, whatever order they finished in."""
+
+    settings: CampaignSettings
+    seeds: tuple[SeedOutcome, ...]
+    clips: tuple[ClipOutcome, ...]
+    wall_s: float
+    interrupted: bool = False
+    broken: tuple[str, ...] = field(default=())
+    """What could not be run at all, one line each."""
+
+    def row(self, family: str | None = None) -> FamilyRow:
+        """Return the figures of one family, or of all."""
+        seeds = [s for s in self.seeds if family is None or s.family == family]
+        clips = [c for c in self.clips if family is None or c.family == family]
+        children = [child for c in clips for child in c.children]
+        counts = Counter(child.verdict for child in children)
+        deviations = [c.largest_m for c in clips]
+        return FamilyRow(
+            family=family or "all",
+            cases=len(seeds),
+            cases_failed=sum(s.verdict is not Verdict.PASS for s in seeds),
+            risky_points=sum(s.risky_points for s in seeds),
+            clips=len(clips),
+            children=len(children),
+            failures={kind.value: counts[kind] for kind in FAILURES},
+            simulated_s=sum(s.duration_s for s in seeds)
+            + sum(c.duration_s for c in clips)
+            + sum(c.duration_s for c in children),
+            wall_s=sum(s.wall_s for s in seeds) + sum(c.wall_s for c in clips),
+            fidelity_median_m=statistics.median(deviations) if deviations else 0.0,
+            fidelity_max_m=max(deviations, default=0.0),
+        )
+
+    @property
+    def families(self) -> tuple[str, ...]:
+        """The families that occur, in the order of the paper's table; the empty one (no tag) last."""
+        return tuple(sorted({s.family for s in self.seeds}, key=lambda f: (not f.isdigit(), int(f or 0), f)))
+
+    def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
+        """Return the failing children that most deserve a look.
+
+        Those that left the driver time to react come first: anything but a neighbour steered into it, then late in the
+        clip; at most one a clip until every clip had its turn.
+        """
+        rounds: list[list[ChildOutcome]] = []
+        for clip in self.clips:
+            for k, child in enumerate(sorted(clip.failing, key=_interest)):
+                if k == len(rounds):
+                    rounds.append([])
+                rounds[k].append(child)
+        ordered = [child for group in rounds for child in sorted(group, key=_interest)]
+        return tuple(ordered[:count])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `campaign.json` holds; everything but `wall_s` is the same for the same inputs."""
+        total = self.row()
+        return {
+            "schema": 1,
+            "driver": self.settings.driver,
+            "ranker": self.settings.ranker,
+            "preset": self.settings.preset,
+            "settings": self.settings.as_dict(),
+            "seeds": {
+                "total": total.cases,
+                "passed": total.cases - total.cases_failed,
+                "failed": total.cases_failed,
+            },
+            "risky_points": total.risky_points,
+            "clips": total.clips,
+            "children": total.children,
+            "failures": total.failures,
+            "fidelity_m": {"median": round(total.fidelity_median_m, 4), "max": round(total.fidelity_max_m, 4)},
+            "simulated_s": round(total.simulated_s, 2),
+            "wall_s": round(self.wall_s, 2),
+            "interrupted": self.interrupted,
+            "broken": list(self.broken),
+            "test_cases": [_seed_dict(s) for s in self.seeds],
+            "clip_runs": [_clip_dict(c) for c in self.clips],
+            "open_first": [child.file for child in self.to_open_first()],
+        }
+
+
+def _interest(child: ChildOutcome) -> tuple[bool, bool, float, str]:
+    return ("steer" in child.operators, child.verdict is Verdict.STUCK, -child.time_s, child.name)
+
+
+def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
+    return {
+        "test_case": seed.id,
+        "family": seed.family,
+        "verdict": seed.verdict.value,
+        "reason": seed.reason,
+        "duration_s": round(seed.duration_s, 2),
+        "risky_points": seed.risky_points,
+        "trace": seed.trace,
+    }
+
+
+def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
+    return {
+        "clip": clip.name,
+        "test_case": clip.seed,
+        "verdict": clip.verdict.value,
+        "deviation_m": {"max": round(clip.largest_m, 4), "median_others": round(clip.median_m, 4)},
+        "within_0.1_m": round(clip.within, 4),
+        "children": [
+            {
+                "mutant": child.name,
+                "operators": list(child.operators),
+                "verdict": child.verdict.value,
+                "with": child.with_,
+                "reason": child.reason,
+                "digest": child.digest,
+                "file": child.file if child.verdict.is_failure else None,
+            }
+            for child in clip.children
+        ],
+    }
+
+
+def sorted_outcomes(
+    seeds: Iterable[SeedOutcome], clips: Iterable[ClipOutcome]
+) -> tuple[tuple[SeedOutcome, ...], tuple[ClipOutcome, ...]]:
+    """Return both in an order that does not depend on who finished first."""
+    return tuple(sorted(seeds, key=lambda s: s.id)), tuple(sorted(clips, key=lambda c: (c.seed, c.rank)))

@@ -1,0 +1,73 @@
+"""What the commands share: exit codes, errors in words, JSON, the shapes of their options."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+OK, FAILED, USAGE, BUG = 0, 1, 2, 3
+"""Exit codes: done; the input has errors or the check failed; wrong usage; our own fault."""
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+DriverOption = Annotated[str, typer.Option("--driver", help="The driver under test; `foresee drivers` lists them.")]
+RankerOption = Annotated[
+    str, typer.Option("--ranker", help="Who picks the risky points: foresee, proximity, random, exhaustive.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Every lot that is drawn comes from it.")]
+OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
+PresetOption = Annotated[
+    str, typer.Option("--preset", help="How clips are mutated: focused (ours), or paper (to the letter).")
+]
+
+
+def console(*, error: bool = False) -> Console:
+    """Return a rich console on standard output (or error)."""
+    from rich.console import Console
+
+    return Console(stderr=error, soft_wrap=False, highlight=False)
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """Print one JSON document."""
+    typer.echo(json.dumps(data, indent=2))
+
+
+def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
+    """Print mistakes on standard error: place, line, underline, what to write instead."""
+    from foresee_dsl.language.diagnostics import render_full
+
+    colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+    for diagnostic in diagnostics:
+        typer.echo(render_full(diagnostic, colour=colour), err=True)
+        typer.echo(err=True)
+    errors = sum(d.severity == "error" for d in diagnostics)
+    warnings = len(diagnostics) - errors
+    parts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]
+    typer.echo(", ".join(parts), err=True)
+
+
+def explain_error(error: Exception) -> int:
+    """Say on standard error what went wrong, and return the exit code."""
+    if isinstance(error, InputError):
+        print_diagnostics(error.diagnostics)
+        return FAILED
+    if isinstance(error, ForeseeError):
+        typer.echo(f"error: {error}", err=True)
+        return FAILED
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename else ""
+        typer.echo(f"error: {place}{error.strerror or error}", err=True)
+        return FAILED
+    typer.echo(f"foresee has a fault: {type(error).__name__}: {error}", err=True)
+    typer.echo("Please report it; FORESEE_DEBUG=1 shows where it happened.", err=True)
+    return BUG

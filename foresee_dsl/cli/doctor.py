@@ -1,0 +1,136 @@
+"""`foresee doctor`: what is installed, what works, and how to mend what does not."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import metadata
+
+import typer
+
+from foresee_dsl.cli.common import FAILED, JsonOption, console, print_json
+
+_PACKAGES = (
+    *("lark", "pydantic", "libsumo", "eclipse-sumo", "numpy", "networkx", "jinja2", "rich"),
+    *("typer", "shapely", "defusedxml"),
+)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked at. `mend`: what to do, empty when all is well."""
+
+    what: str
+    ok: bool
+    detail: str
+    mend: str = ""
+
+
+def doctor(json: JsonOption = False) -> None:
+    """Say what is installed, what works, and how to mend what does not."""
+    findings = [_python(), *map(_package, _PACKAGES), *map(_attempt, _CHECKS)]
+    if json:
+        print_json({"schema": 1, "ok": all(f.ok for f in findings), "findings": [vars(f) for f in findings]})
+    else:
+        screen = console()
+        for f in findings:
+            mark = "[green]ok  [/green]" if f.ok else "[red]FAIL[/red]"
+            screen.print(f"{mark} {f.what}: {f.detail}")
+            if f.mend:
+                screen.print(f"     [yellow]{f.mend}[/yellow]")
+    if not all(f.ok for f in findings):
+        raise typer.Exit(FAILED)
+
+
+def _python() -> Finding:
+    found = ".".join(map(str, sys.version_info[:3]))
+    ok = sys.version_info >= (3, 11)
+    return Finding("Python", ok, found, "" if ok else "install Python 3.11 or newer")
+
+
+def _package(name: str) -> Finding:
+    try:
+        return Finding(name, True, metadata.version(name))
+    except metadata.PackageNotFoundError:
+        return Finding(name, False, "not installed", "run: pip install foresee-dsl")
+
+
+def _attempt(check: tuple[str, Callable[[], str], str]) -> Finding:
+    what, function, mend = check
+    try:
+        return Finding(what, True, function())
+    except Exception as err:  # whatever is wrong with this machine is what we are here to say
+        return Finding(what, False, f"{type(err).__name__}: {err}", mend)
+
+
+def _netconvert() -> str:
+    from foresee_dsl.compile.netconvert import tool_version
+
+    return tool_version()
+
+
+def _versions_agree() -> str:
+    found = metadata.version("libsumo"), metadata.version("eclipse-sumo")
+    if found[0] != found[1]:
+        raise RuntimeError(f"libsumo {found[0]}, eclipse-sumo {found[1]}")
+    return f"both {found[0]}"
+
+
+def _libsumo() -> str:
+    # In a process of its own: a broken library may end it.
+    code = "import libsumo; print(libsumo.simulation.getVersion()[1])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)  # noqa: S603 - our own interpreter
+    if done.returncode:
+        raise RuntimeError((done.stderr.strip().splitlines() or ["it ended without a word"])[-1])
+    return done.stdout.strip()
+
+
+def _grammar() -> str:
+    from foresee_dsl.language.parser import parse
+    from foresee_dsl.resources import data_folder
+
+    file = data_folder("scenarios") / "models.foresee"
+    parse(file.read_text(encoding="utf-8"), str(file))
+    return "reads the bundled catalogue"
+
+
+def _cache() -> str:
+    from foresee_dsl.resources import cache_folder
+
+    folder = cache_folder("doctor")
+    probe = folder / "probe"
+    probe.write_text("x", encoding="utf-8")
+    probe.unlink()
+    return str(folder.parent)
+
+
+def _drivers() -> str:
+    from foresee_dsl.drivers.registry import driver_names, load_driver
+
+    for name in driver_names():
+        load_driver(name)
+    return ", ".join(driver_names())
+
+
+def _whole_line() -> str:
+    from foresee_dsl.campaign.steps import run_test_case
+    from foresee_dsl.language.project import load_test_cases
+    from foresee_dsl.resources import data_folder
+
+    case = load_test_cases([str(data_folder("scenarios"))])[0]
+    result = run_test_case(case, "pdm", 0)
+    return f"{case.scenario.name}: {result.verdict.value} after {result.duration_s:.1f} s"
+
+
+_REINSTALL = "run: pip install --force-reinstall 'eclipse-sumo==1.28.*' 'libsumo==1.28.*'"
+_CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
+    ("libsumo and netconvert agree", _versions_agree, _REINSTALL),
+    ("netconvert runs", _netconvert, _REINSTALL),
+    ("libsumo loads", _libsumo, _REINSTALL + " (on Debian: apt-get install libgomp1 if a library is missing)"),
+    ("grammar and catalogue", _grammar, "reinstall foresee-dsl: its data files are missing"),
+    ("cache folder", _cache, "set FORESEE_CACHE to a folder that you may write to"),
+    ("drivers", _drivers, "uninstall or mend the package that is named"),
+    ("a bundled scenario runs", _whole_line, "run `foresee run` on it with FORESEE_DEBUG=1 and report what it says"),
+)

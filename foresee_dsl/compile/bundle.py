@@ -1,0 +1,178 @@
+"""What compiling gives: files for SUMO, the network's geometry, and the scene at the first frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.language.model import Expect, MeetsState, When
+
+if TYPE_CHECKING:
+    from foresee_dsl.compile.geometry import RoadNetwork, RouteLine
+
+ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelSpec:
+    """A catalogue entry with every value filled in, SI units (angles in radians)."""
+
+    name: str
+    kind: ActorKind
+    length_m: float
+    width_m: float
+    wheelbase_m: float
+    front_overhang_m: float
+    mass_kg: float
+    max_speed_mps: float
+    acceleration_mps2: float
+    braking_mps2: float
+    emergency_braking_mps2: float
+    max_steer_rad: float
+    steer_rate_rad_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """One phase of a signal: its stage (index), SUMO's state string, its length, and when it begins within its
+    stage."""
+
+    stage: int
+    state: str
+    duration_s: float
+    since_stage_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """The fixed-time program of one junction's signal. `junction` is the language's name (or the imported id), `tls`
+    SUMO's id.
+
+    Stages are named; for imported networks every phase is a stage called `phase_N`.
+    """
+
+    junction: str
+    tls: str
+    stages: tuple[str, ...]
+    phases: tuple[Phase, ...]
+
+    def phase_at(self, stage: str, elapsed_s: float) -> tuple[int, float]:
+        """Return the phase (index) that a stage shows `elapsed_s` after it began, and the time that is left of it.
+
+        Raises:
+            KeyError: no such stage.
+        """
+        members = [(k, p) for k, p in enumerate(self.phases) if self.stages[p.stage] == stage]
+        if not members:
+            raise KeyError(stage)
+        for k, phase in members:
+            if elapsed_s < phase.since_stage_s + phase.duration_s - 1e-9:
+                return k, phase.since_stage_s + phase.duration_s - elapsed_s
+        k, phase = members[-1]
+        return k, 0.0
+
+
+@dataclass(frozen=True)
+class Steering:
+    """A steering offset: share of the largest angle (left positive), from `start_s` for `duration_s` (None: to the
+    end)."""
+
+    value: float
+    start_s: float
+    duration_s: float | None
+
+
+@dataclass(frozen=True)
+class PlacedActor:
+    """One actor at the first frame.
+
+    Attributes:
+        control: `ego` (the driver), `sumo` (car-following in SUMO along `route`), `path` (follows `path` in Python),
+            `static` (an obstacle).
+        x, y: FRONT bumper's middle for ego and sumo, centre of the footprint for path and static. heading_rad:
+            counter-clockwise from east.
+        lane: the lane it starts on ("" when on none).
+        route: edge ids, the first being where it stands. line: the centreline of that route (ego and sumo; None
+            otherwise).
+        path: [N, 2] (path actors; empty otherwise). along_m: how far along it.
+        cruise_mps: desired speed. waits: it stands still until a trigger `starts` it. delay_s: it moves off that
+            much later.
+        timing: factor on its speed along its own path.
+    """
+
+    id: str
+    model: ModelSpec
+    control: Literal["ego", "sumo", "path", "static"]
+    x: float
+    y: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float = 0.0
+    steer_rad: float = 0.0
+    lane: str = ""
+    route: tuple[str, ...] = ()
+    line: RouteLine | None = None
+    path: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    along_m: float = 0.0
+    cruise_mps: float = 0.0
+    waits: bool = False
+    delay_s: float = 0.0
+    timing: float = 1.0
+    steering: Steering | None = None
+    ignores: tuple[tuple[str, str | None], ...] = ()
+    """("signals" | "priority", junction or None for all)."""
+    meets: tuple[MeetsState, ...] = ()
+    walk_stops: tuple[tuple[float, float, str, int], ...] = ()
+    """Crossings on a walker's path that it enters on green only: (enters m, leaves m along the path, tls, link)."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything at the first frame, and what will happen. Actor 0 is the ego; the others in the file's order, then
+    the traffic.
+
+    `goal_s` and `start_s`: lengths along the ego's line. `signals`: (junction, stage, elapsed s) where the file says
+    it;
+    the others begin with their first stage.
+    """
+
+    actors: tuple[PlacedActor, ...]
+    start_s: float
+    goal_s: float
+    end_s: float
+    whens: tuple[When, ...] = ()
+    expects: tuple[Expect, ...] = ()
+    signals: tuple[tuple[str, str, float], ...] = ()
+    friction: float = 0.9
+    clip: bool = False
+    """A clip or child: it passes when its window ends without a failure, arrived or not."""
+    notes: tuple[str, ...] = ()
+    """What the author should know and is no mistake, such as background traffic that found no room."""
+
+    @property
+    def ego(self) -> PlacedActor:
+        """Actor 0."""
+        return self.actors[0]
+
+
+@dataclass(frozen=True)
+class SumoBundle:
+    """A compiled test case.
+
+    Attributes:
+        net_file: the SUMO network, in the cache. types_file: vehicle types of all models. Both byte-identical for
+            equal input.
+        key: content hash of the network (and types): runs with the same key can share a loaded SUMO.
+    """
+
+    name: str
+    net_file: Path
+    types_file: Path
+    key: str
+    network: RoadNetwork
+    signals: dict[str, Signal]
+    scene: Scene

@@ -1,0 +1,94 @@
+"""Keeps finished nets by the content that they were made from."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from foresee_dsl.compile.netconvert import tool_version
+from foresee_dsl.compile.templates import template_sources
+from foresee_dsl.errors import CompileError
+from foresee_dsl.resources import cache_folder
+
+FORMAT = 1
+"""Raise it when our own code makes other nets from the same input."""
+
+NET = "net.net.xml"
+_SUM = "sha256"
+
+
+def content_key(key_parts: Iterable[str | bytes]) -> str:
+    """Return the key (32 hex digits) of what is made from these parts with the installed tools and templates."""
+    digest = hashlib.sha256()
+    tools: tuple[str | bytes, ...] = (f"{FORMAT} {tool_version()}", *template_sources())
+    for part in (*tools, *key_parts):
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(f"{len(data)}:".encode())  # so that ("ab", "c") and ("a", "bc") differ
+        digest.update(data)
+    return digest.hexdigest()[:32]
+
+
+def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) -> Path:
+    """Return the net for a key, building it when it is not there or damaged.
+
+    Entries appear whole or not at all, so processes may share the cache. The parent folder's name is the key.
+
+    Args:
+        key_parts: everything that the net depends on, apart from the tools.
+        build: writes the net to the path that it is given.
+
+    Raises:
+        CompileError: from `build`, or when the cache cannot be written.
+    """
+    key = content_key(key_parts)
+    try:
+        base = cache_folder("nets")
+        entry = base / key
+        if _is_whole(entry):
+            return entry / NET
+        fresh = Path(tempfile.mkdtemp(prefix=f".{key}.", dir=base))
+        try:
+            build(fresh / NET)
+            (fresh / _SUM).write_text(_sum(fresh / NET), encoding="ascii")
+            _put(fresh, entry)
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+    except OSError as err:
+        raise CompileError(
+            f"the cache of networks cannot be used ({err}); FORESEE_CACHE can name another folder"
+        ) from err
+    return entry / NET
+
+
+def _put(fresh: Path, entry: Path) -> None:
+    """Move a finished folder to its place, past a damaged one or one that another process has put there meanwhile."""
+    for _ in range(10):  # each further round means that yet another process was in between
+        try:
+            fresh.rename(entry)
+        except OSError:
+            if _is_whole(entry):
+                return
+            trash = Path(tempfile.mkdtemp(prefix=".damaged.", dir=entry.parent))
+            try:
+                entry.rename(trash / "entry")
+            except FileNotFoundError:
+                pass  # another process has moved it away already
+            finally:
+                shutil.rmtree(trash, ignore_errors=True)
+        else:
+            return
+    raise CompileError(f"the cache entry {entry} cannot be replaced")
+
+
+def _is_whole(entry: Path) -> bool:
+    try:
+        return (entry / _SUM).read_text(encoding="ascii") == _sum(entry / NET)
+    except (OSError, ValueError):
+        return False
+
+
+def _sum(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,126 @@
+"""Turns catalogue entries into numbers: what an entry leaves open takes its class's default."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import cast
+
+from foresee_dsl.compile.bundle import ActorKind, ModelSpec
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.model import Quantity, Ref, VehicleModel
+
+_KMH = 1 / 3.6
+
+
+@dataclass(frozen=True, slots=True)
+class ClassDefaults:
+    """What a model of a class has when its entry says nothing; wheelbase and overhang are shares of the length."""
+
+    wheelbase_share: float
+    overhang_share: float
+    mass_kg: float
+    max_speed_mps: float
+    acceleration_mps2: float
+    braking_mps2: float
+    emergency_braking_mps2: float
+    max_steer_deg: float
+    steer_rate_deg_s: float
+
+
+# Acceleration and both brakings: SUMO's documentation, "Vehicle Type Parameter Defaults" (classes passenger, delivery,
+# truck, bus, motorcycle, bicycle, pedestrian), except the motorcycle's braking: SUMO's 10 m/s^2 (both) is more than a
+# road gives; ours are 5 and 9 m/s^2. Top speeds and masses: ours, usual values of the class; SUMO's top speeds of
+# 200 km/h (vans), 130 km/h (lorries), 50 km/h (bicycles) and 37.6 km/h (on foot) are those of the fastest.
+# Shares: ours, typical of the class (a compact: 2.6 m and 0.85 m of 4.2 m).
+# Steering: ours. 35 deg gives a car of 2.7 m wheelbase its usual turning circle of 11 m; 40 deg/s is a hand wheel
+# turned with 600 deg/s, as when evading, through a ratio of 15; heavy vehicles have about 20. Obstacles do not move.
+CLASS_DEFAULTS: Mapping[ActorKind, ClassDefaults] = MappingProxyType(
+    {
+        "car": ClassDefaults(0.61, 0.20, 1500, 180 * _KMH, 2.6, 4.5, 9.0, 35, 40),
+        "van": ClassDefaults(0.61, 0.17, 2500, 160 * _KMH, 2.6, 4.5, 9.0, 36, 35),
+        "truck": ClassDefaults(0.55, 0.16, 12000, 90 * _KMH, 1.3, 4.0, 7.0, 42, 30),
+        "bus": ClassDefaults(0.50, 0.23, 12000, 85 * _KMH, 1.2, 4.0, 7.0, 45, 30),
+        "motorcycle": ClassDefaults(0.67, 0.15, 280, 180 * _KMH, 6.0, 5.0, 9.0, 38, 60),
+        "bicycle": ClassDefaults(0.60, 0.19, 90, 25 * _KMH, 1.2, 3.0, 7.0, 50, 90),
+        "pedestrian": ClassDefaults(0.0, 0.0, 75, 5.0, 1.5, 2.0, 5.0, 0, 0),
+        "obstacle": ClassDefaults(0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0),
+    }
+)
+"""By class: the word in front of the dot of a model's name."""
+
+WALKING_PACE_MPS = 1.3
+"""A comfortable adult's pace: 1.2 to 1.4 m/s in the literature (Bohannon 1997; SUMO's default is 1.39 m/s)."""
+_PACES_MPS = MappingProxyType({"pedestrian.child": 1.2, "pedestrian.elderly": 0.9, "pedestrian.jogger": 2.8})
+"""Ours: of the bundled models that do not walk at the common pace."""
+
+
+def spec_of(model: VehicleModel) -> ModelSpec:
+    """Return a catalogue entry with every value filled in.
+
+    Raises:
+        CompileError: its class is unknown, a value is a parameter or not positive where it must be, or the axles do not
+            fit into its length.
+    """
+    kind = model.name.partition(".")[0]
+    if kind not in CLASS_DEFAULTS:
+        raise CompileError(f"model {model.name}: the class {kind} is none of {', '.join(CLASS_DEFAULTS)}")
+    known = cast(ActorKind, kind)
+    base = CLASS_DEFAULTS[known]
+    length = _si(model, model.length, 0.0)
+    spec = ModelSpec(
+        name=model.name,
+        kind=known,
+        length_m=length,
+        width_m=_si(model, model.width, 0.0),
+        wheelbase_m=_si(model, model.wheelbase, base.wheelbase_share * length),
+        front_overhang_m=_si(model, model.front_overhang, base.overhang_share * length),
+        mass_kg=_si(model, model.mass, base.mass_kg),
+        max_speed_mps=_si(model, model.max_speed, base.max_speed_mps),
+        acceleration_mps2=_si(model, model.acceleration, base.acceleration_mps2),
+        braking_mps2=_si(model, model.braking, base.braking_mps2),
+        emergency_braking_mps2=_si(model, model.emergency_braking, base.emergency_braking_mps2),
+        max_steer_rad=_si(model, model.max_steer, math.radians(base.max_steer_deg)),
+        steer_rate_rad_s=_si(model, model.steer_rate, math.radians(base.steer_rate_deg_s)),
+    )
+    _check(spec)
+    return spec
+
+
+def cruise_speed(spec: ModelSpec, limit_mps: float) -> float:
+    """Return what an actor drives (or walks) by default where the limit is `limit_mps`, in m/s."""
+    if spec.kind == "pedestrian":
+        return min(_PACES_MPS.get(spec.name, WALKING_PACE_MPS), spec.max_speed_mps)
+    return min(limit_mps, spec.max_speed_mps)
+
+
+def _check(spec: ModelSpec) -> None:
+    wheels = spec.kind not in ("pedestrian", "obstacle")
+    moving = (
+        *("length_m", "width_m"),
+        *(("max_speed_mps",) if spec.kind != "obstacle" else ()),
+        *(
+            ("wheelbase_m", "mass_kg", "acceleration_mps2", "braking_mps2", "max_steer_rad", "steer_rate_rad_s")
+            if wheels
+            else ()
+        ),
+    )
+    for name in moving:
+        if getattr(spec, name) <= 0:
+            raise CompileError(f"model {spec.name}: its {name.rpartition('_')[0]} must be above zero")
+    if wheels and spec.front_overhang_m + spec.wheelbase_m > spec.length_m:
+        raise CompileError(f"model {spec.name}: front overhang and wheelbase together are longer than the vehicle")
+    if spec.emergency_braking_mps2 < spec.braking_mps2:
+        raise CompileError(f"model {spec.name}: its emergency braking is weaker than its braking")
+    if wheels and spec.max_steer_rad >= math.radians(80):
+        raise CompileError(f"model {spec.name}: wheels cannot be turned by 80 deg or more")
+
+
+def _si(model: VehicleModel, value: Quantity | Ref | None, default: float) -> float:
+    if value is None:
+        return default
+    if isinstance(value, Ref):
+        raise CompileError(f"model {model.name} cannot use the parameter {value.name}")
+    return value.si

@@ -1,0 +1,96 @@
+"""The compiler: joins network, types, signals and scene, and keeps what several test cases share."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
+from foresee_dsl.compile.cache import cached_net
+from foresee_dsl.compile.catalogue import spec_of
+from foresee_dsl.compile.files import write_types
+from foresee_dsl.compile.foreign import foreign_net
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.network import build_network
+from foresee_dsl.compile.scene import build_scene
+from foresee_dsl.compile.signals import read_signals
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.document import PlacementError, TestCase
+from foresee_dsl.language.model import Network
+from foresee_dsl.language.project import diagnose
+from foresee_dsl.resources import cache_folder
+
+_TYPES = "types.add.xml"
+
+
+def compile_case(case: TestCase) -> SumoBundle:
+    """Compile a test case; see `foresee_dsl.compile.compile_test_case`."""
+    net_file = _net_of(case.network)
+    network, signals = _read(net_file, case.network)
+    specs = {name: spec_of(model) for name, model in case.models.items()}
+    types_file = _types_of(tuple(specs[name] for name in sorted(specs)))
+    try:
+        scene = build_scene(case, network, specs, signals)
+    except PlacementError as err:
+        raise diagnose(case, err.problems) from err
+    return SumoBundle(
+        name=case.id,
+        net_file=net_file,
+        types_file=types_file,
+        key=f"{net_file.parent.name}-{types_file.parent.name}",
+        network=network,
+        signals=dict(signals),
+        scene=scene,
+    )
+
+
+def _net_of(network: Network | Path) -> Path:
+    if isinstance(network, Path):
+        return foreign_net(network)
+    known = _BUILT.get(id(network))
+    if known is None or known[0] is not network or not known[1].exists():
+        net = cached_net(("network", network.model_dump_json()), lambda out: build_network(network, out))
+        while len(_BUILT) >= _MOST_READ:
+            del _BUILT[next(iter(_BUILT))]
+        known = _BUILT[id(network)] = (network, net)
+    return known[1]
+
+
+_BUILT: dict[int, tuple[Network, Path]] = {}
+"""Nets by their network's identity (it is kept, so that no other gets its id): children share their parent's."""
+
+
+_READ: dict[str, tuple[RoadNetwork, Mapping[str, Signal]]] = {}
+_MOST_READ = 8
+"""Networks kept in memory: a campaign has a few, and a town takes some megabytes."""
+
+
+def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
+    """Read a net, or find it in memory; the folder's name is the hash of its content."""
+    key = str(net_file)
+    if key not in _READ:
+        while len(_READ) >= _MOST_READ:
+            del _READ[next(iter(_READ))]
+        signals = read_signals(net_file, None if isinstance(network, Path) else network)
+        _READ[key] = RoadNetwork.from_net(net_file), signals
+    return _READ[key]
+
+
+@lru_cache(maxsize=32)
+def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
+    """Write the vehicle types to the cache: all or nothing, under the hash of their content."""
+    try:
+        base = cache_folder("types")
+        fresh = base / f".{os.getpid()}.{_TYPES}"
+        write_types(specs, fresh)
+        key = hashlib.sha256(fresh.read_bytes()).hexdigest()[:16]
+        (base / key).mkdir(exist_ok=True)
+        fresh.replace(base / key / _TYPES)
+    except OSError as err:
+        raise CompileError(
+            f"the cache of vehicle types cannot be used ({err}); FORESEE_CACHE can name another"
+        ) from err
+    return base / key / _TYPES

@@ -1,0 +1,101 @@
+"""Takes over networks that were not written in the language: SUMO nets and OpenDRIVE maps."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is netfile's
+
+from foresee_dsl.compile.cache import cached_net
+from foresee_dsl.compile.netconvert import run_netconvert, sumo_home, without_header
+from foresee_dsl.compile.netfile import parse_net, parse_xml
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.units import UNITS
+
+SUFFIXES = (".net.xml", ".xodr")
+"""The file names that are accepted."""
+
+_SPEED_UNITS = {word: UNITS[word] for word in ("m/s", "km/h", "mph")}
+"""OpenDRIVE's e_unitSpeed; metres a second where none is given."""
+_TYPEMAPS = ("opendriveNetconvert.typ.xml", "opendriveNetconvertPedestrians.typ.xml")
+_OPTIONS = (
+    *("--opendrive.internal-shapes", "true"),
+    *("--crossings.guess", "true"),  # the import ignores OpenDRIVE's crosswalk objects
+    *("--offset.disable-normalization", "true"),
+    *("--no-turnarounds.except-deadend", "true"),
+    *("--no-warnings", "true"),
+)
+
+
+def foreign_net(path: Path) -> Path:
+    """Return a net, in the cache, for a `.net.xml` (as it is, without the comments in front) or an `.xodr` map.
+
+    Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates.
+
+    Raises:
+        CompileError: the file is missing, unreadable, of another kind than its name says, or refused by netconvert.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as err:
+        raise CompileError(f"the network {path} cannot be read: {err.strerror or err}") from err
+    if path.name.endswith(".net.xml"):
+        return cached_net(("net.xml", data), lambda out: _copy_net(path, data, out))
+    if path.name.endswith(".xodr"):
+        return cached_net(("xodr", data), lambda out: _convert_map(path, out))
+    raise CompileError(f"the network {path} is of no known kind: its name must end in {' or '.join(SUFFIXES)}")
+
+
+def limit_of(road: Element, at_m: float) -> float | None:
+    """Return the speed limit (m/s) that an OpenDRIVE road's `<type>` gives at a length along it, or None."""
+    limit = None
+    for kind in sorted(road.iterfind("type"), key=lambda e: float(e.get("s", "0"))):
+        if float(kind.get("s", "0")) <= at_m:
+            speed = kind.find("speed")
+            limit = _speed(speed) if speed is not None else None
+    return limit
+
+
+def _speed(speed: Element) -> float | None:
+    try:
+        value = float(speed.get("max", "")) * _SPEED_UNITS[speed.get("unit", "m/s")].to_si
+    except (ValueError, KeyError):  # "no limit", "undefined"
+        return None
+    return value if 0 < value < math.inf else None
+
+
+def _give_lanes_their_limits(root: Element) -> None:
+    """Write the roads' limits into their lanes: netconvert reads a lane's limit, but not its road's."""
+    for road in root.iterfind("road"):
+        for section in road.iterfind("lanes/laneSection"):
+            limit = limit_of(road, float(section.get("s", "0")))
+            for lane in section.iter("lane"):
+                if limit is not None and lane.get("type") == "driving" and lane.find("speed") is None:
+                    SubElement(lane, "speed", {"sOffset": "0", "max": f"{limit:.3f}", "unit": "m/s"})
+
+
+def _copy_net(path: Path, data: bytes, out: Path) -> None:
+    out.write_bytes(without_header(data))
+    root = parse_net(path)
+    if root.find("edge") is None or root.find("location") is None:
+        raise CompileError(f"{path} is not a complete SUMO network: it has no edges or no location")
+
+
+def _convert_map(path: Path, out: Path) -> None:
+    root = parse_xml(path, "OpenDRIVE", "an OpenDRIVE map")
+    if root.find("road") is None:
+        raise CompileError(f"{path} is an OpenDRIVE map without roads")
+    maps = sumo_home() / "data" / "typemap"
+    with tempfile.TemporaryDirectory(prefix="foresee-map-") as name:
+        folder = Path(name)
+        try:
+            _give_lanes_their_limits(root)
+        except ValueError as err:
+            raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
+        (folder / "map.xodr").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+        types = ",".join(str(maps / file) for file in _TYPEMAPS)
+        files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
+        run_netconvert([*files, *_OPTIONS], folder)
+        out.write_bytes(without_header((folder / "map.net.xml").read_bytes()))
+    parse_net(out)

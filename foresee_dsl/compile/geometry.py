@@ -1,0 +1,279 @@
+"""The road network as the compiler and the simulator see it: names, ways, lines, and where the road ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from foresee_dsl.compile import routeline, routing
+from foresee_dsl.compile.netparts import read_net
+from foresee_dsl.compile.polyline import FloatArray, wrap
+from foresee_dsl.compile.roads import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
+from foresee_dsl.compile.routeline import Passage, RouteLine
+from foresee_dsl.compile.routing import RouteError
+from foresee_dsl.language.model import EdgeRoute, Route
+
+__all__ = ["NearLane", "Passage", "RoadNetwork", "RouteError", "RouteLine"]
+
+_SAME_WAY_RAD = math.radians(60)
+"""A lane whose direction differs by more is not the one that a vehicle drives on (measured on CARLA's towns: with 60
+degrees all 612 waypoints find their lane)."""
+_HEADING_WEIGHT_M = 1.0
+"""Inside junctions lanes overlap: a radian off in direction counts like a metre off sideways (ours)."""
+_CLOSE_GAPS_M = 0.3
+"""Slits up to twice this between lanes are road (ours: roundings and corners of maps, no median is so narrow)."""
+
+
+@dataclass(frozen=True)
+class NearLane:
+    """Where a point is relative to a lane: length along it, distance sideways (left positive)."""
+
+    lane: Lane
+    pos_m: float
+    lateral_m: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RoadNetwork:
+    """A road network; compared by identity, so that results can be kept per network."""
+
+    lanes: Mapping[str, Lane]
+    edges: Mapping[str, Edge]
+    junctions: Mapping[str, Junction]
+    movements: tuple[Movement, ...]
+    crossings: Mapping[str, Crossing]
+    walking_areas: Mapping[str, WalkingArea]
+    footways: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def from_net(cls, net_file: Path) -> RoadNetwork:
+        """Read a SUMO network.
+
+        Raises:
+            CompileError: it cannot be read, or is no SUMO network.
+        """
+        parts = read_net(net_file)
+        return cls(
+            lanes=parts.lanes,
+            edges=parts.edges,
+            junctions=parts.junctions,
+            movements=parts.movements,
+            crossings=parts.crossings,
+            walking_areas=parts.walking_areas,
+            footways=parts.footways,
+        )
+
+    def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
+        """Return the movements that leave an edge and are open to a kind."""
+        return tuple(m for m in self._from_edge.get(edge, ()) if kind in m.kinds)
+
+    def movements_into(self, lane: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
+        """Return the movements that end on a lane and are open to a kind."""
+        return tuple(m for m in self._into_lane.get(lane, ()) if kind in m.kinds)
+
+    def movements_at(self, junction: str) -> tuple[Movement, ...]:
+        """Return all movements through a junction."""
+        return tuple(m for m in self.movements if m.junction == junction)
+
+    def crossings_at(self, junction: str) -> tuple[Crossing, ...]:
+        """Return the pedestrian crossings of a junction."""
+        return tuple(c for c in self.crossings.values() if c.junction == junction)
+
+    def graph(self, kind: LaneKind = "car") -> nx.DiGraph[str]:
+        """Return the graph of edges open to a kind; the weight `length` is that of the edge that is entered."""
+        if kind not in self._graphs:
+            graph: nx.DiGraph[str] = nx.DiGraph()
+            for edge in self.edges.values():
+                if edge.for_kind(kind):
+                    graph.add_node(edge.id)
+            for m in self.movements:
+                if kind in m.kinds:
+                    graph.add_edge(m.from_edge, m.to_edge, length=self.lanes[m.to_lane].length_m)
+            self._graphs[kind] = graph
+        return self._graphs[kind]
+
+    def route_edges(self, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:
+        """Return the edges of a route statement.
+
+        A `Route` starts on a road in the direction of its first junction; its turns are looked up in the junctions'
+        movements; junctions without a choice on the way need not be named. An `EdgeRoute` is checked, and filled
+        with the shortest way where it says so.
+
+        Raises:
+            RouteError: an unknown name, a turn that is not possible, edges that do not touch.
+        """
+        return routing.route_edges(self, route, kind)
+
+    def shortest_route(self, start: str, end: str, kind: LaneKind = "car") -> tuple[str, ...]:
+        """Return the shortest way between two edges, both included.
+
+        Raises:
+            RouteError: an edge does not exist, or there is no way.
+        """
+        return routing.shortest_route(self, start, end, kind)
+
+    def line(
+        self,
+        edges: tuple[str, ...],
+        *,
+        start_lane: str | None = None,
+        after_m: float = 0.0,
+        behind_m: float = 0.0,
+        beyond_m: float = 0.0,
+        kind: LaneKind = "car",
+    ) -> RouteLine:
+        """Return the centreline for a vehicle that follows connected edges, with the fewest lane changes.
+
+        Args:
+            edges: the route.
+            start_lane: the lane of the first edge to begin on, or a lane inside the junction between the first two
+                edges; the line then goes through it.
+            after_m: no lane change on the first edge begins before this length along it.
+            behind_m: add this much of the way to the first edge. beyond_m: add at least this much after the last
+                edge, straight on where possible; both as far as the network goes.
+            kind: whose lanes to use.
+
+        Raises:
+            RouteError: no lane of an edge leads to the next for this kind.
+        """
+        return routeline.build_line(
+            self, edges, start_lane=start_lane, after_m=after_m, behind_m=behind_m, beyond_m=beyond_m, kind=kind
+        )
+
+    def nearest_lane(
+        self,
+        x: float,
+        y: float,
+        heading_rad: float | None = None,
+        kind: LaneKind = "car",
+        within_m: float = 10.0,
+    ) -> NearLane | None:
+        """Return the lane (inside junctions too) nearest to a point, or None.
+
+        Args:
+            x, y: m.
+            heading_rad: only lanes within 60 degrees of it, and of several the one that points the same way.
+            kind: whose lanes.
+            within_m: no farther away than this.
+        """
+        lanes, tree = self._trees(kind)
+        found = tree.query(shapely.Point(x, y), predicate="dwithin", distance=within_m)
+        best: tuple[float, NearLane] | None = None
+        for lane in (lanes[int(k)] for k in sorted(found)):
+            s, lateral = lane.line.project(x, y)
+            inside = min(max(s, 0.0), lane.line.length_m)
+            cost = math.hypot(s - inside, lateral)
+            if heading_rad is not None:
+                off = abs(wrap(lane.line.at(inside)[2] - heading_rad))
+                if off > _SAME_WAY_RAD:
+                    continue
+                cost += _HEADING_WEIGHT_M * off
+            if best is None or cost < best[0] - 1e-9:
+                best = cost, NearLane(lane, inside, lateral)
+        return best[1] if best is not None else None
+
+    def distance_to_lanes(self, x: float, y: float, kind: LaneKind = "car") -> float:
+        """Return the distance (m) to the edge of the nearest lane for a kind: 0 on one, infinite for none."""
+        lanes, tree = self._trees(kind)
+        if not lanes:
+            return math.inf
+        near, away = tree.query_nearest(shapely.Point(x, y), return_distance=True)
+        return max(float(away[0]) - max(lanes[int(k)].width_m for k in near) / 2, 0.0)
+
+    def near_lanes(self, points: FloatArray, within_m: float) -> NDArray[np.bool_]:
+        """Return [K] bool: whether each of [K, 2] points has the centreline of any lane within a distance."""
+        found = np.zeros(len(points), dtype=np.bool_)
+        rows = self._all_lanes.query(shapely.points(points), predicate="dwithin", distance=within_m)[0]
+        found[rows] = True
+        return found
+
+    def locate(self, edge: str, at_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
+        """Return x, y, heading of a place along an edge.
+
+        Args:
+            edge: its id.
+            at_m: m from its beginning, negative from its end, along the rightmost car lane.
+            offset_m: sideways from that lane's centre, left positive.
+
+        Raises:
+            RouteError: no such edge, or it is shorter than that.
+        """
+        routing.check_edge(self, edge)
+        line = self.edges[edge].drivable[0].line
+        if abs(at_m) > line.length_m + 1e-6:
+            raise RouteError(f"{edge} is only {line.length_m:.1f} m long, there is no {at_m:g} m along it")
+        return line.at(at_m if at_m >= 0 else line.length_m + at_m, offset_m)
+
+    @cached_property
+    def drivable(self) -> BaseGeometry:
+        """Where vehicles may be: car lanes with their width, and junctions without their walking areas.
+
+        Crossings count as road. Prepared for point tests.
+        """
+        walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()])
+        junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()])
+        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds]
+        bands = [shapely.LineString(lane.shape).buffer(lane.width_m / 2, quad_segs=4) for lane in lanes]
+        road = shapely.union_all([shapely.difference(junctions, walking), *bands])
+        area = shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)
+        shapely.prepare(area)
+        return area
+
+    def off_road_depth(self, points: FloatArray) -> FloatArray:
+        """Return [K] m: how far each of [K, 2] points is outside the drivable area, 0 inside."""
+        inside: NDArray[np.bool_] = shapely.contains_xy(self.drivable, points[:, 0], points[:, 1])
+        depth = np.zeros(len(points))
+        if not inside.all():
+            outside = ~inside
+            depth[outside] = shapely.distance(self.drivable, shapely.points(points[outside]))
+        return depth
+
+    @cached_property
+    def _from_edge(self) -> dict[str, list[Movement]]:
+        found: dict[str, list[Movement]] = {}
+        for m in self.movements:
+            found.setdefault(m.from_edge, []).append(m)
+        return found
+
+    @cached_property
+    def _into_lane(self) -> dict[str, list[Movement]]:
+        found: dict[str, list[Movement]] = {}
+        for m in self.movements:
+            found.setdefault(m.to_lane, []).append(m)
+        return found
+
+    @cached_property
+    def _graphs(self) -> dict[LaneKind, nx.DiGraph[str]]:
+        return {}
+
+    @cached_property
+    def _tree_of(self) -> dict[LaneKind, tuple[list[Lane], shapely.STRtree]]:
+        return {}
+
+    @cached_property
+    def _all_lanes(self) -> shapely.STRtree:
+        return shapely.STRtree([shapely.LineString(lane.shape) for lane in self.lanes.values()])
+
+    def _trees(self, kind: LaneKind) -> tuple[list[Lane], shapely.STRtree]:
+        """Lanes of a kind with a spatial index; walking areas have an outline, no centreline, and are left out."""
+        if kind not in self._tree_of:
+            lanes = [ln for ln in self.lanes.values() if kind in ln.kinds and ln.edge not in self.walking_areas]
+            self._tree_of[kind] = lanes, shapely.STRtree([shapely.LineString(lane.shape) for lane in lanes])
+        return self._tree_of[kind]
+
+
+def _polygon(points: FloatArray) -> BaseGeometry:
+    """A polygon from an open outline; SUMO's can touch themselves or be flat."""
+    if len(points) < 3:
+        return shapely.Polygon()
+    shape = shapely.make_valid(shapely.Polygon(points))
+    return shape if shape.area > 0 else shapely.Polygon()

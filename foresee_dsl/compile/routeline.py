@@ -1,0 +1,364 @@
+"""The centreline that a vehicle follows: which lanes, where it changes them, the junctions on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from foresee_dsl.compile.polyline import MERGE_M, STEP_M, FloatArray, Polyline, headings, lengths, subdivide
+from foresee_dsl.compile.roads import Edge, Lane, LaneKind, Movement
+from foresee_dsl.compile.routing import RouteError, onward
+
+if TYPE_CHECKING:
+    from foresee_dsl.compile.geometry import RoadNetwork
+
+CHANGE_AFTER_M = 10.0
+"""A lane change begins this far into its edge (ours: clear of the junction, and early, as drivers are taught)."""
+CHANGE_TIME_S = 3.0
+"""A change takes so long at the limit where the edge is long enough (ours: with a cosine blend over 3.5 m that is
+1.9 m/s^2 sideways, comfortable; 20 m at 50 km/h would be 8 m/s^2)."""
+CHANGE_MIN_M = 20.0
+"""...and at least this far."""
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A junction that a route line goes over: from `entry_s` to `exit_s` along the line."""
+
+    junction: str
+    entry_s: float
+    exit_s: float
+    movement: Movement
+
+    @property
+    def turn(self) -> str:
+        """`straight`, `left`, `right` or `back`."""
+        return self.movement.turn
+
+    @property
+    def signal(self) -> str | None:
+        """`TLS:LINK`, the key of the signal's head for this movement, or None where there is none."""
+        tls, link = self.movement.tls, self.movement.link
+        return f"{tls}:{link}" if tls is not None and link >= 0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class RouteLine(Polyline):
+    """A polyline for a vehicle.
+
+    Attributes:
+        speed_limit: [N] m/s. left_m, right_m: [N] m, from the line to the edge of the lanes of its direction.
+        edges: those of the route, then those that `beyond_m` added.
+        passages: junctions on the way, in order (none before the route's first edge).
+        origin_s: where the first edge begins (over 0 with `behind_m`). end_s: where the route's last edge ends (less
+            than `length_m` with `beyond_m`).
+        pieces: (start s, lane id), in order.
+    """
+
+    speed_limit: FloatArray
+    left_m: FloatArray
+    right_m: FloatArray
+    edges: tuple[str, ...]
+    passages: tuple[Passage, ...]
+    origin_s: float
+    end_s: float
+    pieces: tuple[tuple[float, str], ...]
+
+    @cached_property
+    def lane_id(self) -> tuple[str, ...]:
+        """[N] the lane at each point."""
+        return tuple(self.lane_at(float(s)) for s in self.s)
+
+    @cached_property
+    def _piece_starts(self) -> FloatArray:
+        return np.array([s for s, _ in self.pieces])
+
+    def lane_at(self, s: float) -> str:
+        """Return the lane at a length."""
+        k = int(np.searchsorted(self._piece_starts, s + 1e-9, side="right")) - 1
+        return self.pieces[max(k, 0)][1]
+
+    def passage(self, junction: str) -> Passage | None:
+        """Return the first passage over a junction."""
+        return next((p for p in self.passages if p.junction == junction), None)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A run of points on one lane (or between two, during a change)."""
+
+    lane: Lane
+    points: FloatArray
+    left: FloatArray
+    right: FloatArray
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """What a vehicle does on one edge: the lane where it enters, the lane where it leaves, and the way onward."""
+
+    edge: str
+    entry: int
+    exit: int
+    onward: Movement | None
+
+
+def clear_cache() -> None:
+    """Forget all lines (they keep their networks alive)."""
+    build_line.cache_clear()
+
+
+@lru_cache(maxsize=512)
+def build_line(
+    network: RoadNetwork,
+    edges: tuple[str, ...],
+    *,
+    start_lane: str | None = None,
+    after_m: float = 0.0,
+    behind_m: float = 0.0,
+    beyond_m: float = 0.0,
+    kind: LaneKind = "car",
+) -> RouteLine:
+    """Make the line; see `RoadNetwork.line`. Equal calls share one line: children of a parent mostly repeat them."""
+    plan = _choose_lanes(network, edges, start_lane, kind)
+    ahead = _ahead(network, plan[-1], beyond_m, kind)
+    plan = [*plan[:-1], *ahead]
+    lead = _behind(network, edges[0], plan[0].entry, behind_m, kind)
+    return _assemble(network, lead, plan, count=len(edges), after_m=after_m, kind=kind)
+
+
+def _choose_lanes(network: RoadNetwork, edges: Sequence[str], start_lane: str | None, kind: LaneKind) -> list[_Stretch]:
+    """Choose entry and exit lanes with the fewest lane changes; among equals the rightmost."""
+    first = network.edges[edges[0]]
+    starts, forced = [lane.index for lane in first.for_kind(kind)], None
+    if start_lane is not None:
+        lane = network.lanes[start_lane]
+        if lane.internal:
+            forced = start_lane
+        else:
+            starts = [lane.index]
+    if not starts:
+        raise RouteError(f"no lane of {first.id} is for a {kind}")
+    # (lane changes, lanes so far): the smallest is the best; the stretches come along
+    best: dict[int, tuple[int, tuple[int, ...], list[_Stretch]]] = {k: (0, (k,), []) for k in starts}
+    for here, there in pairwise(edges):
+        ways = [m for m in network.movements_from(here, kind) if m.to_edge == there]
+        best = _advance(network, ways, best, forced)
+        forced = None
+        if not best:
+            raise RouteError(f"no lane of {here} leads to {there} for a {kind}")
+    entry, (_, _, stretches) = min(best.items(), key=lambda item: item[1][:2])
+    return [*stretches, _Stretch(edges[-1], entry, entry, None)]
+
+
+def _advance(
+    network: RoadNetwork,
+    ways: Sequence[Movement],
+    best: dict[int, tuple[int, tuple[int, ...], list[_Stretch]]],
+    forced: str | None,
+) -> dict[int, tuple[int, tuple[int, ...], list[_Stretch]]]:
+    """Go on by one edge: the best way to each lane of the next."""
+    if forced is not None:
+        ways = [m for m in ways if forced in m.via]
+    found: dict[int, tuple[int, tuple[int, ...], list[_Stretch]]] = {}
+    for entry, (cost, lanes, stretches) in best.items():
+        for way in ways:
+            leave, enter = network.lanes[way.from_lane].index, network.lanes[way.to_lane].index
+            changes = 0 if forced is not None else abs(leave - entry)
+            offer = (cost + changes, (*lanes, leave, enter))
+            if enter not in found or offer < found[enter][:2]:
+                begin = leave if forced is not None else entry
+                found[enter] = (*offer, [*stretches, _Stretch(way.from_edge, begin, leave, way)])
+    return found
+
+
+def _ahead(network: RoadNetwork, last: _Stretch, length_m: float, kind: LaneKind) -> list[_Stretch]:
+    """Go on after the route's end from its last lane, straight where possible."""
+    stretches = [last]
+    while length_m > 0:
+        here = stretches[-1]
+        lane = network.edges[here.edge].lanes[here.exit]
+        way = next((m for m in _ways(network, here.edge, kind) if m.from_lane == lane.id), None)
+        if way is None or way.turn == "back":
+            break
+        stretches[-1] = _Stretch(here.edge, here.entry, here.exit, way)
+        target = network.lanes[way.to_lane]
+        stretches.append(_Stretch(way.to_edge, target.index, target.index, None))
+        length_m -= target.line.length_m
+    return stretches
+
+
+def _ways(network: RoadNetwork, edge: str, kind: LaneKind) -> list[Movement]:
+    """All movements from an edge, in the order of the edges in `onward` (plain directions first)."""
+    order = {m.to_edge: k for k, m in enumerate(onward(network, edge, kind))}
+    return sorted(network.movements_from(edge, kind), key=lambda m: order[m.to_edge])
+
+
+def _behind(network: RoadNetwork, edge: str, lane_index: int, length_m: float, kind: LaneKind) -> FloatArray:
+    """Return the last `length_m` of the way into a lane (straight where possible), [N, 2], empty for none."""
+    lane = network.edges[edge].lanes[lane_index]
+    return approach(network, lane, length_m, kind) if length_m > 0 else np.empty((0, 2))
+
+
+def approach(network: RoadNetwork, lane: Lane, length_m: float, kind: LaneKind = "car") -> FloatArray:
+    """Return the last `length_m` (or less, where the network ends) of the way into a lane's beginning, [N, 2]."""
+    parts: list[FloatArray] = []
+    missing = length_m
+    while missing > 0:
+        into = sorted(network.movements_into(lane.id, kind), key=lambda m: (m.turn != "straight", m.turn == "back"))
+        if not into or into[0].turn == "back":
+            break
+        lane = network.lanes[into[0].from_lane]
+        for name in (*reversed(into[0].via), lane.id):
+            line = network.lanes[name].line
+            if missing > 0:
+                cut = max(line.length_m - missing, 0.0)
+                parts.append(np.vstack((line.at(cut)[:2], line.points[line.s > cut])))
+                missing -= line.length_m
+    return subdivide(np.concatenate(parts[::-1])) if parts else np.empty((0, 2))
+
+
+def _assemble(
+    network: RoadNetwork, lead: FloatArray, plan: Sequence[_Stretch], *, count: int, after_m: float, kind: LaneKind
+) -> RouteLine:
+    """Put the pieces together. `count`: how many stretches belong to the route."""
+    joined = _Joined()
+    if len(lead):
+        lane = network.edges[plan[0].edge].lanes[plan[0].entry]
+        joined.add(_Piece(lane, lead, np.full(len(lead), lane.width_m / 2), np.full(len(lead), lane.width_m / 2)))
+    origin = len(joined)
+    passages: list[tuple[Movement, int, int]] = []
+    end = origin
+    for k, stretch in enumerate(plan):
+        for piece in _edge_pieces(network.edges[stretch.edge], stretch, after_m if k == 0 else 0.0, kind):
+            joined.add(piece)
+        if k == count - 1:
+            end = len(joined)
+        if stretch.onward is not None:
+            entry = len(joined)
+            for name in stretch.onward.via:
+                joined.add(_whole(network.lanes[name]))
+            if not stretch.onward.via:  # a net without lanes inside junctions: straight across
+                target = network.lanes[stretch.onward.to_lane]
+                joined.bridge(target.shape[0], target)
+            passages.append((stretch.onward, entry, len(joined)))
+    return joined.line(plan, passages, origin, end)
+
+
+class _Joined:
+    """Collects pieces into one array, leaving out points that repeat."""
+
+    def __init__(self) -> None:
+        self._points: list[FloatArray] = []
+        self._left: list[FloatArray] = []
+        self._right: list[FloatArray] = []
+        self._limit: list[FloatArray] = []
+        self._pieces: list[tuple[int, str]] = []
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, piece: _Piece) -> None:
+        """Add a piece, bridging a gap in front of it."""
+        skip = 0
+        if self._count:
+            last = self._points[-1][-1]
+            steps = piece.points - last
+            gaps = np.hypot(*steps.T)
+            direction = piece.points[1] - piece.points[0] if len(piece.points) > 1 else steps[0]
+            # maps join lanes with small overlaps: never go back
+            onward = (gaps >= MERGE_M) & (steps @ direction > 0)
+            skip = int(np.argmax(onward)) if bool(onward.any()) else len(gaps)
+            if skip < len(gaps) and gaps[skip] > 1.5 * STEP_M:
+                self.bridge(piece.points[skip], piece.lane)
+                skip += 1
+        self._pieces.append((max(self._count - 1, 0), piece.lane.id))
+        self._append(piece.points[skip:], piece.left[skip:], piece.right[skip:], piece.lane.speed_mps)
+
+    def bridge(self, to: FloatArray, lane: Lane) -> None:
+        """Go straight to a point, in steps of at most 1 m."""
+        last = self._points[-1][-1]
+        steps = max(int(np.ceil(np.hypot(*(to - last)) / STEP_M)), 1)
+        shares = np.linspace(0, 1, steps + 1)[1:, None]
+        half = np.full(steps, lane.width_m / 2)
+        self._append(last + shares * (to - last), half, half, lane.speed_mps)
+
+    def _append(self, points: FloatArray, left: FloatArray, right: FloatArray, limit: float) -> None:
+        if len(points):
+            self._points.append(points)
+            self._left.append(left)
+            self._right.append(right)
+            self._limit.append(np.full(len(points), limit))
+            self._count += len(points)
+
+    def line(
+        self, plan: Sequence[_Stretch], passages: Sequence[tuple[Movement, int, int]], origin: int, end: int
+    ) -> RouteLine:
+        """Return the finished line; marks are counts of points, the joint being the last point before."""
+        points = np.concatenate(self._points)
+        s = lengths(points)
+
+        def mark(count: int) -> float:
+            return float(s[max(count - 1, 0)])
+
+        return RouteLine(
+            points=points,
+            s=s,
+            heading=headings(points, s),
+            speed_limit=np.concatenate(self._limit),
+            left_m=np.concatenate(self._left),
+            right_m=np.concatenate(self._right),
+            edges=tuple(stretch.edge for stretch in plan),
+            passages=tuple(Passage(m.junction, mark(a), mark(b), m) for m, a, b in passages),
+            origin_s=mark(origin),
+            end_s=mark(end),
+            pieces=tuple((float(s[k]), lane) for k, lane in self._pieces),
+        )
+
+
+def _whole(lane: Lane) -> _Piece:
+    half = np.full(len(lane.line.points), lane.width_m / 2)
+    return _Piece(lane, lane.line.points, half, half)
+
+
+def _edge_pieces(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[_Piece]:
+    """The points on one edge: one lane, or two with a change between them."""
+    before, after = edge.lanes[stretch.entry], edge.lanes[stretch.exit]
+    left0, right0 = _free(edge, before, kind)
+    if before is after:
+        n = len(before.line.points)
+        return [_Piece(before, before.line.points, np.full(n, left0), np.full(n, right0))]
+    left1, right1 = _free(edge, after, kind)
+    length = min(before.line.length_m, after.line.length_m)
+    count = int(np.ceil(max(before.line.length_m, after.line.length_m) / STEP_M)) + 1
+    share = np.linspace(0.0, 1.0, count)
+    wanted = max(CHANGE_MIN_M, CHANGE_TIME_S * before.speed_mps * abs(stretch.exit - stretch.entry))
+    begin = min(max(CHANGE_AFTER_M, after_m), max(length - CHANGE_MIN_M, 0.0))
+    span = max(min(wanted, length - begin), STEP_M)
+    weight = (1 - np.cos(np.pi * np.clip((share * length - begin) / span, 0.0, 1.0))) / 2
+    points = (1 - weight)[:, None] * _at_shares(before.line, share) + weight[:, None] * _at_shares(after.line, share)
+    left, right = left0 + weight * (left1 - left0), right0 + weight * (right1 - right0)
+    half = max(int(np.searchsorted(weight, 0.5)), 1)
+    return [
+        _Piece(before, points[:half], left[:half], right[:half]),
+        _Piece(after, points[half:], left[half:], right[half:]),
+    ]
+
+
+def _at_shares(line: Polyline, share: FloatArray) -> FloatArray:
+    s = share * line.length_m
+    return np.column_stack((np.interp(s, line.s, line.points[:, 0]), np.interp(s, line.s, line.points[:, 1])))
+
+
+def _free(edge: Edge, lane: Lane, kind: LaneKind) -> tuple[float, float]:
+    """Free width to the left and to the right of a lane's centre, over the lanes of its direction."""
+    others = edge.for_kind(kind)
+    left = sum(other.width_m for other in others if other.index > lane.index)
+    right = sum(other.width_m for other in others if other.index < lane.index)
+    return left + lane.width_m / 2, right + lane.width_m / 2

@@ -1,0 +1,64 @@
+"""Renders the XML files that SUMO reads, from the templates in `templates/sumo`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from foresee_dsl.resources import data_folder
+
+
+def render(template: str, out: Path, **values: object) -> Path:
+    """Write a file from the template `templates/sumo/<template>.j2`.
+
+    Args:
+        template: the file's name without `.j2`, such as `nodes.nod.xml`.
+        out: the file to write.
+        values: what the template names; all of it is needed.
+
+    Returns:
+        `out`.
+    """
+    text = _environment().get_template(f"{template}.j2").render(**values)
+    out.write_text(text, encoding="utf-8", newline="\n")
+    return out
+
+
+def template_sources() -> tuple[bytes, ...]:
+    """Return the bytes of all templates, by name: part of the key of what is made from them."""
+    return tuple(path.read_bytes() for path in sorted(_folder().glob("*.j2")))
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number as text, rounded (to the millimetre), without a sign on zero or needless digits."""
+    text = f"{value:.{digits}f}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def polyline(points: Iterable[tuple[float, float]]) -> str:
+    """Return points the way SUMO writes a shape: `x,y x,y`."""
+    return " ".join(f"{number(x)},{number(y)}" for x, y in points)
+
+
+def _folder() -> Path:
+    return data_folder("templates") / "sumo"
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(_folder()),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["number"] = number
+    environment.filters["polyline"] = polyline
+    return environment

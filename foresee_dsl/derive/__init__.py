@@ -1,0 +1,1 @@
+"""Children of a run: clips around risky points, and their mutants."""

@@ -1,0 +1,340 @@
+"""Cut a clip out of a run: the seconds around a risky point, as a file that rebuilds them exactly.
+
+All actors of the first frame are restored, not only those near the ego: with those within 120 m alone, one in ten
+deviated by over 0.5 m after 10 s, because who follows whom reaches far along a queue.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from foresee_dsl.derive.snapshot import (
+    Script,
+    Told,
+    authored,
+    front,
+    has_passed,
+    present,
+    remaining_route,
+    script_at,
+    shifted,
+)
+from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.model import (
+    Action,
+    Actor,
+    ActorItem,
+    ChangesSpeed,
+    Clip,
+    ClipItem,
+    Comparison,
+    CruiseSpeed,
+    Delay,
+    EdgeRoute,
+    Ego,
+    Goal,
+    IgnoresRule,
+    Measure,
+    Meets,
+    MeetsState,
+    Path,
+    Point,
+    Quantity,
+    Risk,
+    SignalState,
+    State,
+    Steers,
+    Stops,
+    Timing,
+    Walked,
+    When,
+    Window,
+)
+from foresee_dsl.language.units import Dimension
+from foresee_dsl.simulate.actors import STANDS_MPS
+from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
+
+DIGITS = 3
+"""Decimals of metres, m/s and degrees in a clip. Ours: 1 mm and 0.001 deg (2 mm over 100 m) leave deviations of the
+same size after 10 s, under the centimetre to which fidelity is printed."""
+_WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
+"""Their position in a file is that of their front; a pedestrian's or obstacle's is its middle."""
+_WAYPOINT_M = 2.0
+"""The spacing of `Trace.waypoints`."""
+
+
+def clip(
+    case: TestCase, trace: Trace, point: RiskyPoint, *, before_s: float, after_s: float, name: str, parent: str
+) -> Clip:
+    """Make the clip of the window [point - before_s, point + after_s], bounded by the run.
+
+    Args:
+        case: what was run.
+        trace: its run.
+        point: around which moment.
+        before_s: o_b. after_s: o_a (paper, section 3.3).
+        name: the clip's name.
+        parent: the case's file as the clip's file names it.
+
+    Returns:
+        The clip, without a fidelity line (see `fidelity.with_fidelity`).
+
+    Raises:
+        ValueError: the trace has no such frame.
+    """
+    if not 0 <= point.frame < trace.frames:
+        raise ValueError(f"the run has {trace.frames} frames, none is {point.frame}")
+    first = max(0, point.frame - round(before_s / STEP_S))
+    last = min(trace.frames - 1, point.frame + round(after_s / STEP_S))
+    return Clip(
+        name=name,
+        parent=parent,
+        case=case.id.partition("::")[2] or None,
+        pin=pin_of(case),
+        body=_body(case, trace, point, first, last),
+    )
+
+
+def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
+    """Return the waypoint nearest to where the ego was at frame `last`, never behind it, m.
+
+    Only waypoints that it can have reached since frame `first` are looked at, as a route may cross itself. Without
+    waypoints it is the ego's front.
+    """
+    here = np.array(front(trace, 0, last))
+    points = trace.waypoints
+    if not len(points):
+        return float(here[0]), float(here[1])
+    driven_m = float(np.nansum(trace.states[first : last + 1, 0, SPEED])) * STEP_S
+    begin = int(np.hypot(*(points - front(trace, 0, first)).T).argmin())
+    end = begin + math.ceil(driven_m / _WAYPOINT_M) + 3
+    nearest = begin + int(np.hypot(*(points[begin:end] - here).T).argmin())
+    heading = trace.states[last, 0, HEADING]
+    ahead = (points - here) @ np.array([math.cos(heading), math.sin(heading)])
+    while ahead[nearest] < 0 and nearest + 1 < min(end, len(points)):
+        nearest += 1
+    return float(points[nearest, 0]), float(points[nearest, 1])
+
+
+def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int) -> tuple[ClipItem, ...]:
+    start_s = float(trace.time_s[first])
+    here = present(trace, first)
+    gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
+    script = script_at(case.scenario, trace, first)
+    written = authored(case.scenario)
+    actors = [_actor(trace, k, first, written, script) for k in here if k]
+    resumed = [when for k in here if k for when in _resumed(trace, k, first, script.of(trace.actors[k].id))]
+    pending = [w for when in script.pending if (w := shifted(when, by_s=start_s, gone=gone)) is not None]
+    return (
+        Window(start=_seconds(start_s), end=_seconds(float(trace.time_s[last]))),
+        Risk(
+            text=point.why.replace('"', "'"),
+            at=_seconds(float(trace.time_s[point.frame])),
+            actor=point.actor if point.actor and point.actor not in gone else None,
+        ),
+        _ego(case, trace, first),
+        Goal(at=_at(goal(trace, first, last))),
+        *actors,
+        *_signals(trace, first),
+        *resumed,
+        *pending,
+    )
+
+
+# --- actors ----------------------------------------------------------------------------------------------------------
+
+
+def _ego(case: TestCase, trace: Trace, frame: int) -> Ego:
+    info = trace.actors[0]
+    authored_ego = case.scenario.one(Ego)
+    kept = [item for item in (authored_ego.body if authored_ego else ()) if isinstance(item, CruiseSpeed)]
+    route = remaining_route(trace, 0, frame)
+    body: list[ActorItem] = [EdgeRoute(edges=route)] if route else []
+    return Ego(model=info.model, state=_state(trace, 0, frame), body=(*body, *kept))
+
+
+def _actor(trace: Trace, actor: int, frame: int, written: dict[str, Actor], script: Script) -> Actor:
+    info, now_s = trace.actors[actor], float(trace.time_s[frame])
+    source, told = written.get(info.id), script.of(info.id)
+    return Actor(
+        kind=_kind(info),
+        name=info.id,
+        model=info.model,
+        state=_state(trace, actor, frame, _timing(source)),
+        body=(
+            *_way(trace, actor, frame),
+            *_speed(info, source, told),
+            *_rules(trace, actor, frame, source, told),
+            *_offsets(source, told, now_s, waits=script.waits(info.id)),
+        ),
+    )
+
+
+def _kind(info: ActorInfo) -> Literal["vehicle", "bicycle", "pedestrian", "obstacle"]:
+    if info.kind == "bicycle":
+        return "bicycle"
+    if info.kind == "pedestrian":
+        return "pedestrian"
+    return "obstacle" if info.kind == "obstacle" else "vehicle"
+
+
+def _timing(source: Actor | None) -> float:
+    """Return the factor on an actor's speeds that its author wrote."""
+    found = next((item.factor for item in (source.body if source else ()) if isinstance(item, Timing)), None)
+    return found.si if isinstance(found, Quantity) and found.si > 0 else 1.0
+
+
+def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> State:
+    info, row = trace.actors[actor], trace.states[frame, actor]
+    wheels = info.kind in _WHEELS
+    acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
+    heading = math.remainder(float(row[HEADING]), math.tau)
+    return State(
+        at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
+        heading=_quantity(heading, "angle"),
+        speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed that a file says
+        # A path-follower's acceleration decides nothing, as its speed is given; SUMO goes on from a vehicle's.
+        acceleration=_unless_zero(acceleration, "acceleration") if wheels and not info.path else None,
+        steer=_unless_zero(steer, "angle") if actor == 0 else None,
+    )
+
+
+def _way(trace: Trace, actor: int, frame: int) -> tuple[ActorItem, ...]:
+    info = trace.actors[actor]
+    if info.path:
+        points, along = tuple(_at(p) for p in info.path), float(trace.along[frame, actor])
+        return Path(points=points), Walked(along=_quantity(0.0 if math.isnan(along) else along, "length"))
+    route = remaining_route(trace, actor, frame)
+    return (EdgeRoute(edges=route),) if route else ()
+
+
+def _speed(info: ActorInfo, source: Actor | None, told: Told) -> tuple[ActorItem, ...]:
+    """Return the cruise speed: what it was told last, what the author wrote, or what it drives."""
+    if told.cruise is not None:
+        return (CruiseSpeed(speed=told.cruise),)
+    for item in source.body if source else ():
+        if isinstance(item, CruiseSpeed):
+            return (item,)
+    return (CruiseSpeed(speed=_quantity(info.cruise_mps, "speed")),) if info.cruise_mps > 0 else ()
+
+
+def _rules(
+    trace: Trace, actor: int, frame: int, source: Actor | None, told: Told
+) -> tuple[IgnoresRule | MeetsState, ...]:
+    """Return what is ignored and who is met, without what is over because the junction lies behind."""
+    items: list[IgnoresRule | MeetsState] = [
+        item for item in (source.body if source else ()) if isinstance(item, IgnoresRule)
+    ]
+    items += [IgnoresRule(what=i.what, junction=i.junction) for i in told.ignores]
+    if told.command and isinstance(m := told.command[0], Meets):
+        items.append(MeetsState(other=m.other, junction=m.junction, gap=m.gap, order=m.order))
+    in_force = [i for i in items if i.junction is None or not has_passed(trace, actor, i.junction, frame)]
+    return tuple(dict.fromkeys(in_force))
+
+
+def _offsets(source: Actor | None, told: Told, now_s: float, *, waits: bool) -> tuple[ActorItem, ...]:
+    """Return what a mutation (or the author) gave the actor, with times counted from the window's beginning."""
+    kept: list[ActorItem] = []
+    for item in source.body if source else ():
+        if isinstance(item, Timing):
+            kept.append(item)
+        elif isinstance(item, Delay) and isinstance(item.time, Quantity):
+            left_s = item.time.si - (now_s - (told.started_s or 0.0))
+            if waits:  # the delay begins when it is started
+                kept.append(item)
+            elif left_s > 0:
+                kept.append(Delay(time=_seconds(left_s)))
+        elif isinstance(item, Steers):
+            kept += _steers_left(item, now_s)
+    return tuple(kept)
+
+
+def _steers_left(item: Steers, now_s: float) -> list[ActorItem]:
+    start_s = item.start.si if isinstance(item.start, Quantity) else 0.0
+    if not isinstance(item.duration, Quantity):
+        left = None
+    else:
+        left = min(item.duration.si, start_s + item.duration.si - now_s)
+        if left <= 0:
+            return []
+    return [
+        Steers(
+            value=item.value,
+            start=_seconds(max(0.0, start_s - now_s)),
+            duration=None if left is None else _seconds(left),
+        )
+    ]
+
+
+# --- script and signals ----------------------------------------------------------------------------------------------
+
+
+def _resumed(trace: Trace, actor: int, frame: int, told: Told) -> tuple[When, ...]:
+    """Return a trigger that takes up at once what an actor is in the middle of: a stop, a change of speed or lane."""
+    again: list[Action] = []
+    name, now_s = trace.actors[actor].id, float(trace.time_s[frame])
+    action, since_s = told.command or (None, 0.0)
+    if isinstance(action, ChangesSpeed):
+        left_s = since_s + (action.over.si if isinstance(action.over, Quantity) else 0.0) - now_s
+        again.append(ChangesSpeed(actor=name, to=action.to, over=_seconds(left_s)))
+    if isinstance(action, Stops):
+        left = _stop_left(trace, actor, frame, action, since_s)
+        again += [left] if left else []
+    if told.lane and _still_to_change(trace, actor, frame, told.lane[1]):
+        again.append(told.lane[0])
+    at_once = Comparison(left=Measure(what="time"), op=">=", right=_seconds(0.0))
+    return (When(condition=at_once, actions=tuple(again)),) if again else ()
+
+
+def _stop_left(trace: Trace, actor: int, frame: int, action: Stops, since_s: float) -> Stops | None:
+    """Return what is left of a stop, None where it is over: its time counts from when the actor stands."""
+    if not isinstance(action.duration, Quantity):
+        return action
+    began = trace.frame_at(since_s)
+    stands = np.flatnonzero(trace.states[began : frame + 1, actor, SPEED] < STANDS_MPS)
+    stood_s = float(trace.time_s[frame] - trace.time_s[began + stands[0]]) if stands.size else 0.0
+    left_s = action.duration.si - stood_s
+    return Stops(actor=action.actor, duration=_seconds(left_s)) if left_s > 1e-6 else None
+
+
+def _still_to_change(trace: Trace, actor: int, frame: int, since_s: float) -> bool:
+    """Say whether an actor is still on the lane on which it was asked to change."""
+    lanes = trace.lanes[trace.frame_at(since_s) : frame + 1, actor]
+    return bool(lanes.size and lanes[0] >= 0 and (lanes == lanes[0]).all())
+
+
+def _signals(trace: Trace, frame: int) -> tuple[SignalState, ...]:
+    return tuple(
+        SignalState(
+            junction=junction,
+            stage=trace.signal_stages[k][int(trace.stages[frame, k])],
+            elapsed=_seconds(float(trace.elapsed[frame, k])),
+        )
+        for k, junction in enumerate(trace.signals)
+    )
+
+
+# --- values ----------------------------------------------------------------------------------------------------------
+
+
+def _seconds(value: float) -> Quantity:
+    """Two decimals hold every multiple of the step, 0.05 s, exactly."""
+    return Quantity.of(value, "time", 2)
+
+
+def _quantity(value: float, dimension: Dimension) -> Quantity:
+    return Quantity.of(value, dimension, DIGITS)
+
+
+def _unless_zero(value: float, dimension: Dimension) -> Quantity | None:
+    found = _quantity(0.0 if math.isnan(value) else value, dimension)
+    return found if found.value else None
+
+
+def _at(place: tuple[float, float]) -> Point:
+    return Point(x=_quantity(place[0], "length"), y=_quantity(place[1], "length"))

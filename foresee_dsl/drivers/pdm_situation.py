@@ -1,0 +1,159 @@
+"""What the `pdm` driver sees, in arrays and in the route's coordinates: itself and the others, now."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.drivers import pdm_settings as cfg
+from foresee_dsl.drivers.pdm_route import Projection, Route
+from foresee_dsl.drivers.protocol import EgoState, FloatArray, Observation, VehicleLimits
+
+BoolArray = NDArray[np.bool_]
+
+OWN_LANE_M = 1.2
+"""Ours: an aligned actor this near the centreline is in the ego's lane, whatever foe's path runs there too."""
+BRAKING_ALREADY_MPS2 = -1.0
+"""Ours: who brakes this hard has decided to stop, and sticks to it (instead of a memory)."""
+STUCK_TO_FACTOR = 1.5
+"""Ours: it then accepts this much more braking before it gives up; covers the lag of the brakes."""
+LEAST_REACH_M = 30.0
+
+
+@dataclass(frozen=True)
+class Actors:
+    """The others as seen now; every array is [A]."""
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+    speed: FloatArray
+    half_length: FloatArray
+    half_width: FloatArray
+    pedestrian: BoolArray
+    obstacle: BoolArray
+    speeds_up: FloatArray
+
+    @property
+    def count(self) -> int:
+        """The number of actors, A."""
+        return len(self.x)
+
+
+@dataclass(frozen=True)
+class EgoPose:
+    """The middle of the rear axle on the route: lengths in m, heading error in rad."""
+
+    s: float
+    d: float
+    heading_error: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class EgoOnRoute:
+    """The ego along its route: m along it of the front and rear bumper, and what it can brake."""
+
+    front_s: float
+    rear_s: float
+    state: EgoState
+    strongest_braking_mps2: float
+
+    def stops_within(self, wall_s: float, braking_mps2: float) -> bool:
+        """Tell whether it can stop before a place with this braking (more, where it brakes already)."""
+        if self.state.acceleration_mps2 < BRAKING_ALREADY_MPS2:
+            braking_mps2 *= STUCK_TO_FACTOR
+        room = wall_s - self.front_s
+        return self.state.speed_mps < cfg.COAST_MPS or 2 * braking_mps2 * room >= self.state.speed_mps**2
+
+
+@dataclass(frozen=True)
+class Situation:
+    """One step's input, read.
+
+    Attributes:
+        now: the others on the route, [A]. own: [A], in the ego's lane, in its direction.
+        reach_m: how far ahead predictions are put on the route.
+    """
+
+    route: Route
+    vehicle: VehicleLimits
+    observation: Observation
+    pose: EgoPose
+    ego: EgoOnRoute
+    actors: Actors
+    now: Projection
+    own: BoolArray
+    reach_m: float
+
+
+def read_situation(route: Route, vehicle: VehicleLimits, observation: Observation) -> Situation:
+    """Read an observation."""
+    state = observation.ego
+    pose = _pose(route, state, vehicle)
+    actors = _read_actors(observation)
+    reach = max(LEAST_REACH_M, pose.speed * cfg.HORIZON_S + 25.0)
+    now = route.project(actors.x, actors.y, pose.s, max(reach, cfg.JUNCTION_REACH_M))
+    return Situation(
+        route=route,
+        vehicle=vehicle,
+        observation=observation,
+        pose=pose,
+        ego=_ego_on_route(state, vehicle, pose.s + to_centre(vehicle)),
+        actors=actors,
+        now=now,
+        own=_in_lane(route, actors, now),
+        reach_m=reach,
+    )
+
+
+def to_centre(vehicle: VehicleLimits) -> float:
+    """Return the distance from the rear axle to the middle of the footprint, m."""
+    return vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
+
+
+def _pose(route: Route, state: EgoState, vehicle: VehicleLimits) -> EgoPose:
+    """Put the rear axle on the route."""
+    back = to_centre(vehicle)
+    x, y = state.x - back * math.cos(state.heading_rad), state.y - back * math.sin(state.heading_rad)
+    s, d, error = route.locate(x, y, state.heading_rad)
+    return EgoPose(s=s, d=d, heading_error=error, speed=max(state.speed_mps, 0.0))
+
+
+def _ego_on_route(state: EgoState, vehicle: VehicleLimits, centre_s: float) -> EgoOnRoute:
+    """Put the ego on its route."""
+    strongest = min(vehicle.emergency_braking_mps2, cfg.FRICTION_SHARE * vehicle.friction * cfg.GRAVITY_MPS2)
+    return EgoOnRoute(centre_s + vehicle.length_m / 2, centre_s - vehicle.length_m / 2, state, strongest)
+
+
+def _read_actors(observation: Observation) -> Actors:
+    """Put the seen actors into arrays."""
+    seen = observation.actors
+    numbers = np.array(
+        [(a.x, a.y, a.heading_rad, a.speed_mps, a.length_m / 2, a.width_m / 2) for a in seen], dtype=float
+    ).reshape(-1, 6)
+    x, y, heading, speed, half_length, half_width = numbers.T
+    return Actors(
+        x=x,
+        y=y,
+        heading=heading,
+        cos=np.cos(heading),
+        sin=np.sin(heading),
+        speed=speed,
+        half_length=half_length,
+        half_width=half_width,
+        pedestrian=np.array([a.kind == "pedestrian" for a in seen], dtype=bool),
+        obstacle=np.array([a.kind == "obstacle" for a in seen], dtype=bool),
+        speeds_up=np.array([cfg.SPEEDS_UP_MPS2.get(a.kind, 0.0) for a in seen], dtype=float),
+    )
+
+
+def _in_lane(route: Route, actors: Actors, now: Projection) -> BoolArray:
+    """Return who drives in the ego's lane, in its direction: [A]."""
+    cosine = actors.cos * route.cos[now.index] + actors.sin * route.sin[now.index]
+    return np.asarray((np.abs(now.d) < OWN_LANE_M) & (cosine > np.cos(cfg.ALIGNED_RAD)) & ~actors.pedestrian)

@@ -1,0 +1,165 @@
+"""The driver protocol: what a driver is told, what it sees each step, and what it answers.
+
+Coordinates are SUMO's: x east, y north, metres; headings counter-clockwise from east, radians; speeds m/s. Positions
+are the centre of the footprint unless said otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+SignalColour = Literal["red", "amber", "green", "off"]
+ActorClass = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleLimits:
+    """What a vehicle can do (from its catalogue entry and the weather).
+
+    Attributes:
+        steer_max_rad: largest front-wheel angle. steer_rate_rad_s: how fast it turns.
+        friction: tyre-road coefficient after weather; bounds |acceleration| and v * yaw rate to friction * 9.81.
+        front_overhang_m: from the front axle to the front bumper.
+    """
+
+    model: str
+    length_m: float
+    width_m: float
+    wheelbase_m: float
+    front_overhang_m: float
+    max_speed_mps: float
+    acceleration_mps2: float
+    braking_mps2: float
+    emergency_braking_mps2: float
+    steer_max_rad: float
+    steer_rate_rad_s: float
+    friction: float = 0.9
+
+
+@dataclass(frozen=True)
+class Foe:
+    """A stream of traffic that crosses or joins the ego's way inside a junction.
+
+    Attributes:
+        path: [N, 2] centreline of the other movement through the junction, with 60 m of its approach in front of it.
+        entry_s: length along `path` where it enters the junction.
+        conflict_s: (first, last) length along the EGO's route that the other movement overlaps.
+        conflict_path_s: the same along `path`.
+        has_priority: True where the ego must yield to it while both may go (permissive left, minor road, crossing
+            pedestrians).
+        pedestrian: True for a crossing.
+    """
+
+    path: FloatArray
+    entry_s: float
+    conflict_s: tuple[float, float]
+    conflict_path_s: tuple[float, float]
+    has_priority: bool
+    pedestrian: bool = False
+
+
+@dataclass(frozen=True)
+class JunctionPassage:
+    """One junction on the way: where the stop line is, where the junction ends (lengths along the route), its foes.
+
+    `signal` is the key into `Observation.signals`, or None where there is none. `turn`: "straight", "left", "right",
+    "back".
+    """
+
+    junction: str
+    stop_s: float
+    exit_s: float
+    turn: str
+    signal: str | None
+    foes: tuple[Foe, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mission:
+    """What the driver is asked to do, given once.
+
+    Attributes:
+        centreline: [N, 2] the lane centres to follow, at most 1 m apart, from behind the start to beyond the goal.
+        s: [N] length along it. speed_limit_mps: [N].
+        left_m, right_m: [N] free width on either side of the centreline that belongs to lanes of the ego's direction.
+        start_s, goal_s: lengths along it.
+    """
+
+    centreline: FloatArray
+    s: FloatArray
+    speed_limit_mps: FloatArray
+    left_m: FloatArray
+    right_m: FloatArray
+    start_s: float
+    goal_s: float
+    junctions: tuple[JunctionPassage, ...] = ()
+    step_s: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """What the vehicle knows of itself (x, y: centre of the footprint; steer: front-wheel angle, left positive)."""
+
+    x: float
+    y: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+    yaw_rate_rad_s: float
+    steer_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class SeenActor:
+    """Another road user as seen now. `track` is a number that stays with it while it is seen and reveals nothing
+    else."""
+
+    track: int
+    kind: ActorClass
+    x: float
+    y: float
+    heading_rad: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What the driver sees at one step; `signals` maps `JunctionPassage.signal` to a colour for the ego's movement."""
+
+    time_s: float
+    ego: EgoState
+    actors: tuple[SeenActor, ...]
+    signals: dict[str, SignalColour]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """steer: -1 (right) to 1 (left) of the largest angle; throttle and brake: 0 to 1 of what the vehicle can do."""
+
+    steer: float
+    throttle: float
+    brake: float
+
+
+@runtime_checkable
+class Driver(Protocol):
+    """The software under test. `name` and `version` go into every result."""
+
+    name: str
+    version: str
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Forget everything and take up a new mission."""
+        ...
+
+    def step(self, observation: Observation) -> Control:
+        """Answer one observation (20 a second)."""
+        ...

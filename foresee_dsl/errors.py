@@ -1,0 +1,73 @@
+"""The error tree: what a caller may catch. Nothing below the command line prints or exits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A place in a text: 1-based line and column, end exclusive."""
+
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One mistake (or warning) in a file: where, what, and what to write instead.
+
+    Attributes:
+        code: stable code such as `FS012`.
+        message: one sentence, lower-case start, no full stop: `unknown unit 'kmh'`.
+        help: what to write instead: `did you mean 'km/h'?`; empty where nothing useful can be said.
+        path: the file as the user named it.
+        span: the place, or None where the whole file is meant.
+        source_line: the text of line `span.line`, without its newline (may be cut around the place if very long).
+        severity: "error" or "warning".
+    """
+
+    code: str
+    message: str
+    help: str = ""
+    path: str = ""
+    span: Span | None = None
+    source_line: str = ""
+    severity: str = "error"
+
+
+class ForeseeError(Exception):
+    """Base of all errors that a caller is expected to handle."""
+
+
+@dataclass
+class InputError(ForeseeError):
+    """The user's input has mistakes: one diagnostic each, never empty."""
+
+    diagnostics: tuple[Diagnostic, ...] = field(default_factory=tuple)
+
+    def __str__(self) -> str:
+        return "; ".join(_one_line(d) for d in self.diagnostics)
+
+
+class CompileError(ForeseeError):
+    """SUMO's programs are missing or refused a network that the language accepted (the message says what they
+    printed)."""
+
+
+class SimulationError(ForeseeError):
+    """The world could not be set up or stepped."""
+
+
+class DriverError(ForeseeError):
+    """A driver is unknown, cannot be loaded, or broke its protocol."""
+
+
+def _one_line(diagnostic: Diagnostic) -> str:
+    place = diagnostic.path
+    if diagnostic.span is not None:
+        place += f":{diagnostic.span.line}:{diagnostic.span.column}"
+    text = f"{place}: {diagnostic.code} {diagnostic.message}"
+    return f"{text} ({diagnostic.help})" if diagnostic.help else text

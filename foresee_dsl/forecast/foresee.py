@@ -1,0 +1,255 @@
+"""The misbehaviour forecaster of the paper (section 3.2), steps 1a to 1d."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.forecast.geometry import (
+    distances_to_ego,
+    enters_from_side,
+    feet_on_path,
+    footprints,
+    local_minima,
+    paths_cut,
+    thinned_path,
+)
+from foresee_dsl.forecast.protocol import Group, RiskyPoint
+from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS, ForeseeSettings
+from foresee_dsl.simulate.collision import pairwise_box_distance
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
+
+_GROUPS: tuple[Group, ...] = ("critical crossing", "crossing", "critical")
+"""Ours (the paper prints no order): who crosses close by is nearer to a collision than who crosses elsewhere, and both
+are nearer than who stays beside the ego's path."""
+_STANDS_MPS = 0.1
+"""Under this an actor stands: the usual threshold of a halt in SUMO's outputs."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloseEncounter:
+    """Step 1a's pair of frame and actor (its column in the trace), with the distance between the footprints."""
+
+    actor: int
+    frame: int
+    distance_m: float
+
+
+def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float) -> list[CloseEncounter]:
+    """Step 1a: every local minimum of the distance to an actor within its class's radius, in order of appearance.
+
+    Encounters in the first `before_s` seconds are left out, as the paper does for its exhaustive search (section
+    4.4.3): no clip of full length can begin before the run. Where the two stay about as near until later (both stand,
+    one follows the other), the nearest moment that is late enough counts.
+    """
+    earliest = math.ceil(before_s / STEP_S - 1e-9)
+    found = []
+    for actor, info in enumerate(trace.actors):
+        radius = settings.radius_m(info.kind)
+        if actor == 0 or radius <= 0:
+            continue
+        gaps = distances_to_ego(trace, actor, within_m=radius + settings.prominence_m)
+        for first, last in local_minima(gaps, within_m=radius, prominence_m=settings.prominence_m):
+            frame = (
+                first if first >= earliest or last < earliest else earliest + int(gaps[earliest : last + 1].argmin())
+            )
+            if frame >= earliest:
+                found.append(CloseEncounter(actor, frame, float(gaps[frame])))
+    return sorted(found, key=lambda e: (e.frame, e.actor))
+
+
+@dataclass(frozen=True)
+class _Egos:
+    """The ego's recorded path and its perturbed trajectories."""
+
+    trace: Trace
+    settings: ForeseeSettings
+    errors: NDArray[np.float64]
+    """[N, 2], -1 to 1: speed and yaw rate, as a share of what the bounds allow."""
+
+    @cached_property
+    def path(self) -> NDArray[np.float64]:
+        """The recorded path, thinned."""
+        return thinned_path(self.trace.states[:, 0, [X, Y]], self.settings.path_step_m)
+
+    def perturbed(self, first: int, last: int, horizon: int) -> NDArray[np.float64]:
+        """Roll out the recorded speeds and yaw rates of frames `first` to `last` with constant small errors.
+
+        The errors are such that after `horizon` frames the trajectory is off by no more than the bounds.
+
+        Returns:
+            [N, last - first + 1, 3]: x, y, heading.
+        """
+        s = self.settings
+        recorded = self.trace.states[first : last + 1, 0]
+        span_s = max(horizon, 1) * STEP_S
+        driven_m = float(np.nansum(recorded[:horizon, SPEED])) * STEP_S
+        # A constant yaw-rate error e turns the path by e t: after t seconds and d metres it is e t d / 2 to the side.
+        yaw_bound = s.heading_error_rad / span_s
+        if driven_m > 0:
+            yaw_bound = min(yaw_bound, 2 * s.lateral_error_m / (driven_m * span_s))
+        since_s = np.arange(last - first + 1) * STEP_S
+        turned = self.errors[:, 1:] * yaw_bound * since_s
+        # The recorded steps are turned and stretched: with no error the recorded trajectory comes back exactly.
+        steps = np.diff(recorded[:, [X, Y]], axis=0)
+        extra = self.errors[:, :1] * (s.longitudinal_error_m / span_s) * STEP_S
+        moves = recorded[:-1, SPEED] > _STANDS_MPS
+        heading = recorded[:-1, HEADING]
+        dx = steps[:, 0] + extra * moves * np.cos(heading)
+        dy = steps[:, 1] + extra * moves * np.sin(heading)
+        cos, sin = np.cos(turned[:, :-1]), np.sin(turned[:, :-1])
+        states = np.empty((len(self.errors), len(recorded), 3))
+        states[:, 0, :2] = recorded[0, [X, Y]]
+        states[:, 1:, 0] = recorded[0, X] + np.cumsum(cos * dx - sin * dy, axis=1)
+        states[:, 1:, 1] = recorded[0, Y] + np.cumsum(sin * dx + cos * dy, axis=1)
+        states[..., 2] = recorded[:, HEADING] + turned
+        return states
+
+
+def crosses(trace: Trace, actor: int, ego_path: NDArray[np.float64], settings: ForeseeSettings) -> bool:
+    """Step 1b: say whether an actor's recorded path meets the ego's, at any time of the run.
+
+    It does where the two cut each other at an angle, or where the actor comes from beside into the corridor that both
+    bodies' half widths make around the ego's path (a merge, a cut-in). One that drives ahead or behind in the ego's
+    lane all along meets it nowhere: step 1c looks at it.
+    """
+    path = thinned_path(trace.states[:, actor, [X, Y]], settings.path_step_m)
+    half_width_m = (trace.actors[0].width_m + trace.actors[actor].width_m) / 2
+    return paths_cut(path, ego_path, angle_rad=settings.crossing_angle_rad) or enters_from_side(
+        path, ego_path, half_width_m=half_width_m
+    )
+
+
+@dataclass(frozen=True)
+class ForeseeRanker:
+    """The paper's ranking: group, then pedestrians before vehicles, then nearness to the ego's trajectory.
+
+    Every actor's best encounter comes first, as the paper collects one frame an actor; its further encounters follow
+    in the same order, for budgets that are larger than the number of actors.
+    """
+
+    settings: ForeseeSettings = field(default_factory=ForeseeSettings)
+    name: str = "foresee"
+
+    def rank(
+        self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
+    ) -> tuple[RiskyPoint, ...]:
+        """Rank the close encounters of a run; see `Ranker.rank`."""
+        errors = np.random.default_rng(np.random.SeedSequence(seed)).uniform(-1, 1, (self.settings.perturbations, 2))
+        egos = _Egos(trace, self.settings, errors)
+        graded = self._grade(egos, close_encounters(trace, self.settings, before_s=before_s), before_s, after_s)
+        graded.sort(key=lambda p: _order(trace, p))
+        firsts, others = _one_an_actor(graded, same_s=self.settings.same_encounter_s)
+        return tuple(replace(p, rank=k) for k, p in enumerate(firsts + others, start=1))
+
+    def _grade(
+        self, egos: _Egos, encounters: list[CloseEncounter], before_s: float, after_s: float
+    ) -> list[RiskyPoint]:
+        trace = egos.trace
+        crossing = {a: crosses(trace, a, egos.path, self.settings) for a in sorted({e.actor for e in encounters})}
+        points = []
+        for encounter in encounters:
+            group = self._group(egos, encounter, crosses_ego=crossing[encounter.actor])
+            if group is not None:
+                aside_m = _distance_to_path(egos, encounter, before_s, after_s)
+                points.append(_point(trace, encounter, group, aside_m))
+        return points
+
+    def _group(self, egos: _Egos, encounter: CloseEncounter, *, crosses_ego: bool) -> Group | None:
+        if crosses_ego:
+            return "critical crossing" if encounter.distance_m <= self.settings.limited_distance_m else "crossing"
+        return "critical" if self._is_critical(egos, encounter) else None
+
+    def _is_critical(self, egos: _Egos, encounter: CloseEncounter) -> bool:
+        """Step 1c: say whether a perturbed ego comes within the threshold of a non-crossing actor."""
+        s, trace = self.settings, egos.trace
+        first = max(0, encounter.frame - round(s.horizon_s / STEP_S))
+        last = min(trace.frames - 1, encounter.frame + round(s.beyond_s / STEP_S))
+        rolled = egos.perturbed(first, last, encounter.frame - first)
+        n, t, _ = rolled.shape
+        boxes = np.empty((n, t, 5))
+        boxes[..., :3] = rolled
+        boxes[..., 3:] = (trace.actors[0].length_m, trace.actors[0].width_m)
+        other = np.broadcast_to(footprints(trace, encounter.actor)[first : last + 1], (n, t, 5))
+        present = ~np.isnan(other[..., 0]) & ~np.isnan(boxes[..., 0])
+        gaps = pairwise_box_distance(boxes[present], other[present])
+        return bool(gaps.size and gaps.min() <= s.perturbed_radius_m)
+
+
+def _distance_to_path(egos: _Egos, encounter: CloseEncounter, before_s: float, after_s: float) -> float:
+    """Return how near an actor's centre comes to the ego's recorded path in the window around an encounter, m."""
+    first = max(0, encounter.frame - round(before_s / STEP_S))
+    last = min(egos.trace.frames - 1, encounter.frame + round(after_s / STEP_S))
+    points = thinned_path(egos.trace.states[first : last + 1, encounter.actor, [X, Y]], egos.settings.path_step_m)
+    if paths_cut(points, egos.path, angle_rad=0.0):
+        return 0.0
+    return float(feet_on_path(points, egos.path)[0].min())
+
+
+def _order(trace: Trace, point: RiskyPoint) -> tuple[int, bool, float, float, int, str]:
+    """Step 1d. Trajectory distances are compared in steps of 0.1 m (ours): below, the thinning of paths decides."""
+    pedestrian = trace.actors[trace.index(point.actor)].kind in PEDESTRIAN_KINDS
+    near_m = round(point.trajectory_distance_m, 1)
+    return _GROUPS.index(point.group), not pedestrian, near_m, point.distance_m, point.frame, point.actor
+
+
+def _one_an_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[RiskyPoint], list[RiskyPoint]]:
+    """Split into every actor's best point and its further ones, without repetitions of one encounter."""
+    firsts: list[RiskyPoint] = []
+    others: list[RiskyPoint] = []
+    times: dict[str, list[float]] = {}
+    for point in ranked:
+        seen = times.setdefault(point.actor, [])
+        if any(abs(t - point.time_s) < same_s for t in seen):
+            continue
+        (others if seen else firsts).append(point)
+        seen.append(point.time_s)
+    return firsts, others
+
+
+def _point(trace: Trace, encounter: CloseEncounter, group: Group, aside_m: float) -> RiskyPoint:
+    info = trace.actors[encounter.actor]
+    # One unit a group, half a unit for a pedestrian, and less than that for nearness: sorts as `_order` does.
+    score = len(_GROUPS) - _GROUPS.index(group) + 0.5 * (info.kind in PEDESTRIAN_KINDS) + 0.49 / (1 + aside_m)
+    return RiskyPoint(
+        rank=0,
+        frame=encounter.frame,
+        time_s=float(trace.time_s[encounter.frame]),
+        actor=info.id,
+        group=group,
+        distance_m=encounter.distance_m,
+        trajectory_distance_m=aside_m,
+        score=round(score, 6),
+        why=f"{group}: {passes(trace, encounter, crossing=group != 'critical')}",
+    )
+
+
+def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -> str:
+    """Return the clause for people: `runner passes 1.9 m behind the ego at 17.40 s`.
+
+    Of an actor that is crossing it is said whether it is ahead or behind, if it is at all.
+    """
+    state = trace.states[encounter.frame, encounter.actor]
+    verb = "passes" if state[SPEED] > _STANDS_MPS else "stands"
+    place = f"{encounter.distance_m:.1f} m {_side(trace, encounter, crossing=crossing)} the ego"
+    return f"{trace.actors[encounter.actor].id} {verb} {place} at {trace.time_s[encounter.frame]:.2f} s"
+
+
+def _side(trace: Trace, encounter: CloseEncounter, *, crossing: bool) -> str:
+    """Return where the actor's nearest part is, seen from the ego: beyond its front, its rear, or a side."""
+    ego, info = trace.states[encounter.frame, 0], trace.actors[0]
+    state, other = trace.states[encounter.frame, encounter.actor], trace.actors[encounter.actor]
+    dx, dy = state[X] - ego[X], state[Y] - ego[Y]
+    cos, sin = math.cos(ego[HEADING]), math.sin(ego[HEADING])
+    ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+    turn = state[HEADING] - ego[HEADING]
+    c, s = abs(math.cos(turn)), abs(math.sin(turn))
+    gap_along = abs(ahead) - (info.length_m + other.length_m * c + other.width_m * s) / 2
+    gap_across = abs(left) - (info.width_m + other.length_m * s + other.width_m * c) / 2
+    if gap_along >= (min(gap_across, 0.0) if crossing else gap_across):
+        return "ahead of" if ahead >= 0 else "behind"
+    return "left of" if left >= 0 else "right of"

@@ -1,0 +1,123 @@
+"""Diagnostics as text for people and as data for tools."""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import TYPE_CHECKING
+
+from foresee_dsl.errors import Diagnostic, Span
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_WIDTH = 100
+"""How many columns of a source line are shown (ours: what a review tool shows without wrapping)."""
+_TAB = 4
+_RED, _CYAN, _BOLD, _OFF = "\x1b[31m", "\x1b[36m", "\x1b[1m", "\x1b[0m"
+
+
+def render_full(diagnostic: Diagnostic, colour: bool = False) -> str:
+    """Return a diagnostic as it is shown on a terminal: the place, the line with the place underlined, the help.
+
+    Args:
+        diagnostic: what to show.
+        colour: with ANSI colours.
+    """
+    tint = _CYAN if diagnostic.severity == "warning" else _RED
+    head = f"{_place(diagnostic)}: {diagnostic.severity} {diagnostic.code}: {_plain(diagnostic.message)}"
+    if colour:
+        head = (
+            f"{_BOLD}{_place(diagnostic)}{_OFF}: {tint}{diagnostic.severity} {diagnostic.code}{_OFF}: "
+            f"{_plain(diagnostic.message)}"
+        )
+    lines = [head]
+    if diagnostic.span is not None and diagnostic.source_line:
+        source, blank, marks = _underlined(diagnostic.span, diagnostic.source_line)
+        number = str(diagnostic.span.line)
+        lines.append(f"  {number} | {source}".rstrip())
+        underline = f"{tint}{marks}{_OFF}" if colour else marks
+        lines.append(f"  {' ' * len(number)} | {blank}{underline}")
+    if diagnostic.help:
+        lines.append(f"  help: {_plain(diagnostic.help)}")
+    return "\n".join(lines)
+
+
+def render_all(diagnostics: Sequence[Diagnostic], colour: bool = False) -> str:
+    """Return several diagnostics, one below the other."""
+    return "\n\n".join(render_full(diagnostic, colour) for diagnostic in diagnostics)
+
+
+def render_concise(diagnostic: Diagnostic) -> str:
+    """Return a diagnostic on one line, as editors and `grep` like it."""
+    text = f"{_place(diagnostic)}: {diagnostic.severity} {diagnostic.code}: {_plain(diagnostic.message)}"
+    return f"{text} ({_plain(diagnostic.help)})" if diagnostic.help else text
+
+
+def to_json(diagnostic: Diagnostic) -> dict[str, object]:
+    """Return a diagnostic as plain data; `span` is null where the whole file is meant."""
+    span = diagnostic.span
+    return {
+        "code": diagnostic.code,
+        "severity": diagnostic.severity,
+        "message": diagnostic.message,
+        "help": diagnostic.help,
+        "path": diagnostic.path,
+        "span": None
+        if span is None
+        else {"line": span.line, "column": span.column, "end_line": span.end_line, "end_column": span.end_column},
+    }
+
+
+def _place(diagnostic: Diagnostic) -> str:
+    span = diagnostic.span
+    path = _plain(diagnostic.path)
+    return path if span is None else f"{path}:{span.line}:{span.column}"
+
+
+def _underlined(span: Span, line: str) -> tuple[str, str, str]:
+    """Return the part of the source line to show, the blank before the marks, and the marks."""
+    start = min(span.column - 1, len(line))
+    end = span.end_column - 1 if span.end_line == span.line else len(line.rstrip())
+    end = min(max(end, start + 1), max(len(line), start + 1))
+    first, last = _cut(len(line), start, end)
+    before, under, after = line[first:start], line[start : min(end, last)], line[end:last]
+    left = "..." if first > 0 else ""
+    right = "..." if last < len(line) else ""
+    source = left + _shown(before) + _shown(under) + _shown(after) + right
+    return source, " " * (len(left) + _columns(before)), "^" * max(1, _columns(under))
+
+
+def _cut(length: int, start: int, end: int) -> tuple[int, int]:
+    """Return which part of a line of some length to show, so that the place is in it."""
+    if length <= _WIDTH:
+        return 0, length
+    room = max(_WIDTH - (end - start), 20) // 2
+    first = max(0, start - room)
+    return first, min(length, first + _WIDTH)
+
+
+def _shown(text: str) -> str:
+    return "".join(_glyph(c) for c in text)
+
+
+def _columns(text: str) -> int:
+    return sum(_width(c) for c in text)
+
+
+def _glyph(char: str) -> str:
+    """A character as it can be shown: tabs as blanks, and nothing that moves a terminal's cursor."""
+    if char == "\t":
+        return " " * _TAB
+    return "�" if unicodedata.category(char) in ("Cc", "Cs", "Zl", "Zp", "Cf") else char
+
+
+def _width(char: str) -> int:
+    if char == "\t":
+        return _TAB
+    if unicodedata.combining(char):
+        return 0
+    return 2 if unicodedata.east_asian_width(char) in ("W", "F") else 1
+
+
+def _plain(text: str) -> str:
+    return "".join(c if c == "\n" else _glyph(c) for c in text)

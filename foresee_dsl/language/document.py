@@ -1,0 +1,114 @@
+"""A parsed file with its places and comments, and a test case that is ready to compile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language.model import Clip, Definition, Item, Mutant, Network, Scenario, VehicleModel
+
+
+@dataclass(frozen=True)
+class Comments:
+    """Comments and blank lines around one statement.
+
+    `before`: comment texts (without `#` and the space after it) on lines of their own; an empty string is a blank line
+    between comments.
+    `blank_before`: a blank line stands in front. `after`: a comment at the end of the statement's first line.
+    `at_end`: comments before the closing brace of a block. `after_end`: a comment behind that brace.
+    """
+
+    before: tuple[str, ...] = ()
+    blank_before: bool = False
+    after: str | None = None
+    at_end: tuple[str, ...] = ()
+    after_end: str | None = None
+
+
+@dataclass(frozen=True)
+class Document:
+    """One `.foresee` file.
+
+    `spans` maps `(id(item), field)` to a place, field "" meaning the whole statement; the items stay alive through
+    `model`.
+    `comments` maps a statement's path in the model (`("body", 3)`, `("body", 3, "actions", 0)`) to its comments; the
+    path `()` is the definition itself, `("header",)` the line `foresee 1`, and `("end",)` what follows the last brace.
+    A line that is one field of a statement (a road's `lanes 2`) has the field's name: `("body", 3, "lanes")`.
+    """
+
+    path: str
+    text: str
+    model: Definition
+    spans: Mapping[tuple[int, str], Span] = field(default_factory=dict)
+    comments: Mapping[tuple[str | int, ...], Comments] = field(default_factory=dict)
+
+    def span(self, item: Item, name: str = "") -> Span | None:
+        """Return where an item (or one of its fields) stands, falling back to the whole item."""
+        return self.spans.get((id(item), name)) or self.spans.get((id(item), ""))
+
+    def diagnostic(self, item: Item | None, name: str, code: str, message: str, help: str = "") -> Diagnostic:
+        """Make an error about an item of this file (None: about the file)."""
+        span = self.span(item, name) if item is not None else None
+        lines = self.text.split("\n")
+        line = lines[span.line - 1] if span is not None and span.line <= len(lines) else ""
+        return Diagnostic(code=code, message=message, help=help, path=self.path, span=span, source_line=line)
+
+
+@dataclass(frozen=True)
+class TestCase:
+    """A concrete scenario with everything it needs, ready to compile.
+
+    Attributes:
+        id: how it is addressed: `scenarios/scenario7.foresee::r03`, or a clip's or mutant's file.
+        scenario: concrete: no parameters, no cases, no references; for a child, every actor has a `State`.
+        network: in the language, or the (absolute) path of a foreign `.net.xml` or `.xodr`.
+        models: every model that may be named, by name (bundled catalogue, then the file's own).
+        meaning: `sha256:` and 12 digits, over what the test case means: scenario, network, the models that it names;
+            not over
+            comments, `doc`, tags, layout, file names or the case's name.
+        source: the file that was addressed. document: it, parsed (None for one made in memory).
+        clip, mutant: set for children.
+    """
+
+    __test__ = False  # pytest: this is no test class
+
+    id: str
+    scenario: Scenario
+    network: Network | Path
+    models: Mapping[str, VehicleModel]
+    meaning: str
+    source: Path
+    document: Document | None = None
+    clip: Clip | None = None
+    mutant: Mutant | None = None
+
+    @property
+    def family(self) -> str:
+        """The paper's family ("3", "4", "7", "8", "9"), empty when the scenario has no such tag."""
+        return self.scenario.family
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A mistake that shows only once the network is known (off the road, on top of another actor, unreachable).
+
+    `actor`: its name, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
+    (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `project.diagnose` turns it into a
+    `Diagnostic` with its place.
+    """
+
+    actor: str
+    item: str
+    code: str
+    message: str
+    help: str = ""
+
+
+class PlacementError(Exception):
+    """Raised inside the compiler with all `Problem`s found; `compile_test_case` turns it into an `InputError`."""
+
+    def __init__(self, problems: tuple[Problem, ...]) -> None:
+        super().__init__("; ".join(p.message for p in problems))
+        self.problems = problems

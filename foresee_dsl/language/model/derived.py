@@ -1,0 +1,144 @@
+"""Clips and mutants: files that pin a parent and say only what is theirs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from foresee_dsl.language.model.actors import Actor, Ego, When
+from foresee_dsl.language.model.network import Doc
+from foresee_dsl.language.model.scenario import SignalState
+from foresee_dsl.language.model.values import (
+    FilePath,
+    Item,
+    Length,
+    ModelName,
+    Name,
+    Point,
+    Quantity,
+    Text,
+    Time,
+)
+
+Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
+"""The first twelve digits of the hash of the parent's meaning (`language.meaning`)."""
+
+
+class Window(Item):
+    """`window 12.40 s..22.40 s`: in the parent's time."""
+
+    kind: Literal["window"] = "window"
+    start: Time
+    end: Time
+
+
+class Risk(Item):
+    """`risk "critical crossing: ..."`: the forecaster's sentence."""
+
+    kind: Literal["risk"] = "risk"
+    text: Text
+    at: Time | None = None
+    """The risky point in the parent's time: `risk "..." at 17.40 s`."""
+    actor: Name | None = None
+    """`risk "..." at 17.40 s with runner`."""
+
+
+class Goal(Item):
+    """`goal (118.30 m, 40.10 m)`: the waypoint of the ego's route nearest to where the parent's ego was at the
+    window's end."""
+
+    kind: Literal["clip_goal"] = "clip_goal"
+    at: Point
+
+
+class Fidelity(Item):
+    """`fidelity 0.00 m`: the largest distance of any actor from its parent's trace when the unmutated clip is run."""
+
+    kind: Literal["fidelity"] = "fidelity"
+    deviation: Length
+
+
+ClipItem = Annotated[
+    Doc | Window | Risk | Ego | Goal | Actor | SignalState | When | Fidelity, Field(discriminator="kind")
+]
+
+
+class Clip(Item):
+    """`clip NAME of "parent.foresee" case r02 pin sha256:... { ... }`.
+
+    The parent gives network, models, weather and expectations; everything that moves is in the clip.
+    """
+
+    kind: Literal["clip"] = "clip"
+    name: Name
+    parent: FilePath
+    case: Name | None = None
+    pin: Pin
+    body: tuple[ClipItem, ...]
+
+    @property
+    def start_s(self) -> float:
+        """Where its window begins, in the parent's time."""
+        window = next((item for item in self.body if isinstance(item, Window)), None)
+        return window.start.si if window and isinstance(window.start, Quantity) else 0.0
+
+    @property
+    def risk(self) -> Risk | None:
+        """The forecaster's sentence, if any."""
+        return next((item for item in self.body if isinstance(item, Risk)), None)
+
+
+class Change(Item):
+    """`change runner.model: car.compact => car.sports`, `change runner.steer: 0.00 => 0.12 from 4.00 s for 1.00 s`.
+
+    Properties: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle, WAS always 0; from `start`
+    of the clip, for
+    `duration`); `timing` (ratio of speed along its own path, WAS always 1); `speed` (at the clip's start); `delay`
+    (a time: it stands that much longer).
+    """
+
+    kind: Literal["change"] = "change"
+    actor: Name
+    property: Literal["model", "steer", "timing", "speed", "delay"]
+    was: Quantity | ModelName
+    now: Quantity | ModelName
+    start: Time | None = None
+    duration: Time | None = None
+
+
+class Origin(Item):
+    """Where a mutant comes from; nothing in it changes what the mutant means."""
+
+    kind: Literal["origin"] = "origin"
+    operator: tuple[Name, ...] = ()
+    preset: Name | None = None
+    seed: Quantity | None = None
+    tool: Text | None = None
+    driver: Text | None = None
+    found: Text | None = None
+    minimised: Text | None = None
+    preventable: Literal["yes", "no", "unknown"] | None = None
+
+
+MutantItem = Annotated[Doc | Change | Origin, Field(discriminator="kind")]
+
+
+class Mutant(Item):
+    """`mutant NAME of "clip.foresee" pin sha256:... { change ...; origin { ... } }`."""
+
+    kind: Literal["mutant"] = "mutant"
+    name: Name
+    parent: FilePath
+    pin: Pin
+    body: tuple[MutantItem, ...]
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """The change lines, in order."""
+        return tuple(item for item in self.body if isinstance(item, Change))
+
+    @property
+    def origin(self) -> Origin | None:
+        """The origin block, if any."""
+        return next((item for item in self.body if isinstance(item, Origin)), None)

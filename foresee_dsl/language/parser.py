@@ -1,0 +1,183 @@
+"""Text to model: `parse` for a text, `load` for a file, `format_text` for the same text in the canonical layout."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lark import Token, Tree
+from lark.exceptions import UnexpectedInput, UnexpectedToken
+
+from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.language.builder import Builder
+from foresee_dsl.language.comments import attach
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.grammar import parse_tree
+from foresee_dsl.language.model import Catalogue, Clip, Mutant, Network, Scenario
+from foresee_dsl.language.nodes import Mistake, Node, NodeMaker, span_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+VERSION = "1"
+"""The version of the language that this tool reads: the number in the first line, `foresee 1`."""
+
+MAX_BYTES = 2_000_000
+"""The largest file that is read (ours: a hundred times the largest clip of a twenty-actor scene)."""
+
+_MAX_RECOVERED = 200_000
+"""In a longer text only the first mistake of the grammar is looked for (ours: recovering costs 0.1 ms a line)."""
+
+
+def parse(text: str, path: str) -> Document:
+    """Read a text.
+
+    Args:
+        text: the file's content; a byte order mark and any kind of newline are accepted.
+        path: how the file is called in messages.
+
+    Raises:
+        InputError: with every mistake found, once each, in the order of their places.
+    """
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    if not text.strip():
+        help = "begin with `foresee 1`, then a scenario, network, clip, mutant or models block"
+        raise InputError((Diagnostic("FS002", "the file is empty", help, path),))
+    mistakes: list[Mistake] = []
+    comments: list[Token] = []
+    try:
+        tree, comments = parse_tree(text)
+    except UnexpectedInput as error:
+        tree, mistakes = _look_further(text, error)
+    partial = bool(mistakes)
+    maker, builder = NodeMaker(tree), Builder(partial=partial)
+    parts = [child for child in tree.children if isinstance(child, Tree)]
+    header = next((child for child in parts if child.data == "header"), None)
+    if header is not None:
+        mistakes += _wrong_version(header)
+    nodes = [maker.make(child) for child in parts if child.data != "header"]
+    models = [builder.build(node) for node in nodes]
+    mistakes += [*maker.mistakes, *builder.mistakes, *_nameless(nodes)]
+    if mistakes:
+        raise InputError(_diagnostics(mistakes, text, path))
+    model = models[0]
+    if header is None or not isinstance(model, (Scenario, Clip, Mutant, Network, Catalogue)):
+        raise TypeError("the grammar lets a file be a header and one definition, nothing else")
+    around = attach(nodes[0], span_of(header), comments, text)
+    return Document(path=path, text=text, model=model, spans=builder.spans, comments=around)
+
+
+def load(path: Path, shown_as: str | None = None) -> Document:
+    """Read a file.
+
+    Args:
+        path: the file.
+        shown_as: how it is called in messages (as the user named it); the path itself when absent.
+
+    Raises:
+        InputError: the file is missing, is a folder, too large, no UTF-8 text, or has mistakes.
+    """
+    name = shown_as if shown_as is not None else str(path)
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise InputError((Diagnostic("FS001", "this is not an ordinary file", "name a text file", name),))
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise InputError((_unreadable(path, name, error),)) from None
+    if len(content) > MAX_BYTES:
+        help = f"files of the language have at most {MAX_BYTES // 1_000_000} MB"
+        raise InputError((Diagnostic("FS002", "the file is too large", help, name),))
+    if b"\0" in content:
+        raise InputError((Diagnostic("FS002", "this is a binary file", "a text file is needed", name),))
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"the file is not UTF-8 text (line {line}, byte 0x{content[error.start]:02x})"
+        raise InputError((Diagnostic("FS002", message, "save it as UTF-8", name),)) from None
+    return parse(text, name)
+
+
+def format_text(text: str, path: str) -> str:
+    """Return the text in the canonical layout, with all its comments and the author's grouping.
+
+    Raises:
+        InputError: the text has mistakes (or, our fault, the result would not mean the same).
+    """
+    from foresee_dsl.language.printer import print_model
+
+    document = parse(text, path)
+    result = print_model(document.model, document.comments)
+    again = parse(result, path)
+    if again.model != document.model or _comment_texts(again) != _comment_texts(document):
+        message = "formatting would have changed this file, so it was left alone"
+        raise InputError((Diagnostic("FS020", message, "this is a mistake in foresee-dsl: please report it", path),))
+    return result
+
+
+def _look_further(text: str, error: UnexpectedInput) -> tuple[Tree[Token], list[Mistake]]:
+    """Find all mistakes of a text that the grammar refused."""
+    from foresee_dsl.language.recover import recover
+
+    if len(text) <= _MAX_RECOVERED:
+        tree, mistakes = recover(text)
+        if mistakes:
+            return tree, mistakes
+    line, column = max(error.line, 1), max(error.column, 1)
+    if isinstance(error, UnexpectedToken) and error.token.type == "$END":
+        line, column = text.count("\n") + 1, 1
+    place = Span(line, column, line, column + 1)
+    return Tree("file", []), [Mistake("FS003", "unexpected text: this is not how a statement goes on", "", place)]
+
+
+def _wrong_version(header: Tree[Token]) -> Iterable[Mistake]:
+    number = header.children[0]
+    if str(number) != VERSION and isinstance(number, Token):
+        message = f"this file is written in version {str(number)[:20]} of the language"
+        yield Mistake("FS009", message, f"this tool reads `foresee {VERSION}`", span_of(number))
+
+
+def _nameless(nodes: Sequence[Node]) -> Iterable[Mistake]:
+    """A network of its own needs a name (inside a scenario it needs none)."""
+    for node in nodes:
+        if node.kind is Network and "name" not in node.places:
+            place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("network"))
+            yield Mistake("FS014", "this network needs a name", "write it like `network town { ... }`", place)
+
+
+def _diagnostics(mistakes: Iterable[Mistake], text: str, path: str) -> tuple[Diagnostic, ...]:
+    lines = text.split("\n")
+    found: dict[tuple[int, int, str], Diagnostic] = {}
+    for mistake in mistakes:
+        span = mistake.span
+        source = lines[span.line - 1] if span.line <= len(lines) else ""
+        diagnostic = Diagnostic(mistake.code, mistake.message, mistake.help, path, span, source)
+        found.setdefault((span.line, span.column, mistake.message), diagnostic)
+    return tuple(found[key] for key in sorted(found))
+
+
+def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
+    if isinstance(error, FileNotFoundError):
+        near = ""
+        if path.parent.is_dir():
+            from foresee_dsl.language.suggest import closest
+
+            found = closest(path.name, sorted(p.name for p in path.parent.iterdir()))
+            near = f"did you mean '{found}'?" if found else ""
+        return Diagnostic("FS001", "there is no such file", near, name)
+    if isinstance(error, IsADirectoryError):
+        return Diagnostic("FS001", "this is a folder", "name a file in it", name)
+    if isinstance(error, PermissionError):
+        return Diagnostic("FS001", "this file may not be read", "check its permissions", name)
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return Diagnostic("FS001", f"this file cannot be read: {reason.lower()}", "", name)
+
+
+def _comment_texts(document: Document) -> list[str]:
+    found: list[str] = []
+    for comments in document.comments.values():
+        around = (comments.after, comments.after_end)
+        found += [text for text in (*comments.before, *comments.at_end, *around) if text]
+    return sorted(found)

@@ -1,0 +1,56 @@
+"""Units of measurement: every quantity in a file carries one; inside, everything is SI."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+Dimension = Literal["time", "length", "speed", "acceleration", "angle", "angular_rate", "mass", "ratio", "count"]
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit word: its dimension and the factor that turns a number of it into SI."""
+
+    word: str
+    dimension: Dimension
+    to_si: float
+
+
+_ALL = (
+    Unit("s", "time", 1.0),
+    Unit("ms", "time", 1e-3),
+    Unit("min", "time", 60.0),
+    Unit("m", "length", 1.0),
+    Unit("cm", "length", 1e-2),
+    Unit("km", "length", 1e3),
+    Unit("m/s", "speed", 1.0),
+    Unit("km/h", "speed", 1 / 3.6),
+    Unit("mph", "speed", 0.44704),  # international mile per hour, exact
+    Unit("m/s^2", "acceleration", 1.0),
+    Unit("deg", "angle", math.pi / 180),
+    Unit("rad", "angle", 1.0),
+    Unit("deg/s", "angular_rate", math.pi / 180),
+    Unit("kg", "mass", 1.0),
+    Unit("t", "mass", 1e3),
+)
+
+UNITS = MappingProxyType({unit.word: unit for unit in _ALL})
+"""Every unit word that the language knows. A bare number has the dimension `ratio` or `count`, as its place asks."""
+
+SI_WORD: MappingProxyType[Dimension, str] = MappingProxyType(
+    {
+        "time": "s",
+        "length": "m",
+        "speed": "m/s",
+        "acceleration": "m/s^2",
+        "angle": "deg",  # what people read; the model's SI value is in radians
+        "angular_rate": "deg/s",
+        "mass": "kg",
+        "ratio": "",
+        "count": "",
+    }
+)
+"""The unit that generated files use for each dimension."""

@@ -1,0 +1,286 @@
+"""The terminal: progress while a campaign runs, and its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+from rich.console import Console, Group
+from rich.padding import Padding
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+from foresee_dsl.campaign.results import FAILURES, CampaignResult, ClipOutcome, FamilyRow, SeedOutcome
+from foresee_dsl.campaign.verify import Recheck, Status
+from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.simulate.verdict import MEANING, RunResult, Verdict
+
+FAMILY_TITLES = {
+    "3": "crossing actor",
+    "4": "obstacle after a turn",
+    "7": "red-light runner",
+    "8": "unprotected left",
+    "9": "right turn, crossing traffic",
+}
+"""The paper's five scenarios in a few words (table of scenarios)."""
+
+
+class CampaignProgress:
+    """A progress bar with the time left, on a terminal; silent elsewhere."""
+
+    def __init__(self, console: Console) -> None:
+        self._progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=None),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+            transient=True,
+            expand=True,
+        )
+        self._seeds = self._progress.add_task("test cases", total=None)
+        self._clips = self._progress.add_task("clips and children", total=0, visible=False)
+        self._found = 0
+        self._clip_total = 0
+
+    def __enter__(self) -> CampaignProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def seeds(self, total: int) -> None:
+        """So many test cases will be run."""
+        self._progress.update(self._seeds, total=total)
+
+    def seed_done(self, outcome: SeedOutcome, clips: int) -> None:
+        """One is done, and gave so many clips."""
+        self._clip_total += clips
+        self._progress.advance(self._seeds)
+        self._progress.update(self._clips, total=self._clip_total, visible=True)
+        if outcome.verdict is not Verdict.PASS:
+            self._progress.console.print(f"  set aside: {outcome.id}: {outcome.reason}", style="dim", highlight=False)
+
+    def clip_done(self, outcome: ClipOutcome) -> None:
+        """One clip and its children are done."""
+        self._found += len(outcome.failing)
+        self._progress.update(
+            self._clips, advance=1, description=f"clips and children, [red]{self._found}[/red] failures"
+        )
+
+    def broken(self, what: str) -> None:
+        """Something could not be run."""
+        self._progress.console.print(f"  could not be run: {what}", style="red", highlight=False)
+
+
+def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
+    """Print the report of a campaign; it fits 80 columns."""
+    console.print(campaign_report(result, out, narrow=console.width < WIDE))
+
+
+WIDE = 100
+"""Columns from which the tables are printed side by side."""
+
+
+def campaign_report(result: CampaignResult, out: Path, *, narrow: bool) -> Group:
+    """Return the report: headline, a table a family, fidelity, and the files to open first."""
+    total = result.row()
+    parts: list[Text | Table | Padding] = [_headline(result, total)]
+    rows = [result.row(family) for family in result.families]
+    parts.append(_counts_table(rows, total))
+    parts.append(_failures_table(rows, total, narrow=narrow))
+    parts.append(_fidelity_line(result))
+    parts.extend(_set_aside(result))
+    parts.extend(_open_first(result, out))
+    if result.interrupted:
+        parts.append(Text(f"\nInterrupted: what was finished is kept in {out}.", style="yellow"))
+    return Group(*parts)
+
+
+def _headline(result: CampaignResult, total: FamilyRow) -> Text:
+    settings = result.settings
+    text = Text()
+    text.append(f"\n{total.failed} failures", style="bold red" if total.failed else "bold green")
+    text.append(f" in {total.children} children of {total.clips} clips from {total.cases} test cases")
+    length = settings.before_s + settings.after_s
+    text.append(
+        f"\ndriver {settings.driver}, ranker {settings.ranker}, preset {settings.preset}, clips of {length:g} s, "
+        f"{settings.risky_points} risky points x {settings.children} children, seed {settings.seed}\n",
+        style="dim",
+    )
+    return text
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+
+
+def _family(row: FamilyRow) -> str:
+    if row.family == "all":
+        return "all"
+    title = FAMILY_TITLES.get(row.family, "")
+    return f"{row.family} {title}".strip() or "(no family)"
+
+
+def _counts_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
+    table = _table("What was run")
+    table.add_column("scenario family", no_wrap=True)
+    for name in ("cases", "failed", "risky points", "clips", "children", "simulated", "time"):
+        table.add_column(name, justify="right")
+    for row in (*rows, total):
+        table.add_row(
+            _family(row),
+            str(row.cases),
+            str(row.cases_failed),
+            str(row.risky_points),
+            str(row.clips),
+            str(row.children),
+            _duration(row.simulated_s),
+            _duration(row.wall_s),
+            style="bold" if row is total else "",
+        )
+    return table
+
+
+def _failures_table(rows: list[FamilyRow], total: FamilyRow, *, narrow: bool) -> Table:
+    table = _table("\nFailures of children")
+    table.add_column("scenario family", no_wrap=True)
+    for kind in FAILURES:
+        table.add_column(kind.value if narrow else f"{kind.value}\n[dim]{_short(kind)}[/dim]", justify="right")
+    for name in ("all", "a clip", "an hour"):
+        table.add_column(name, justify="right")
+    for row in (*rows, total):
+        counts = [str(row.failures[k.value]) if row.failures[k.value] else "[dim]0[/dim]" for k in FAILURES]
+        table.add_row(
+            _family(row),
+            *counts,
+            f"[bold]{row.failed}[/bold]",
+            f"{row.per_risky_point:.2f}",
+            f"{row.per_simulated_hour:.0f}",
+            style="bold" if row is total else "",
+        )
+    return table
+
+
+def _short(kind: Verdict) -> str:
+    return {
+        Verdict.F1: "object, off road",
+        Verdict.F2: "pedestrian",
+        Verdict.F3: "frontal",
+        Verdict.F4: "lateral",
+        Verdict.F5: "rear",
+        Verdict.STUCK: "stands still",
+    }.get(kind, MEANING[kind])
+
+
+def _fidelity_line(result: CampaignResult) -> Text:
+    clips = result.clips
+    if not clips:
+        return Text("\nNo clips.")
+    total = result.row()
+    within = sum(c.within for c in clips) / len(clips)
+    exact = sum(c.largest_m <= 0.1 for c in clips) / len(clips)
+    kept = sum(bool(c.children) for c in clips)
+    return Text(
+        f"\nFidelity of the unmutated clips: {within:.1%} of the other actors within 0.1 m of their parent throughout, "
+        f"{exact:.0%} of the clips wholly; largest deviation median {total.fidelity_median_m:.2f} m, "
+        f"most {total.fidelity_max_m:.2f} m. {kept} of {len(clips)} clips were mutated.",
+    )
+
+
+def _set_aside(result: CampaignResult) -> list[Text]:
+    failed = [s for s in result.seeds if s.verdict is not Verdict.PASS]
+    if not failed:
+        return []
+    lines = [Text("\nSet aside (the test case itself did not pass):", style="bold")]
+    lines += [Text(f"  {s.id}: {s.reason}") for s in failed]
+    return lines
+
+
+def _open_first(result: CampaignResult, out: Path) -> list[Text]:
+    children = result.to_open_first()
+    if not children:
+        return []
+    lines = [Text("\nOpen these first:", style="bold")]
+    for child in children:
+        line = Text("  ")
+        line.append(str(out / child.file), style="cyan")
+        line.append(f"\n    {child.reason} ({', '.join(child.operators)})")
+        lines.append(line)
+    return lines
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes:02d} min"
+    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+
+
+def print_run(console: Console, name: str, result: RunResult, trace: Path | None) -> None:
+    """Print how one run ended, and which expectations held."""
+    style = {Verdict.PASS: "bold green", Verdict.TIMEOUT: "bold yellow"}.get(result.verdict, "bold red")
+    line = Text(f"{name}: ")
+    line.append(result.verdict.value, style=style)
+    line.append(f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)")
+    console.print(line)
+    for expectation in result.expectations:
+        mark = Text("  held    ", style="green") if expectation.held else Text("  BROKEN  ", style="red")
+        mark.append(expectation.text, style="default")
+        if expectation.margin is not None:
+            mark.append(f"  (by {expectation.margin:.2f})", style="dim")
+        console.print(mark)
+    if trace is not None:
+        console.print(f"  trace {trace}", style="dim")
+
+
+def print_points(console: Console, points: tuple[RiskyPoint, ...]) -> None:
+    """Print a ranked list of risky points."""
+    if not points:
+        console.print("no risky points: nobody came near the ego")
+        return
+    table = Table(box=None, pad_edge=False)
+    for heading in ("rank", "time", "frame"):
+        table.add_column(heading, justify="right")
+    table.add_column("why")
+    for p in points:
+        table.add_row(str(p.rank), f"{p.time_s:.2f} s", str(p.frame), p.why)
+    console.print(table)
+
+
+_STATUS_STYLE = {
+    Status.REPRODUCED: "red",
+    Status.FIXED: "green",
+    Status.CHANGED: "yellow",
+    Status.STALE: "magenta",
+}
+
+
+def print_verification(console: Console, rechecks: tuple[Recheck, ...]) -> None:
+    """Print what became of recorded failures: first those that need a look, then the counts."""
+    for recheck in rechecks:
+        line = Text()
+        line.append(f"{recheck.status.value:<11}", style=_STATUS_STYLE[recheck.status])
+        line.append(recheck.file)
+        if recheck.status is not Status.REPRODUCED:
+            line.append(f"\n           was {recheck.was or 'not known'}\n           now {recheck.now}", style="dim")
+        console.print(line)
+    counts = [f"{sum(r.status is s for r in rechecks)} {s.value}" for s in Status]
+    console.print(Text(", ".join(counts), style="bold"))

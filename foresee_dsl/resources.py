@@ -1,0 +1,41 @@
+"""Where the files that ship with the package are, and where files that it makes may be kept."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def data_folder(name: str) -> Path:
+    """Return the folder `name` ("grammars", "templates" or "scenarios") of this installation.
+
+    A wheel carries them inside the package (`_data/`); a checkout keeps them at the top level.
+    """
+    packaged = _PACKAGE / "_data" / name
+    return packaged if packaged.is_dir() else _PACKAGE.parent / name
+
+
+def cache_folder(name: str) -> Path:
+    """Return (and make) the private cache folder `name`: `$FORESEE_CACHE`, or `foresee-dsl` under the user's cache."""
+    base = os.environ.get("FORESEE_CACHE")
+    if base is None:
+        xdg = os.environ.get("XDG_CACHE_HOME")
+        base = str((Path(xdg) if xdg else Path.home() / ".cache") / "foresee-dsl")
+    folder = Path(base) / name
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return folder
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Write a text file whole or not at all, making its folder; an existing file keeps its permissions."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    temporary = file.with_name(f".{file.name}.{os.getpid()}")
+    try:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+        if file.exists():
+            temporary.chmod(file.stat().st_mode & 0o777)
+        temporary.replace(file)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Run a concrete scenario in SUMO with a driver at the wheel: world, dynamics, behaviours, trace, verdict."""

@@ -1,0 +1,226 @@
+"""The actors that Python moves: the ego, path-followers, obstacles, and vehicles under a steering perturbation.
+
+Each knows how to move one step and where SUMO's vehicles should see it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import shapely
+
+from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.drivers.protocol import Control, VehicleLimits
+from foresee_dsl.simulate.bodies import ROUNDING_M, Body
+from foresee_dsl.simulate.collision import Mover, corner_points
+from foresee_dsl.simulate.dynamics import Bicycle, BicycleState, limits_of
+from foresee_dsl.simulate.followers import LaneRecovery, PathFollower
+from foresee_dsl.simulate.state import Mobile
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.world import GHOST_TYPE, World
+
+STANDS_MPS = 0.1
+"""Slower is standing; SUMO's own threshold for a halting vehicle."""
+STEPS_OUT_M = 1.0
+"""A walker this near (along its path) to the road is seen by drivers as about to step on it. Ours: one pace."""
+KERB_M = 0.5
+"""A walker waits this far before the edge of a crossing. Ours: toes behind the kerb."""
+PASSES_M = 1.1
+"""Who stays this far from a lane's centreline does not block it. Ours: half a car's width and 0.2 m."""
+_GRID_M = 0.5
+"""Where a path lies is looked up once per so much of it."""
+
+
+class Ego(Mobile):
+    """The vehicle of the driver under test."""
+
+    __slots__ = ("motion",)
+
+    def __init__(self, actor: PlacedActor, friction: float) -> None:
+        """Start where the actor is placed."""
+        super().__init__(actor)
+        self.motion = Bicycle(limits_of(actor.model, friction))
+
+    @property
+    def limits(self) -> VehicleLimits:
+        """What it can do."""
+        return self.motion.limits
+
+    def drive(self, control: Control) -> None:
+        """Move one step; the lane is read from the network, not from SUMO."""
+        self.become(self.motion.step(self.bicycle(), control, STEP_S))
+
+
+class Ghost:
+    """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive."""
+
+    def __init__(self, world: World, network: RoadNetwork, name: str, edge: str) -> None:
+        """Prepare one; nothing is on the road yet."""
+        self._world, self._network, self._name, self._edge = world, network, name, edge
+        self._in: dict[str, float] = {}
+
+    def show(self, spots: Sequence[tuple[float, float, float, float]], speed_mps: float = 0.0) -> None:
+        """Show the body at these places for the next step, and nowhere else.
+
+        Args:
+            spots: x, y of the centre (m), heading of the lane there (rad), length along the lane (m).
+            speed_mps: along the lane.
+        """
+        names = [f"~{self._name}~{k}" for k in range(len(spots))]
+        for name in [name for name in self._in if name not in names]:
+            self._world.remove(name)
+            del self._in[name]
+        for name, (x, y, heading, length) in zip(names, spots, strict=True):
+            if name not in self._in:
+                self._world.add_body(name, GHOST_TYPE, (self._edge,), length)
+            self._in[name] = speed_mps
+            half = length / 2
+            self._world.place(name, x + half * math.cos(heading), y + half * math.sin(heading), heading)
+
+    def settle(self) -> None:
+        """After a step: tell SUMO the speed; it makes one up from the displacement."""
+        for name, speed in self._in.items():
+            self._world.settle(name, speed, 0.0)
+
+
+class Block(Mobile):
+    """An obstacle; it stands."""
+
+    __slots__ = ("ghost", "spots")
+
+    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
+        """Stand where it is placed, and find the lanes that it blocks."""
+        super().__init__(actor)
+        self.ghost = Ghost(world, network, actor.id, edge)
+        self.spots = _blocked(self, network)
+
+
+class Walker(Mobile):
+    """A pedestrian, cyclist or vehicle that follows a path."""
+
+    __slots__ = ("_world", "cruise", "follower", "ghost", "held_until", "network", "road_at", "stops")
+
+    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
+        """Start as far along the path as the scene says."""
+        super().__init__(actor)
+        model = actor.model
+        self._world, self.network = world, network
+        self.cruise = actor.cruise_mps * actor.timing
+        self.follower = PathFollower(
+            actor.path,
+            pace_mps=self.cruise,
+            acceleration_mps2=model.acceleration_mps2,
+            braking_mps2=model.braking_mps2,
+            length_m=0.0 if model.kind == "pedestrian" else model.length_m,
+            along_m=actor.along_m,
+            speed_mps=actor.speed_mps * actor.timing,
+        )
+        self.ghost = Ghost(world, network, actor.id, edge)
+        self.stops = actor.walk_stops
+        self.road_at: dict[int, float | None] = {}
+        self.along = actor.along_m
+        self.speed = self.follower.speed_mps
+        pose = self.follower.pose()
+        self.x, self.y, self.heading = pose.x, pose.y, pose.heading
+
+    def walk(self) -> None:
+        """Move one step."""
+        self.follower.stop_m = self._red_light()
+        pose = self.follower.step(STEP_S)
+        self.x, self.y, self.heading = pose.x, pose.y, math.remainder(pose.heading, math.tau)
+        self.speed, self.acceleration, self.yaw_rate = pose.speed, pose.acceleration, pose.yaw_rate
+        self.along = self.follower.along_m
+
+    def show(self) -> None:
+        """Let SUMO's vehicles see it where it is on the road, or about to step on it."""
+        lane = self._road(self.along)
+        if lane is None and self.speed > STANDS_MPS:
+            lane = self._road(min(self.along + STEPS_OUT_M, self.follower.line.length_m))
+        if lane is None:
+            self.ghost.show(())
+            return
+        turned = self.heading - lane
+        extent = abs(math.cos(turned)) * self.length + abs(math.sin(turned)) * self.width
+        self.ghost.show(((self.x, self.y, lane, extent),), max(0.0, self.speed * math.cos(turned)))
+
+    def _road(self, along: float) -> float | None:
+        """Heading of the lane at a length of the path, None where that is off the road."""
+        k = round(along / _GRID_M)
+        if k not in self.road_at:
+            x, y, heading = self.follower.line.at(k * _GRID_M)
+            self.road_at[k] = _lane_heading(self.network, x, y, heading)
+        return self.road_at[k]
+
+    def _red_light(self) -> float | None:
+        for enters, _, tls, link in self.stops:
+            stop = enters - KERB_M
+            # One that waits there may have been written down a rounding further on.
+            if self.along <= stop + ROUNDING_M and self._world.colour(tls, link) in ("red", "amber"):
+                return max(stop, self.along)
+        return None
+
+
+class Steered(Body):
+    """A vehicle that SUMO drives until a steering offset sets in; from then on it is a bicycle in Python."""
+
+    __slots__ = ("friction", "recovery", "taken")
+
+    def __init__(self, actor: PlacedActor, friction: float) -> None:
+        """Start where the actor is placed."""
+        super().__init__(actor)
+        self.friction = friction
+        self.recovery: LaneRecovery | None = None
+        self.taken: BicycleState | None = None
+
+    def due(self, time_s: float) -> bool:
+        """Whether it is to be taken over now."""
+        steering = self.placed.steering
+        return self.taken is None and steering is not None and time_s >= steering.start_s - STEP_S / 100
+
+    def take_over(self, network: RoadNetwork, cruise_mps: float) -> None:
+        """Take it over where it is."""
+        actor = self.placed
+        line = actor.line or network.line(actor.route, start_lane=actor.lane or None)
+        limits = limits_of(actor.model, self.friction)
+        self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering)
+        self.taken = self.recovery.take_over(self.x, self.y, self.heading, self.speed, self.acceleration)
+        self.lane = ""
+
+    def recover(self, time_s: float, others: Sequence[Mover], stop_s: float | None) -> None:
+        """Move one step; afterwards it may be gone (`present`)."""
+        if self.recovery is None or self.taken is None:
+            return
+        self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s)
+        self.become(self.taken)
+        self.present = not self.recovery.done(self.taken)
+
+
+def sped(actor: PlacedActor) -> PlacedActor:
+    """Return an actor with its `timing` worked into its speeds."""
+    k = actor.timing
+    return replace(actor, cruise_mps=actor.cruise_mps * k, speed_mps=actor.speed_mps * k) if k != 1.0 else actor
+
+
+def _lane_heading(network: RoadNetwork, x: float, y: float, fallback: float) -> float | None:
+    if not shapely.contains_xy(network.drivable, x, y):
+        return None
+    near = network.nearest_lane(x, y, None, "car", 5.0)
+    return near.lane.line.at(near.pos_m)[2] if near is not None else fallback
+
+
+def _blocked(block: Mobile, network: RoadNetwork) -> tuple[tuple[float, float, float, float], ...]:
+    """Centre, heading and length along it of the stretches of lanes that a body blocks."""
+    found: dict[str, tuple[float, float, float, float]] = {}
+    for x, y in ((block.x, block.y), *corner_points(block.box)):
+        near = network.nearest_lane(x, y, None, "car", PASSES_M)
+        if near is None or near.lane.id in found:
+            continue
+        pos, _ = near.lane.line.project(block.x, block.y)
+        lane_x, lane_y, heading = near.lane.line.at(min(max(pos, 0.0), near.lane.line.length_m))
+        turned = block.heading - heading
+        extent = abs(math.cos(turned)) * block.length + abs(math.sin(turned)) * block.width
+        found[near.lane.id] = (lane_x, lane_y, heading, extent)
+    return tuple(found.values())

@@ -1,0 +1,214 @@
+"""Everybody in a run: puts the actors into the world, moves them one step, and takes speed orders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
+from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.simulate.actors import STANDS_MPS, Block, Ego, Ghost, Steered, Walker, sped
+from foresee_dsl.simulate.bodies import Body
+from foresee_dsl.simulate.progress import Progress
+from foresee_dsl.simulate.state import Mobile
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.world import World
+
+OFF_LANE_M = 1.8
+"""The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
+LOOKS_AHEAD_M = 60.0
+"""A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
+
+
+class Cast:
+    """The actors of a scene in a world; `actors[0]` is the ego, the rest in the scene's order.
+
+    Frame 0 is the world after one step that begins 0.05 s before it: SUMO takes that step to place the vehicles.
+    """
+
+    def __init__(self, bundle: SumoBundle, world: World) -> None:
+        """Put everybody where the scene has them.
+
+        Raises:
+            SimulationError: SUMO refuses a route or a place.
+        """
+        self.world, self.network, self.scene = world, bundle.network, bundle.scene
+        scene = bundle.scene
+        edge = scene.ego.route[0]
+        self.ego = Ego(scene.ego, scene.friction)
+        self.bodies: dict[str, Body] = {}
+        self.walkers: list[Walker] = []
+        self.blocks: list[Block] = []
+        self.steered: list[Steered] = []
+        self.actors: list[Mobile] = [self.ego]
+        for actor in scene.actors[1:]:
+            self.actors.append(self._make(actor, edge))
+        self.by_id = {actor.id: actor for actor in self.actors}
+        self.cruise = {a.id: a.placed.cruise_mps * a.placed.timing or a.placed.model.max_speed_mps for a in self.actors}
+        self.ignores_signals: set[str] = set()
+        self.progress = Progress(self.network, self.actors)
+        self._held: set[str] = set()
+        self.frame = 0
+        self._enter()
+
+    @property
+    def time_s(self) -> float:
+        """Time of the frame that everybody is at."""
+        return round(self.frame * STEP_S, 6)
+
+    def step(self, control: Control) -> tuple[str, ...]:
+        """Go on by one frame.
+
+        Args:
+            control: what the driver answered to the last frame.
+
+        Returns:
+            Ids of those who have left the world.
+        """
+        self.ego.drive(control)
+        for walker in self.walkers:
+            walker.walk()
+        self._recover()
+        self.frame += 1
+        self._show()
+        self.world.step()
+        self._settle()
+        left = self._follow()
+        self._ego_lane()
+        self._take_over()
+        return left
+
+    def pace(self, actor: Mobile, speed_mps: float) -> None:
+        """Let an actor drive or walk at most this, from the next step on; 0 halts it."""
+        if isinstance(actor, Walker):
+            actor.follower.pace_mps = speed_mps
+        elif isinstance(actor, Steered) and actor.recovery is not None:
+            actor.recovery.cruise_mps = speed_mps
+        elif actor.id in self.world:
+            halt = speed_mps < STANDS_MPS
+            if halt:
+                self.world.set_speed(actor.id, 0.0)
+                self._held.add(actor.id)
+                return
+            self.world.set_cruise(actor.id, speed_mps)
+            if actor.id in self._held:
+                self._held.remove(actor.id)
+                self.world.set_speed(actor.id, None)
+
+    def ignore(self, actor: Mobile, what: str, *, on: bool = True) -> None:
+        """Let an actor ignore `signals` or `priority`, or obey again."""
+        if what == "signals":
+            (self.ignores_signals.add if on else self.ignores_signals.discard)(actor.id)
+            if isinstance(actor, Walker):
+                actor.stops = () if on else actor.placed.walk_stops
+        if actor.id in self.world:
+            self.world.ignore(actor.id, what, on=on)
+
+    def others(self, actor: Mobile) -> Iterable[Mobile]:
+        """Everybody present but one."""
+        return (other for other in self.actors if other is not actor and other.present)
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _make(self, actor: PlacedActor, edge: str) -> Mobile:
+        if actor.control == "path":
+            walker = Walker(actor, self.world, self.network, edge)
+            self.walkers.append(walker)
+            return walker
+        if actor.control == "static":
+            block = Block(actor, self.world, self.network, edge)
+            self.blocks.append(block)
+            return block
+        if actor.steering is not None:
+            steered = Steered(actor, self.scene.friction)
+            self.steered.append(steered)
+            self.bodies[actor.id] = steered
+            return steered
+        self.bodies[actor.id] = Body(actor)
+        return self.bodies[actor.id]
+
+    def _enter(self) -> None:
+        world = self.world
+        world.add_body(self.ego.id, self.ego.placed.model.name, self.ego.placed.route)
+        for body in self.bodies.values():
+            actor = sped(body.placed)
+            world.add_vehicle(actor)
+            if actor.timing < 1.0:
+                world.set_acceleration(actor.id, actor.model.acceleration_mps2 * actor.timing**2)
+            body.speed = actor.speed_mps
+        self._show()
+        world.step()
+        self._settle()
+        for body in self.bodies.values():
+            world.settle(body.id, body.speed, body.acceleration)
+            body.on_lane(world.lane_centre(body.id))
+        self._ego_lane()
+        self._take_over()
+
+    def _show(self) -> None:
+        """Say where those whom SUMO does not move will be at the end of the next step."""
+        x, y = self.ego.front
+        self.world.place(self.ego.id, x, y, self.ego.heading)
+        for walker in self.walkers:
+            walker.show()
+        for block in self.blocks:
+            block.ghost.show(block.spots)
+        for steered in self.steered:
+            if steered.taken is not None and steered.present:
+                x, y = steered.front
+                self.world.place(steered.id, x, y, steered.heading)
+
+    def _settle(self) -> None:
+        self.world.settle(self.ego.id, self.ego.speed, self.ego.acceleration)
+        for ghost in self._ghosts():
+            ghost.settle()
+        for steered in self.steered:
+            if steered.taken is not None and steered.present:
+                self.world.settle(steered.id, steered.speed, steered.acceleration)
+
+    def _ghosts(self) -> Iterable[Ghost]:
+        yield from (walker.ghost for walker in self.walkers)
+        yield from (block.ghost for block in self.blocks)
+
+    def _follow(self) -> tuple[str, ...]:
+        states = self.world.vehicles()
+        left = []
+        for name, body in self.bodies.items():
+            state = states.get(name)
+            if state is not None:
+                body.follow(state)
+            elif body.present and not (isinstance(body, Steered) and body.taken is not None):
+                body.present = False
+                left.append(name)
+        return tuple(left)
+
+    def _recover(self) -> None:
+        taken = [a for a in self.steered if a.taken is not None and a.present]
+        if not taken:
+            return
+        movers = {a.id: a.mover for a in self.actors if a.present}
+        for actor in taken:
+            others = [mover for name, mover in movers.items() if name != actor.id]
+            actor.recover(self.time_s, others, self._red_ahead(actor))
+            if not actor.present:
+                self.world.remove(actor.id)
+
+    def _red_ahead(self, actor: Mobile) -> float | None:
+        if actor.id in self.ignores_signals:
+            return None
+        for passage, room in self.progress.ahead(actor, self.frame, LOOKS_AHEAD_M):
+            tls, link = passage.movement.tls, passage.movement.link
+            if room >= 0 and tls is not None and link >= 0 and self.world.colour(tls, link) == "red":
+                return passage.entry_s
+        return None
+
+    def _take_over(self) -> None:
+        for actor in self.steered:
+            if actor.present and actor.due(self.time_s):
+                actor.take_over(self.network, self.cruise[actor.id])
+                self.world.take_over(actor.placed)
+
+    def _ego_lane(self) -> None:
+        line = self.ego.placed.line
+        if line is not None:
+            s, lateral = self.progress.of(self.ego, self.frame)
+            self.ego.lane = line.lane_at(s) if abs(lateral) <= OFF_LANE_M else ""

@@ -1,0 +1,194 @@
+"""Footprints as oriented boxes: do two overlap, and how far apart are they.
+
+A box is a rectangle given by five numbers: x, y of its centre (m), heading of its long axis (rad, counter-clockwise
+from east), length and width (m). Overlap is exact (separating axes); boxes that only touch count as overlapping.
+Single pairs are computed with plain floats, sets with numpy; NaN marks an absent actor, which hits nothing.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+class Box(NamedTuple):
+    """A footprint: centre (m), heading (rad), length and width (m)."""
+
+    x: float
+    y: float
+    heading: float
+    length: float
+    width: float
+
+
+class Mover(NamedTuple):
+    """A footprint that moves along its heading: as `Box`, with speed (m/s)."""
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    length: float
+    width: float
+
+    @property
+    def box(self) -> Box:
+        """Where it is now."""
+        return Box(self.x, self.y, self.heading, self.length, self.width)
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Velocity (m/s) east and north."""
+        return self.speed * cos(self.heading), self.speed * sin(self.heading)
+
+
+def corners(boxes: FloatArray | Box) -> FloatArray:
+    """Return the corners of one box or many.
+
+    Args:
+        boxes: [..., 5] x, y, heading, length, width.
+
+    Returns:
+        [..., 4, 2] m: front left, rear left, rear right, front right (counter-clockwise).
+    """
+    b = np.asarray(boxes, dtype=np.float64)
+    along = b[..., 3, None] / 2 * np.array([1.0, -1.0, -1.0, 1.0])
+    left = b[..., 4, None] / 2 * np.array([1.0, 1.0, -1.0, -1.0])
+    c, s = np.cos(b[..., 2, None]), np.sin(b[..., 2, None])
+    return np.stack([b[..., 0, None] + c * along - s * left, b[..., 1, None] + s * along + c * left], axis=-1)
+
+
+def corner_points(box: Box) -> list[tuple[float, float]]:
+    """Return the corners of one box as plain floats, in the order of `corners`."""
+    c, s = cos(box.heading), sin(box.heading)
+    ax, ay = c * box.length / 2, s * box.length / 2
+    lx, ly = -s * box.width / 2, c * box.width / 2
+    x, y = box.x, box.y
+    return [
+        (x + ax + lx, y + ay + ly),
+        (x - ax + lx, y - ay + ly),
+        (x - ax - lx, y - ay - ly),
+        (x + ax - lx, y + ay - ly),
+    ]
+
+
+def overlaps(a: Box, b: Box) -> bool:
+    """Whether two boxes share a point; False where a value is NaN."""
+    dx, dy = b.x - a.x, b.y - a.y
+    ca, sa, cb, sb = cos(a.heading), sin(a.heading), cos(b.heading), sin(b.heading)
+    c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
+    # Written as a chain of "<=" so that NaN answers False.
+    return (
+        abs(dx * ca + dy * sa) <= (a.length + c * b.length + s * b.width) / 2
+        and abs(dy * ca - dx * sa) <= (a.width + s * b.length + c * b.width) / 2
+        and abs(dx * cb + dy * sb) <= (b.length + c * a.length + s * a.width) / 2
+        and abs(dy * cb - dx * sb) <= (b.width + s * a.length + c * a.width) / 2
+    )
+
+
+def ego_hits(
+    ego_pose: FloatArray | tuple[float, float, float],
+    ego_size: FloatArray | tuple[float, float],
+    poses: FloatArray,
+    sizes: FloatArray,
+) -> IntArray:
+    """Return which of the others the ego's footprint overlaps.
+
+    Args:
+        ego_pose: x, y, heading. ego_size: length, width.
+        poses: [K, 3] x, y, heading; NaN where absent. sizes: [K, 2] length, width.
+
+    Returns:
+        Indices into `poses`, ascending.
+    """
+    x, y, heading = (float(v) for v in ego_pose)
+    length, width = (float(v) for v in ego_size)
+    # Circles around the boxes first: hardly anyone is this near, and the exact test runs on those only.
+    reach = (hypot(length, width) + np.hypot(sizes[:, 0], sizes[:, 1])) / 2
+    near = np.flatnonzero(np.hypot(poses[:, 0] - x, poses[:, 1] - y) <= reach)
+    if not near.size:
+        return near
+    ego = Box(x, y, heading, length, width)
+    hit = [overlaps(ego, Box(*poses[k].tolist(), *sizes[k].tolist())) for k in near.tolist()]
+    return near[hit]
+
+
+def box_distance(a: Box, b: Box) -> float:
+    """Return the smallest distance (m) between two boxes, 0 when they overlap, NaN where a value is NaN."""
+    if overlaps(a, b):
+        return 0.0
+    # Two convex shapes that do not overlap are nearest at a corner of one of them.
+    return min(_corners_to_box(a, b), _corners_to_box(b, a))
+
+
+def _corners_to_box(of: Box, to: Box) -> float:
+    c, s = cos(to.heading), sin(to.heading)
+    half_length, half_width = to.length / 2, to.width / 2
+    nearest = float("inf")
+    for px, py in corner_points(of):
+        dx, dy = px - to.x, py - to.y
+        d = hypot(max(abs(dx * c + dy * s) - half_length, 0.0), max(abs(dy * c - dx * s) - half_width, 0.0))
+        # `not >=` keeps a NaN.
+        if not d >= nearest:
+            nearest = d
+    return nearest
+
+
+def box_distances(ego: FloatArray | Box, others: FloatArray) -> FloatArray:
+    """Return the distances between one box and many.
+
+    Args:
+        ego: [5]. others: [K, 5].
+
+    Returns:
+        [K] m, 0 where they overlap, NaN where absent.
+    """
+    return _distances(np.asarray(ego, dtype=np.float64), np.asarray(others, dtype=np.float64))
+
+
+def pairwise_box_distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the distance between two footprints, frame by frame.
+
+    Args:
+        a: [T, 5]. b: [T, 5] (or shapes that broadcast, the last axis being the box).
+
+    Returns:
+        [T] m, 0 where they overlap, NaN where either is absent.
+    """
+    return _distances(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
+
+
+def box_overlap(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+    """Return which boxes overlap, frame by frame: [..., 5] and [..., 5] to [...]; False where either is absent."""
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    ca, sa, cb, sb = np.cos(a[..., 2]), np.sin(a[..., 2]), np.cos(b[..., 2]), np.sin(b[..., 2])
+    c, s = np.abs(ca * cb + sa * sb), np.abs(ca * sb - sa * cb)
+    la, wa, lb, wb = a[..., 3] / 2, a[..., 4] / 2, b[..., 3] / 2, b[..., 4] / 2
+    result: NDArray[np.bool_] = (
+        (np.abs(dx * ca + dy * sa) <= la + c * lb + s * wb)
+        & (np.abs(dy * ca - dx * sa) <= wa + s * lb + c * wb)
+        & (np.abs(dx * cb + dy * sb) <= lb + c * la + s * wa)
+        & (np.abs(dy * cb - dx * sb) <= wb + s * la + c * wa)
+    )
+    return result
+
+
+def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    apart = np.minimum(_corner_distances(a, b), _corner_distances(b, a))
+    return np.where(box_overlap(a, b), 0.0, apart)
+
+
+def _corner_distances(of: FloatArray, to: FloatArray) -> FloatArray:
+    """Distance from the nearest corner of `of` to the box `to`."""
+    offset = corners(of) - to[..., None, :2]
+    c, s = np.cos(to[..., 2, None]), np.sin(to[..., 2, None])
+    along = np.abs(offset[..., 0] * c + offset[..., 1] * s) - to[..., 3, None] / 2
+    left = np.abs(offset[..., 1] * c - offset[..., 0] * s) - to[..., 4, None] / 2
+    nearest: FloatArray = np.hypot(np.maximum(along, 0.0), np.maximum(left, 0.0)).min(axis=-1)
+    return nearest

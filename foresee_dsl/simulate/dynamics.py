@@ -1,0 +1,221 @@
+"""How a driven vehicle moves: a kinematic bicycle with a steering rate, a drivetrain lag and a friction circle.
+
+The motion is that of the rear axle's centre, which follows the front wheels without slip (Rajamani, Vehicle Dynamics
+and Control, 2nd ed., section 2.2); states are given at the centre of the footprint, as everywhere else. All that the
+next step needs is in the state, so a run restored from a state continues exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan, cos, exp, isnan, sin, sqrt, tan
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
+
+GRAVITY_MPS2 = 9.81
+"""Standard gravity, to the figures that `VehicleLimits` is defined with."""
+
+THROTTLE_LAG_S = 0.2
+"""Time constant of the drivetrain. Ours: between an electric motor (0.05-0.1 s) and a petrol engine (0.3-0.5 s)."""
+
+BRAKE_LAG_S = 0.1
+"""Time constant of the brakes. Ours: electro-hydraulic boosters build full pressure in 0.15-0.2 s, about two time
+constants."""
+
+STEERABLE_SHARE = 0.3
+"""Share of the grip that braking leaves for steering where the front wheels ask for it. Ours: an anti-lock system keeps
+the car steerable; giving up 0.3 of the grip sideways costs 4.6 % of the braking (sqrt(1 - 0.3^2))."""
+
+
+@dataclass(slots=True)
+class BicycleState:
+    """One moment of a vehicle; the columns of `Trace.states`.
+
+    Attributes:
+        x, y: centre of the footprint (m). heading: rad, counter-clockwise from east. speed: m/s, never negative.
+        acceleration: along the heading, m/s^2. yaw_rate: rad/s. steer: angle of the front wheels (rad, left positive).
+    """
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    acceleration: float = 0.0
+    yaw_rate: float = 0.0
+    steer: float = 0.0
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, y, heading."""
+        return self.x, self.y, self.heading
+
+    def as_ego(self) -> EgoState:
+        """Return what a driver is told about its own vehicle."""
+        return EgoState(self.x, self.y, self.heading, self.speed, self.acceleration, self.yaw_rate, self.steer)
+
+
+def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
+    """Return what a model can do on a road of this friction."""
+    return VehicleLimits(
+        model=model.name,
+        length_m=model.length_m,
+        width_m=model.width_m,
+        wheelbase_m=model.wheelbase_m,
+        front_overhang_m=model.front_overhang_m,
+        max_speed_mps=model.max_speed_mps,
+        acceleration_mps2=model.acceleration_mps2,
+        braking_mps2=model.braking_mps2,
+        emergency_braking_mps2=model.emergency_braking_mps2,
+        steer_max_rad=model.max_steer_rad,
+        steer_rate_rad_s=model.steer_rate_rad_s,
+        friction=friction,
+    )
+
+
+class Bicycle:
+    """Moves one kind of vehicle.
+
+    Args:
+        limits: what the vehicle can do.
+
+    Raises:
+        ValueError: a limit that must be positive is not.
+    """
+
+    def __init__(self, limits: VehicleLimits) -> None:
+        for name in ("wheelbase_m", "max_speed_mps", "friction"):
+            if not getattr(limits, name) > 0:
+                raise ValueError(f"{limits.model}: {name} is {getattr(limits, name)}, must be positive")
+        self.limits = limits
+        self.rear_axle_m = limits.wheelbase_m + limits.front_overhang_m - limits.length_m / 2
+        """How far the rear axle lies behind the centre of the footprint."""
+        self.grip_mps2 = limits.friction * GRAVITY_MPS2
+
+    def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
+        """Return the state `dt` seconds later; `state` is left as it is.
+
+        Args:
+            state: the vehicle now.
+            control: pedals and wheel. Values out of range mean the nearest allowed one.
+            dt: s, positive.
+
+        Raises:
+            ValueError: the control holds a NaN or something that is no number.
+        """
+        wheel, throttle, brake = checked(control)
+        steer = self._turn_wheels(state.steer, wheel, dt)
+        wanted = self._drive(state, throttle, brake, dt)
+        acceleration, curvature = self._within_grip(state.speed, wanted, steer, dt)
+        return self._move(state, acceleration, curvature, steer, dt)
+
+    def steer_for(self, curvature: float) -> float:
+        """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
+        limit = self.limits.steer_max_rad
+        return max(-limit, min(limit, atan(self.limits.wheelbase_m * curvature)))
+
+    def rear_axle(self, state: BicycleState) -> tuple[float, float]:
+        """Return the centre of the rear axle (m)."""
+        return (
+            state.x - self.rear_axle_m * cos(state.heading),
+            state.y - self.rear_axle_m * sin(state.heading),
+        )
+
+    def wheels(self, state: BicycleState, inset_m: float) -> tuple[tuple[float, float], ...]:
+        """Return one point (m) per wheel: on its axle, `inset_m` inside the vehicle's side.
+
+        The order is front left, rear left, rear right, front right.
+        """
+        c, s = cos(state.heading), sin(state.heading)
+        left = max(self.limits.width_m / 2 - inset_m, 0.0)
+        rear, front = -self.rear_axle_m, self.limits.wheelbase_m - self.rear_axle_m
+        return tuple(
+            (state.x + c * along - s * across, state.y + s * along + c * across)
+            for along, across in ((front, left), (rear, left), (rear, -left), (front, -left))
+        )
+
+    def _turn_wheels(self, steer: float, wheel: float, dt: float) -> float:
+        change = wheel * self.limits.steer_max_rad - steer
+        most = self.limits.steer_rate_rad_s * dt
+        return steer + max(-most, min(most, change))
+
+    def _drive(self, state: BicycleState, throttle: float, brake: float, dt: float) -> float:
+        """Acceleration that motor and brakes give, before the tyres have their say."""
+        limits = self.limits
+        fade = max(0.0, 1.0 - state.speed / limits.max_speed_mps)
+        target = throttle * limits.acceleration_mps2 * fade - brake * limits.emergency_braking_mps2
+        lag = BRAKE_LAG_S if brake > 0 else THROTTLE_LAG_S
+        return target + (state.acceleration - target) * exp(-dt / lag)
+
+    def _within_grip(self, speed: float, acceleration: float, steer: float, dt: float) -> tuple[float, float]:
+        """Acceleration and curvature that the tyres can hold together.
+
+        The wheels stay where the driver turned them; the vehicle runs wider than they point (understeer).
+        """
+        grip = self.grip_mps2
+        acceleration = max(-grip, min(grip, acceleration))
+        curvature = tan(steer) / self.limits.wheelbase_m
+        fastest = speed + max(0.0, acceleration) * dt
+        demand = fastest * fastest * abs(curvature)
+        left_over = sqrt(grip * grip - acceleration * acceleration)
+        lateral = max(left_over, STEERABLE_SHARE * grip)
+        if demand <= left_over:
+            return acceleration, curvature
+        if demand > lateral:
+            curvature *= lateral / demand
+            demand = lateral
+        most = sqrt(max(0.0, grip * grip - demand * demand))
+        return max(-most, min(most, acceleration)), curvature
+
+    def _move(
+        self, state: BicycleState, acceleration: float, curvature: float, steer: float, dt: float
+    ) -> BicycleState:
+        speed = state.speed + acceleration * dt
+        if speed <= 0.0:  # it comes to rest within the step, and there is no reverse
+            distance = state.speed * state.speed / (-2.0 * acceleration) if acceleration < 0 else 0.0
+            speed = acceleration = 0.0
+        else:
+            if acceleration > 0.0 and speed > (top := max(state.speed, self.limits.max_speed_mps)):
+                speed, acceleration = top, (top - state.speed) / dt  # the drivetrain's lag would push it over
+            distance = (state.speed + speed) / 2 * dt
+        if distance == 0.0:  # standing still is exact: no rounding may creep into the position
+            return BicycleState(state.x, state.y, state.heading, speed, acceleration, 0.0, steer)
+        half_turn = distance * curvature / 2
+        # The rear axle runs on an arc: its chord lies at the mean heading.
+        chord = distance * (sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
+        mean, heading = state.heading + half_turn, state.heading + 2 * half_turn
+        behind = self.rear_axle_m
+        return BicycleState(
+            x=state.x + chord * cos(mean) + behind * (cos(heading) - cos(state.heading)),
+            y=state.y + chord * sin(mean) + behind * (sin(heading) - sin(state.heading)),
+            heading=heading,
+            speed=speed,
+            acceleration=acceleration,
+            yaw_rate=speed * curvature,
+            steer=steer,
+        )
+
+
+def checked(control: Control) -> tuple[float, float, float]:
+    """Return steer, throttle and brake as floats within their ranges.
+
+    Raises:
+        ValueError: one is NaN or no number.
+    """
+    try:
+        steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
+    except (TypeError, ValueError, AttributeError) as err:
+        raise ValueError(f"the driver answered {control!r}, not a control of three numbers") from err
+    if isnan(steer) or isnan(throttle) or isnan(brake):
+        raise ValueError(f"the driver answered a NaN: {control!r}")
+    return max(-1.0, min(1.0, steer)), max(0.0, min(1.0, throttle)), max(0.0, min(1.0, brake))
+
+
+def front_of(state: BicycleState, length: float) -> tuple[float, float]:
+    """Return the middle of the front bumper (m) of a vehicle of this length (m); SUMO's reference point."""
+    return state.x + length / 2 * cos(state.heading), state.y + length / 2 * sin(state.heading)
+
+
+def centre_of_front(x: float, y: float, heading: float, length: float) -> tuple[float, float]:
+    """Return the centre of the footprint (m) whose front bumper's middle is at x, y."""
+    return x - length / 2 * cos(heading), y - length / 2 * sin(heading)

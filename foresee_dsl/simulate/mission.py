@@ -1,0 +1,90 @@
+"""What the driver is asked to do: the ego's line, its junctions and who crosses there, from a compiled test case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.conflicts import Conflict, conflicts_of
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.routeline import Passage
+from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
+from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.dynamics import limits_of
+from foresee_dsl.simulate.trace import STEP_S
+
+__all__ = ["limits_of", "mission_of"]
+
+STOP_BEFORE_M = 1.0
+"""The stop line is this far in front of the junction's lanes, as SUMO's vehicles stop."""
+BEYOND_GOAL_M = 80.0
+"""A driver that plans 4 s ahead at 60 km/h looks 67 m ahead (and the protocol asks for a line beyond the goal)."""
+_GO, _GO_FIRST = "gGoO", "G"
+"""Letters of a signal's state that let a movement go; the one that lets it go without yielding."""
+
+
+def mission_of(bundle: SumoBundle) -> Mission:
+    """Return the ego's mission.
+
+    Its centreline goes on for 80 m after the goal, straight where the route leaves it open, or as far as the network
+    goes.
+
+    Raises:
+        SimulationError: the ego has no route.
+    """
+    ego = bundle.scene.ego
+    line = ego.line
+    if line is None:
+        raise SimulationError(f"{bundle.name}: the ego has no route")
+    states = {signal.tls: tuple(phase.state for phase in signal.phases) for signal in bundle.signals.values()}
+    goal_s = bundle.scene.goal_s
+    n = int(np.searchsorted(line.s, goal_s + BEYOND_GOAL_M)) + 1
+    return Mission(
+        centreline=line.points[:n],
+        s=line.s[:n],
+        speed_limit_mps=np.minimum(line.speed_limit[:n], max(ego.cruise_mps, 0.1)),
+        left_m=line.left_m[:n],
+        right_m=line.right_m[:n],
+        start_s=bundle.scene.start_s,
+        goal_s=goal_s,
+        junctions=tuple(_junction(p, bundle.network, states) for p in line.passages if p.entry_s < line.s[:n][-1]),
+        step_s=STEP_S,
+    )
+
+
+def _junction(passage: Passage, network: RoadNetwork, states: Mapping[str, tuple[str, ...]]) -> JunctionPassage:
+    own = (passage.movement.tls or "", passage.movement.link)
+    return JunctionPassage(
+        junction=passage.junction,
+        stop_s=passage.entry_s - STOP_BEFORE_M,
+        exit_s=passage.exit_s,
+        turn=passage.turn,
+        signal=passage.signal,
+        foes=tuple(_foe(c, passage.entry_s, own, states) for c in conflicts_of(network, passage.movement)),
+    )
+
+
+def _foe(conflict: Conflict, entry_s: float, own: tuple[str, int], states: Mapping[str, tuple[str, ...]]) -> Foe:
+    return Foe(
+        path=conflict.path,
+        entry_s=conflict.entry_s,
+        conflict_s=(entry_s + conflict.own[0], entry_s + conflict.own[1]),
+        conflict_path_s=conflict.other,
+        has_priority=_must_yield(conflict, own, states),
+        pedestrian=conflict.pedestrian,
+    )
+
+
+def _must_yield(conflict: Conflict, own: tuple[str, int], states: Mapping[str, tuple[str, ...]]) -> bool:
+    """Say whether the ego must let a stream go first while both may go.
+
+    At a signal the right-of-way matrix holds every pair; only those count that have green together, the ego without
+    priority (`g`).
+    """
+    tls, link = own
+    phases = states.get(tls)
+    if not conflict.yields or phases is None or link < 0 or conflict.tls != tls:
+        return conflict.yields
+    return any(state[link] in _GO and state[link] not in _GO_FIRST and state[conflict.link] in _GO for state in phases)

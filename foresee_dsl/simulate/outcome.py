@@ -1,0 +1,245 @@
+"""How a run ends: what kind of failure a collision is, and when a run is over.
+
+The kinds are the paper's (section 4.4): F1 elements beyond the road (pavements, poles), F2 pedestrians, F3 frontal,
+F4 lateral and F5 rear collisions with other vehicles. The paper does not say where one of the last three ends and the
+next begins; ours is the contact normal. Both vehicles are moved back to where they first touched; there the line at
+right angles to the touching sides is the *contact normal*. A body is hit in front, at a side or in the rear when the
+normal leaves it within 45 degrees of that direction. Then
+
+- F3 frontal: headings within 45 degrees of opposite, both hit in front;
+- F5 rear: headings within 45 degrees of equal, one hit in front, the other in the rear (either may be the ego);
+- F4 lateral: everything else (side swipes, T-bones, corners).
+
+Bicycles and motorcycles are vehicles. Whether the ego is to blame plays no role, as in the paper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, inf, pi, sin
+from typing import Literal
+
+import numpy as np
+
+from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.compile.polyline import wrap
+from foresee_dsl.simulate.collision import FloatArray, Mover, ego_hits
+from foresee_dsl.simulate.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.verdict import Verdict
+
+Side = Literal["front", "left", "right", "rear"]
+
+STUCK_SPEED_MPS = 0.1
+"""Slower than this is standing. Ours: the same as SUMO's threshold for a halting vehicle."""
+
+STUCK_AFTER_S = 20.0
+"""A vehicle that stands this long with nothing to wait for is stuck. Ours: longer than any pause in giving way that
+the bundled scenarios hold; a red signal and traffic ahead do not count."""
+
+WHEEL_INSET_M = 0.3
+"""The ego is off the road when the inner edge of a tyre is. Ours: a tyre is 0.2 m wide and stands up to 0.1 m inside
+the body, so brushing a kerb is no failure, and a whole wheel on the pavement is."""
+
+FACING_RAD = pi / 4
+"""Half the sector that counts as front, side or rear. Ours: four equal sectors."""
+
+CONTACT_WITHIN_S = 0.1
+"""How far back the first touch is looked for. Ours: two steps; were the bodies to need longer to come apart, their
+turning has brought them together and not their speed, and the least penetration says which sides touch."""
+
+_PHRASE = {
+    Verdict.F3: "frontal collision with {}",
+    Verdict.F4: "lateral collision with {}",
+    Verdict.F5: "rear collision with {}",
+}
+
+
+def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
+    """Return the kind of failure that a collision is.
+
+    Args:
+        ego: the ego where it overlaps the other.
+        other: what it hit, at the same moment.
+        kind: what the other is.
+
+    Returns:
+        One of F1 to F5.
+    """
+    if kind == "obstacle":
+        return Verdict.F1
+    if kind == "pedestrian":
+        return Verdict.F2
+    mine, theirs = contact_sides(ego, other)
+    turned = abs(wrap(other.heading - ego.heading))
+    if turned >= pi - FACING_RAD and mine == theirs == "front":
+        return Verdict.F3
+    if turned <= FACING_RAD and {mine, theirs} == {"front", "rear"}:
+        return Verdict.F5
+    return Verdict.F4
+
+
+def contact_sides(a: Mover, b: Mover) -> tuple[Side, Side]:
+    """Return which sides of two overlapping bodies touched first: (of a, of b)."""
+    normal = contact_normal(a, b)
+    return _side(normal - a.heading), _side(normal + pi - b.heading)
+
+
+def contact_normal(a: Mover, b: Mover) -> float:
+    """Return the direction (rad) from `a` to `b` at right angles to the sides that touched first.
+
+    Two boxes come to overlap at the moment when the last of the four directions at right angles to their sides stops
+    separating them. Going back along the relative velocity, that is the direction which separates them first.
+    """
+    dx, dy = b.x - a.x, b.y - a.y
+    (ax, ay), (bx, by) = a.velocity, b.velocity
+    vx, vy = bx - ax, by - ay
+    soonest, normal = CONTACT_WITHIN_S, None
+    least, shallowest = inf, 0.0
+    for angle in (a.heading, a.heading + pi / 2, b.heading, b.heading + pi / 2):
+        nx, ny = cos(angle), sin(angle)
+        reach = (_extent(a, angle) + _extent(b, angle)) / 2
+        apart, speed = dx * nx + dy * ny, -(vx * nx + vy * ny)
+        depth = reach - abs(apart)
+        if depth < least:
+            least, shallowest = depth, angle if apart >= 0 else angle + pi
+        if speed != 0.0:
+            sign = 1.0 if speed > 0 else -1.0
+            since = (reach - sign * apart) / abs(speed)
+            if since < soonest:
+                soonest, normal = since, angle if speed > 0 else angle + pi
+    return shallowest if normal is None else normal
+
+
+def off_road_points(bicycle: Bicycle, state: BicycleState) -> tuple[tuple[float, float], ...]:
+    """Return the four points (m) that must all lie on the drivable area: the tyres' inner edges.
+
+    The body may hang over the kerb, as it does in tight turns; a wheel may not stand beyond it.
+    """
+    return bicycle.wheels(state, WHEEL_INSET_M)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The end of a run.
+
+    Attributes:
+        verdict: how it ended. time_s: when. with_: id of the other party, or "". reason: a sentence for people.
+    """
+
+    verdict: Verdict
+    time_s: float
+    with_: str
+    reason: str
+
+
+class Judge:
+    """Watches a run and says when it is over.
+
+    Args:
+        ids: [K] ids of the others. kinds: [K]. sizes: [K, 2] length and width (m), in the order of `look`'s poses.
+        ego_size: length and width (m).
+        end_s: the run ends at this time.
+        clip: a clip or child passes when its time is over, arrived or not.
+
+    Raises:
+        ValueError: ids, kinds and sizes differ in length.
+    """
+
+    def __init__(
+        self,
+        *,
+        ids: Sequence[str],
+        kinds: Sequence[ActorKind],
+        sizes: FloatArray,
+        ego_size: tuple[float, float],
+        end_s: float,
+        clip: bool = False,
+    ) -> None:
+        if not len(ids) == len(kinds) == len(sizes):
+            raise ValueError(f"{len(ids)} ids, {len(kinds)} kinds and {len(sizes)} sizes")
+        self._ids, self._kinds = tuple(ids), tuple(kinds)
+        self._sizes = np.asarray(sizes, dtype=np.float64).reshape(-1, 2)
+        self._ego_size, self._end_s, self._clip = ego_size, end_s, clip
+        self._standing_since: float | None = None
+
+    def look(
+        self,
+        time_s: float,
+        ego: BicycleState,
+        poses: FloatArray,
+        speeds: FloatArray,
+        *,
+        off_road: bool,
+        arrived: bool,
+        may_wait: bool,
+    ) -> Decision | None:
+        """Look at one frame; None while the run goes on.
+
+        Args:
+            time_s: 0 at the first frame.
+            ego: the ego.
+            poses: [K, 3] x, y, heading of the others' footprints, NaN where absent. speeds: [K] m/s.
+            off_road: one of `off_road_points` is not on the drivable area.
+            arrived: the ego has reached its goal.
+            may_wait: there is something to wait for (a red signal, someone close ahead).
+        """
+        hits = ego_hits(ego.pose, self._ego_size, poses, self._sizes)
+        if hits.size:
+            k = int(hits[0])
+            x, y, heading = poses[k].tolist()
+            other = Mover(x, y, heading, float(speeds[k]), *self._sizes[k].tolist())
+            me = Mover(ego.x, ego.y, ego.heading, ego.speed, *self._ego_size)
+            return self._collision(time_s, me, other, k)
+        if off_road:
+            if time_s <= 0:
+                return Decision(Verdict.INVALID, time_s, "", "invalid: the ego begins off the drivable area")
+            return Decision(Verdict.F1, time_s, "", f"F1 left the drivable area at {time_s:.2f} s")
+        if arrived:
+            return Decision(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
+        return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
+
+    def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
+        name, kind = self._ids[k], self._kinds[k]
+        whom = f"{name} ({kind})"
+        if time_s <= 0:
+            return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame")
+        verdict = classify(ego, other, kind)
+        what = _PHRASE.get(verdict, "collision with {}").format(whom)
+        return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s")
+
+    def _stuck(self, time_s: float, speed: float, may_wait: bool) -> Decision | None:
+        if speed >= STUCK_SPEED_MPS or may_wait:
+            self._standing_since = None
+            return None
+        if self._standing_since is None:
+            self._standing_since = time_s
+        standing = time_s - self._standing_since
+        if standing < STUCK_AFTER_S - 1e-9:
+            return None
+        reason = f"stuck: stood for {standing:.0f} s with nothing to wait for, until {time_s:.2f} s"
+        return Decision(Verdict.STUCK, time_s, "", reason)
+
+    def _time_is_up(self, time_s: float) -> Decision | None:
+        if time_s < self._end_s - 1e-9:
+            return None
+        if self._clip:
+            return Decision(Verdict.PASS, time_s, "", f"drove to the end of the clip at {time_s:.2f} s")
+        return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
+
+
+def _extent(body: Mover, angle: float) -> float:
+    """Length of the body's shadow on a line in direction `angle`."""
+    turned = angle - body.heading
+    return body.length * abs(cos(turned)) + body.width * abs(sin(turned))
+
+
+def _side(angle: float) -> Side:
+    """The side of a body whose outward direction is nearest to `angle`, which counts from its heading."""
+    angle = wrap(angle)
+    # Ties go to the front and the rear.
+    if abs(angle) <= FACING_RAD:
+        return "front"
+    if abs(angle) >= pi - FACING_RAD:
+        return "rear"
+    return "left" if angle > 0 else "right"

@@ -1,0 +1,193 @@
+"""Runs a compiled test case with a driver, 20 steps a second, until it is decided how it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation
+from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.actors import STANDS_MPS
+from foresee_dsl.simulate.behaviours import Director
+from foresee_dsl.simulate.cast import Cast
+from foresee_dsl.simulate.conditions import Conditions
+from foresee_dsl.simulate.dynamics import checked
+from foresee_dsl.simulate.expectations import Expectations
+from foresee_dsl.simulate.mission import mission_of
+from foresee_dsl.simulate.outcome import Decision, Judge, off_road_points
+from foresee_dsl.simulate.recorder import Recorder
+from foresee_dsl.simulate.sensing import observe
+from foresee_dsl.simulate.verdict import RunResult, Verdict
+from foresee_dsl.simulate.world import World
+
+WAYPOINT_M = 2.0
+"""Spacing of the trace's waypoints (asked for by the trace's layout)."""
+CLOSE_AHEAD_M = 15.0
+"""Somebody in front and this near is something to wait for. Ours: two car lengths and a crossing's width."""
+SIGNAL_AHEAD_M = 30.0
+"""A signal that is not green and this near is something to wait for. Ours: the first four cars of a queue; those
+behind have somebody in front."""
+_TRACKS_PER_ACTOR = 10
+"""Track numbers are drawn from so many times as many, so that they do not tell how many actors there are."""
+
+
+def run(bundle: SumoBundle, driver: Driver, *, seed: int = 0, meta: Mapping[str, Any] | None = None) -> RunResult:
+    """Run a test case. The same arguments give the same trace, in any process.
+
+    Args:
+        bundle: the compiled test case.
+        driver: the software under test. What it raises is the run's result (`crash`), not an exception of this call.
+        seed: given to the driver, and what track numbers are drawn from.
+        meta: goes into the trace's `meta`, over what is there by itself.
+
+    Raises:
+        SimulationError: the scene cannot be set up in SUMO.
+    """
+    return _Run(bundle, driver, seed, dict(meta or {})).go()
+
+
+class _Run:
+    """One run's state."""
+
+    def __init__(self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any]) -> None:
+        self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
+        self._world = World.shared(bundle)
+        self._cast = Cast(bundle, self._world)
+        self._recorder = Recorder(self._cast.actors, bundle.signals)
+        self._conditions = Conditions(self._cast)
+        self._director = Director(self._cast, self._conditions, self._recorder)
+        self._expectations = Expectations(bundle.scene.expects, self._conditions)
+        self._mission: Mission = mission_of(bundle)
+        # A clip of an ego that hardly moved has its goal where it begins: it goes on to the end of its window.
+        room = bundle.scene.goal_s - self._cast.progress.of(self._cast.ego, 0)[0]
+        self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
+        others = self._cast.actors[1:]
+        self._tracks = _draw_tracks([actor.id for actor in others], seed)
+        self._judge = Judge(
+            ids=[actor.id for actor in others],
+            kinds=[actor.placed.model.kind for actor in others],
+            sizes=np.array([(actor.length, actor.width) for actor in others], dtype=np.float64),
+            ego_size=(self._cast.ego.length, self._cast.ego.width),
+            end_s=bundle.scene.end_s,
+            clip=bundle.scene.clip,
+        )
+
+    def go(self) -> RunResult:
+        try:
+            self._driver.reset(self._mission, self._cast.ego.limits, self._seed)
+        except Exception as err:  # whatever it raises is a result
+            return self._finish(self._broken(err), steps=0)
+        steps = 0
+        while True:
+            self._director.step()
+            self._recorder.frame(self._world)
+            observation = observe(self._cast, self._mission, self._tracks)
+            decision = self._look(observation)
+            if decision is not None:
+                return self._finish(decision, steps)
+            try:
+                control = _answer(self._driver, observation)
+            except Exception as err:  # whatever it raises is a result
+                return self._finish(self._broken(err), steps)
+            try:
+                left = self._cast.step(control)
+            except SimulationError as err:
+                World.close_shared()  # the next run begins with a fresh SUMO
+                decision = Decision(Verdict.CRASH, self._cast.time_s, "", f"the simulator broke: {err}")
+                return self._finish(decision, steps)
+            steps += 1
+            for name in left:
+                self._recorder.event(self._cast.time_s, name, "arrived")
+
+    def _look(self, observation: Observation) -> Decision | None:
+        cast = self._cast
+        others = cast.actors[1:]
+        poses = np.array(
+            [(a.x, a.y, a.heading) if a.present else (np.nan, np.nan, np.nan) for a in others], dtype=np.float64
+        ).reshape(-1, 3)
+        ego = cast.ego.bicycle()
+        wheels = np.array(off_road_points(cast.ego.motion, ego))
+        decision = self._judge.look(
+            cast.time_s,
+            ego,
+            poses,
+            np.array([a.speed for a in others], dtype=np.float64),
+            off_road=bool((cast.network.off_road_depth(wheels) > 0).any()),
+            arrived=not self._began_at_goal and self._conditions.arrived("ego"),
+            may_wait=self._may_wait(observation),
+        )
+        self._expectations.look(cast.time_s, ego_hit=decision is not None and bool(decision.with_))
+        return decision
+
+    def _may_wait(self, observation: Observation) -> bool:
+        """Whether there is something to wait for: a signal that is not green, or somebody (not something) in front."""
+        cast = self._cast
+        if cast.ego.speed >= STANDS_MPS:
+            return True  # it does not wait, so the question does not arise
+        for passage, room in cast.progress.ahead(cast.ego, cast.frame, SIGNAL_AHEAD_M):
+            tls, link = passage.movement.tls, passage.movement.link
+            if room >= 0 and tls is not None and link >= 0:
+                if self._world.colour(tls, link) in ("red", "amber"):
+                    return True
+                break
+        cos, sin = np.cos(cast.ego.heading), np.sin(cast.ego.heading)
+        return any(
+            seen.kind != "obstacle"
+            and np.hypot(seen.x - cast.ego.x, seen.y - cast.ego.y) <= CLOSE_AHEAD_M
+            and (seen.x - cast.ego.x) * cos + (seen.y - cast.ego.y) * sin > 0
+            for seen in observation.actors
+        )
+
+    def _broken(self, err: Exception) -> Decision:
+        reason = f"the driver raised {type(err).__name__}: {err}"
+        return Decision(Verdict.CRASH, self._cast.time_s, "", reason)
+
+    def _finish(self, decision: Decision, steps: int) -> RunResult:
+        if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):
+            self._recorder.event(decision.time_s, "ego", "arrived")
+        elif decision.verdict.is_collision:
+            detail = {"with": decision.with_, "verdict": decision.verdict.value}
+            self._recorder.event(decision.time_s, "ego", "collision" if decision.with_ else "off_road", detail)
+        meta = {
+            "test_case": self._bundle.name,
+            "driver": self._driver.name,
+            "driver_version": self._driver.version,
+            "seed": self._seed,
+            "verdict": decision.verdict.value,
+            "reason": decision.reason,
+            **self._meta,
+        }
+        trace = self._recorder.trace(_waypoints(self._bundle), meta)
+        return RunResult(
+            verdict=decision.verdict,
+            time_s=decision.time_s,
+            with_=decision.with_,
+            reason=decision.reason,
+            duration_s=trace.duration_s,
+            steps=steps,
+            trace=trace,
+            expectations=self._expectations.results(),
+        )
+
+
+def _answer(driver: Driver, observation: Observation) -> Control:
+    steer, throttle, brake = checked(driver.step(observation))
+    return Control(steer, throttle, brake)
+
+
+def _draw_tracks(names: list[str], seed: int) -> dict[str, int]:
+    numbers = np.random.default_rng(seed).permutation(_TRACKS_PER_ACTOR * len(names) + 1)
+    return {name: int(number) for name, number in zip(names, numbers, strict=False)}
+
+
+def _waypoints(bundle: SumoBundle) -> NDArray[np.float64]:
+    """The ego's route from its start to the route's end, a point each 2 m."""
+    line = bundle.scene.ego.line
+    if line is None:
+        return np.empty((0, 2))
+    marks = np.arange(bundle.scene.start_s, line.end_s + 1e-9, WAYPOINT_M)
+    return np.array([line.at(float(s))[:2] for s in marks], dtype=np.float64).reshape(-1, 2)

@@ -1,0 +1,80 @@
+"""How a run ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from foresee_dsl.simulate.trace import Trace
+
+
+class Verdict(StrEnum):
+    """The outcome of a run; F1-F5 are the paper's kinds of failure (section 4.4)."""
+
+    PASS = "pass"
+    F1 = "F1"  # off the drivable area, or into a static object
+    F2 = "F2"  # into a pedestrian
+    F3 = "F3"  # frontal with a vehicle
+    F4 = "F4"  # lateral with a vehicle
+    F5 = "F5"  # rear-end with a vehicle
+    STUCK = "stuck"
+    TIMEOUT = "timeout"
+    CRASH = "crash"  # the driver or the simulator broke, not the car
+    INVALID = "invalid"  # a collision that is there at the first frame
+
+    @property
+    def is_collision(self) -> bool:
+        """F1 to F5."""
+        return self in _COLLISIONS
+
+    @property
+    def is_failure(self) -> bool:
+        """A failure of the software under test: F1 to F5, or stuck."""
+        return self in _COLLISIONS or self is Verdict.STUCK
+
+
+_COLLISIONS = frozenset({Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5})
+
+MEANING = {
+    Verdict.PASS: "arrived, or drove to the end, without a failure",
+    Verdict.F1: "left the road or hit an object",
+    Verdict.F2: "hit a pedestrian",
+    Verdict.F3: "frontal collision",
+    Verdict.F4: "lateral collision",
+    Verdict.F5: "rear collision",
+    Verdict.STUCK: "stood still with nothing to wait for",
+    Verdict.TIMEOUT: "did not arrive in time",
+    Verdict.CRASH: "the driver or the simulator broke",
+    Verdict.INVALID: "touches something at the first frame",
+}
+"""One phrase each, for reports."""
+
+
+@dataclass(frozen=True)
+class ExpectationResult:
+    """One `expect` line: as written, whether it held, and by how much (its own unit; None where there is no number)."""
+
+    text: str
+    held: bool
+    margin: float | None = None
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run gives back.
+
+    Attributes:
+        verdict: how it ended. time_s: when that was decided. with_: the other party's id, or "".
+        reason: a sentence for people, such as `F4 lateral collision with runner at 3.15 s`.
+        duration_s: simulated time. steps: simulation steps.
+        trace: the whole run (up to the failure).
+    """
+
+    verdict: Verdict
+    time_s: float
+    with_: str
+    reason: str
+    duration_s: float
+    steps: int
+    trace: Trace
+    expectations: tuple[ExpectationResult, ...] = ()

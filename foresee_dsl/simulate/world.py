@@ -1,0 +1,404 @@
+"""SUMO behind a small door: the only module that imports libsumo.
+
+One SUMO lives in a process (libsumo allows no more). It is started once per network; an empty state is kept in
+memory-backed storage, and every run begins by loading it, which is ten times faster than a restart.
+
+Positions are SUMO's: the middle of the front bumper (`bodies` makes footprints of them). Headings are radians
+counter-clockwise from east on this side of the door, degrees clockwise from north on SUMO's.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import math
+import os
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from foresee_dsl.compile.bundle import PlacedActor, Signal, SumoBundle
+from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.trace import STEP_S
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+GHOST_TYPE = "ghost"
+"""The vehicle type of stand-ins for bodies that SUMO does not drive; 0.5 m long, in every types file."""
+MATCH_M = 5.0
+"""How far from a point SUMO looks for a lane in moveToXY. Ours: 5 us a call with 5 m, 33 us with SUMO's 100 m."""
+LANE_CHANGE_MODE = 1024 + 512 + 4 + 1
+"""Changes lane for its route and to cooperate, gently. Ours: changes for speed or to keep right hang on accumulators
+that no description can restore."""
+_OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
+"""Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
+without the red light."""
+
+_COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
+_SEED = 42
+"""SUMO's own random numbers decide nothing here (sigma and speedDev are 0); fixed to be sure."""
+
+
+class VehicleState(NamedTuple):
+    """A vehicle as SUMO sees it; x, y: middle of the FRONT bumper, m; heading rad; speed m/s; acceleration m/s^2."""
+
+    x: float
+    y: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+    lane: str
+
+
+@dataclass(slots=True)
+class _Known:
+    """What the door remembers of a vehicle that is in SUMO."""
+
+    cruise_mps: float = 0.0
+    edge: str = ""  # the last one that is no junction's, with the underscore that lane ids have after it
+    factor: float = 1.0
+    placed: bool = False
+    ignores: set[str] = field(default_factory=set)
+    settled: tuple[float, float] | None = None  # speed, acceleration that were given after the last step
+
+
+class World:
+    """A loaded network in which vehicles can be placed, driven and read.
+
+    Use `World.shared(bundle)`: it gives this process's one SUMO, freshly emptied.
+    """
+
+    _current: World | None = None
+
+    def __init__(self, bundle: SumoBundle) -> None:
+        """Start SUMO on a bundle's network.
+
+        Raises:
+            SimulationError: a file is missing, or SUMO refused it.
+        """
+        for file in (bundle.net_file, bundle.types_file):
+            if not file.is_file():  # asked before: SUMO can take the process down with it when it fails to load
+                raise SimulationError(f"{file} is gone; compile the test case again")
+        self._sumo, self._const = _import_libsumo()
+        self.key = bundle.key
+        self._vehicles: dict[str, _Known] = {}
+        self._settled: list[_Known] = []
+        self._routes: dict[tuple[str, ...], str] = {}
+        self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
+        self._signals: dict[str, Signal] = {}
+        self._limits: dict[str, float] = {}
+        self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
+        self._empty = Path(self._states.name) / "empty.xml"
+        try:
+            self._sumo.start(["sumo", *_options(bundle)])
+            self._sumo.simulation.saveState(str(self._empty))
+        except self._errors as err:
+            self._states.cleanup()
+            raise SimulationError(f"SUMO cannot load {bundle.net_file.name}: {err}") from err
+
+    @classmethod
+    def shared(cls, bundle: SumoBundle) -> World:
+        """Return this process's world on the bundle's network, empty, with the signals at the scene's beginning."""
+        world = cls._current
+        if world is None or world.key != bundle.key:
+            cls.close_shared()
+            atexit.unregister(cls.close_shared)
+            atexit.register(cls.close_shared)
+            world = cls._current = cls(bundle)
+        world.reset(bundle)
+        return world
+
+    @classmethod
+    def close_shared(cls) -> None:
+        """End this process's SUMO, if one runs."""
+        world, cls._current = cls._current, None
+        if world is not None:
+            world.close()
+
+    def close(self) -> None:
+        """End SUMO and remove the kept state."""
+        self._sumo.close()
+        self._states.cleanup()
+
+    @property
+    def _errors(self) -> tuple[type[Exception], ...]:
+        return (self._sumo.TraCIException, self._sumo.libsumo.FatalTraCIError)
+
+    # --- a run -----------------------------------------------------------------------------------------------------
+
+    def reset(self, bundle: SumoBundle) -> None:
+        """Empty the world and set the signals as the scene says (others at the beginning of their first stage)."""
+        self._sumo.simulation.loadState(str(self._empty))
+        self._vehicles.clear()
+        self._settled.clear()
+        self._routes.clear()
+        self._bodies.clear()
+        self._signals = {s.tls: s for s in bundle.signals.values()}
+        begins = {junction: (stage, elapsed) for junction, stage, elapsed in bundle.scene.signals}
+        for signal in bundle.signals.values():
+            stage, elapsed = begins.get(signal.junction, (signal.stages[signal.phases[0].stage], 0.0))
+            phase, left = signal.phase_at(stage, elapsed)
+            self.set_phase(signal.tls, phase, left + STEP_S)  # one step passes before the first frame
+
+    def step(self) -> None:
+        """Let SUMO simulate one step of 0.05 s.
+
+        Raises:
+            SimulationError: SUMO broke.
+        """
+        for known in self._settled:
+            known.settled = None
+        self._settled.clear()
+        try:
+            self._sumo.simulationStep()
+        except self._errors as err:
+            raise SimulationError(f"SUMO stopped: {err}") from err
+
+    # --- vehicles --------------------------------------------------------------------------------------------------
+
+    def add_vehicle(self, actor: PlacedActor) -> None:
+        """Put an actor that has a route into the world where it is placed, exactly.
+
+        The route's first edge is the one it stands on; on a junction, the one before the junction. After the next
+        `step`, `settle` gives it its speed: SUMO computes one of its own for the placement.
+
+        Raises:
+            SimulationError: SUMO refused route or place.
+        """
+        try:
+            known = self._add(actor.id, actor.model.name, actor.route)
+            known.cruise_mps = actor.cruise_mps
+            if actor.cruise_mps > 0:
+                self.set_cruise(actor.id, actor.cruise_mps)
+            on_junction = actor.lane.startswith(":")
+            edge, _, index = actor.lane.rpartition("_")
+            angle = _degrees(actor.heading_rad)
+            self._sumo.vehicle.moveToXY(
+                actor.id, edge, int(index or -1), actor.x, actor.y, angle, 2 if on_junction or not edge else 1, MATCH_M
+            )
+        except self._errors as err:
+            raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
+
+    def settle(self, vehicle: str, speed_mps: float, acceleration_mps2: float) -> None:
+        """Say what speed a vehicle had during the last step; SUMO goes on from it."""
+        with contextlib.suppress(*self._errors):  # a body may have come to the end of its route
+            self._sumo.vehicle.setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
+        known = self._vehicles.get(vehicle)
+        if known is not None:
+            known.settled = (speed_mps, acceleration_mps2)
+            self._settled.append(known)
+
+    def add_body(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
+        """Add a body that is moved from outside: `place` must follow before every step.
+
+        Args:
+            vehicle: its id.
+            model: its vehicle type.
+            route: where SUMO's vehicles think that it is heading.
+            length_m: its length, where it is not the type's.
+        """
+        self._bodies[vehicle] = (model, route, length_m)
+        self._add_body(vehicle)
+
+    def place(self, vehicle: str, x_front: float, y_front: float, heading_rad: float) -> None:
+        """Put a vehicle that is moved from outside where it will be at the end of the next step.
+
+        Raises:
+            SimulationError: SUMO refuses the place.
+        """
+        angle = _degrees(heading_rad)
+        try:
+            self._sumo.vehicle.moveToXY(vehicle, "", -1, x_front, y_front, angle, 2, MATCH_M)
+        except self._errors:
+            # SUMO takes it out at the end of its route; it is still there.
+            self._bring_back(vehicle, x_front, y_front, angle)
+
+    def lane_centre(self, vehicle: str) -> tuple[float, float] | None:
+        """Return the point of its lane's centreline that a vehicle is at, m, or None off the road."""
+        on = self._sumo.vehicle
+        lane = on.getLaneID(vehicle)
+        if not lane:
+            return None
+        edge, _, index = lane.rpartition("_")
+        x, y = self._sumo.simulation.convert2D(edge, on.getLanePosition(vehicle), int(index))
+        return x, y
+
+    def remove(self, vehicle: str) -> None:
+        """Take a vehicle out, if it is in."""
+        self._vehicles.pop(vehicle, None)
+        self._bodies.pop(vehicle, None)
+        with contextlib.suppress(*self._errors):  # it may have left by itself
+            self._sumo.vehicle.remove(vehicle)
+
+    def take_over(self, actor: PlacedActor) -> None:
+        """From now on a vehicle that SUMO drove is moved from outside."""
+        self._vehicles.pop(actor.id, None)
+        self._bodies[actor.id] = (actor.model.name, actor.route[-1:], None)
+        self._sumo.vehicle.setSpeedMode(actor.id, 0)
+
+    def vehicles(self) -> dict[str, VehicleState]:
+        """Return the state of every vehicle that is on the road now; those that have left are forgotten."""
+        const = self._const
+        read = self._sumo.vehicle.getAllSubscriptionResults()
+        states: dict[str, VehicleState] = {}
+        for vehicle, known in list(self._vehicles.items()):
+            values = read.get(vehicle)
+            if not values:
+                if known.placed:
+                    del self._vehicles[vehicle]
+                continue
+            known.placed = True
+            x, y = values[const.VAR_POSITION]
+            lane = values[const.VAR_LANE_ID]
+            if known.cruise_mps and not lane.startswith((":", known.edge)):
+                self._limit_speed(vehicle, known, lane)
+            speed, acceleration = known.settled or (values[const.VAR_SPEED], values[const.VAR_ACCELERATION])
+            heading = math.radians(90.0 - values[const.VAR_ANGLE])
+            states[vehicle] = VehicleState(x, y, heading, speed, acceleration, lane)
+        return states
+
+    def __contains__(self, vehicle: str) -> bool:
+        return vehicle in self._vehicles
+
+    def set_speed(self, vehicle: str, speed_mps: float | None) -> None:
+        """Ask a vehicle to drive a speed while that is safe; None gives it back to car-following."""
+        self._sumo.vehicle.setSpeed(vehicle, -1.0 if speed_mps is None else speed_mps)
+
+    def slow_down(self, vehicle: str, speed_mps: float, over_s: float) -> None:
+        """Change a vehicle's speed linearly over a time, while that is safe."""
+        self._sumo.vehicle.slowDown(vehicle, speed_mps, over_s)
+
+    def set_cruise(self, vehicle: str, speed_mps: float) -> None:
+        """Set what a vehicle drives where nothing hinders it, m/s; over the limit of its road if need be."""
+        known = self._vehicles[vehicle]
+        known.cruise_mps = max(speed_mps, 0.1)  # SUMO refuses 0
+        self._sumo.vehicle.setMaxSpeed(vehicle, known.cruise_mps)
+        self._limit_speed(vehicle, known, known.edge)
+
+    def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
+        """Set how fast a vehicle gains speed at most."""
+        self._sumo.vehicle.setAccel(vehicle, acceleration_mps2)
+
+    def ignore(self, vehicle: str, what: str, *, on: bool = True) -> None:
+        """Let a vehicle ignore `signals` (and who has green there) or `priority`, or obey again."""
+        known = self._vehicles[vehicle]
+        (known.ignores.add if on else known.ignores.discard)(what)
+        mode = _IGNORES_SIGNALS if "signals" in known.ignores else _IGNORES_PRIORITY if known.ignores else _OBEYS
+        self._sumo.vehicle.setSpeedMode(vehicle, mode)
+
+    def change_lane(self, vehicle: str, side: int) -> None:
+        """Ask for a change by one lane: 1 to the left, -1 to the right; kept there for 60 s."""
+        self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
+
+    # --- signals ---------------------------------------------------------------------------------------------------
+
+    def set_phase(self, tls: str, phase: int, left_s: float) -> None:
+        """Show a phase for the time that is left of it; the program goes on from there."""
+        self._sumo.trafficlight.setPhase(tls, phase)
+        self._sumo.trafficlight.setPhaseDuration(tls, left_s)
+
+    def stage(self, tls: str) -> tuple[int, float]:
+        """Return the stage that a signal shows (index) and the time since it began."""
+        signal = self._signals[tls]
+        phase = signal.phases[self._sumo.trafficlight.getPhase(tls)]
+        left = self._sumo.trafficlight.getNextSwitch(tls) - self._sumo.simulation.getTime()
+        return phase.stage, phase.since_stage_s + phase.duration_s - left
+
+    def state(self, tls: str) -> str:
+        """Return the state string that a signal shows now."""
+        return str(self._sumo.trafficlight.getRedYellowGreenState(tls))
+
+    def colour(self, tls: str, link: int) -> SignalColour:
+        """Return what a signal shows to one of its links."""
+        return _COLOURS.get(self.state(tls)[link], "off")
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _add(self, vehicle: str, model: str, route: tuple[str, ...]) -> _Known:
+        self._sumo.vehicle.add(vehicle, self._route(route), typeID=model)
+        self._sumo.vehicle.setLaneChangeMode(vehicle, LANE_CHANGE_MODE)
+        const = self._const
+        self._sumo.vehicle.subscribe(
+            vehicle,
+            [const.VAR_POSITION, const.VAR_ANGLE, const.VAR_SPEED, const.VAR_ACCELERATION, const.VAR_LANE_ID],
+        )
+        known = self._vehicles[vehicle] = _Known(edge=f"{route[0]}_")
+        return known
+
+    def _add_body(self, vehicle: str) -> None:
+        model, route, length_m = self._bodies[vehicle]
+        self._sumo.vehicle.add(vehicle, self._route(route), typeID=model)
+        self._sumo.vehicle.setLaneChangeMode(vehicle, 0)
+        if length_m is not None:
+            self._sumo.vehicle.setLength(vehicle, length_m)
+
+    def _bring_back(self, vehicle: str, x: float, y: float, angle: float) -> None:
+        try:
+            self._add_body(vehicle)
+            self._sumo.vehicle.moveToXY(vehicle, "", -1, x, y, angle, 2, MATCH_M)
+        except self._errors as err:
+            raise SimulationError(f"SUMO cannot place {vehicle} at ({x:.2f} m, {y:.2f} m): {err}") from err
+
+    def _route(self, edges: tuple[str, ...]) -> str:
+        name = self._routes.get(edges)
+        if name is None:
+            name = self._routes[edges] = f"route_{len(self._routes)}"
+            self._sumo.route.add(name, list(edges))
+        return name
+
+    def _limit_speed(self, vehicle: str, known: _Known, lane: str) -> None:
+        """Let a vehicle drive its cruise speed on this edge (not a junction's), over the limit if need be.
+
+        Done anew on every edge, so that it hangs on where the vehicle is and not on where it came from.
+        """
+        known.edge = lane[: lane.rindex("_") + 1]
+        factor = max(1.0, known.cruise_mps / self._speed_limit(known.edge[:-1]))
+        if factor != known.factor:
+            known.factor = factor
+            self._sumo.vehicle.setSpeedFactor(vehicle, factor)
+
+    def _speed_limit(self, edge: str) -> float:
+        """An edge's limit; that of its fastest lane, as lane 0 may be a sidewalk."""
+        limit = self._limits.get(edge)
+        if limit is None:
+            lanes = range(self._sumo.edge.getLaneNumber(edge))
+            limit = self._limits[edge] = max(float(self._sumo.lane.getMaxSpeed(f"{edge}_{k}")) for k in lanes)
+        return limit
+
+
+def _options(bundle: SumoBundle) -> list[str]:
+    options = {
+        "net-file": bundle.net_file,
+        "additional-files": bundle.types_file,
+        "step-length": STEP_S,
+        "time-to-teleport": -1,
+        "time-to-impatience": -1,  # impatience grows with the time waited, which no description holds
+        "collision.action": "none",
+        "pedestrian.striping.dawdling": 0,
+        "save-state.precision": 17,
+        "seed": _SEED,
+        "message-log": os.devnull,  # "Loading state from ..." would go to the standard output
+    }
+    flags = ["--no-step-log", "--no-warnings"]
+    return [word for key, value in options.items() for word in (f"--{key}", str(value))] + flags
+
+
+def _memory_folder() -> str | None:
+    shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
+    return shm if os.access(shm, os.W_OK) else None
+
+
+def _degrees(heading_rad: float) -> float:
+    return (90.0 - math.degrees(heading_rad)) % 360.0
+
+
+def _import_libsumo() -> tuple[ModuleType, Any]:
+    try:
+        import libsumo
+        import traci.constants
+    except ImportError as err:
+        raise SimulationError(f"libsumo cannot be loaded: {err}; `foresee doctor` says what to install") from err
+    return libsumo, traci.constants

@@ -1,0 +1,153 @@
+"""The whole line on real SUMO: same inputs, same bytes, whatever the number of workers; and the day after."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+FORESEE = Path(sys.executable).parent / "foresee"
+CASES = ("scenario7.foresee::r01", "scenario8.foresee::r01")
+
+
+def campaign(scenarios: Path, out: Path, *more: str, cases: tuple[str, ...] = CASES) -> dict[str, object]:
+    arguments = [FORESEE, "campaign", *(str(scenarios / c) for c in cases), "--out", str(out), "--json", *more]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    data = json.loads(done.stdout)
+    assert data == json.loads((out / "campaign.json").read_text())
+    return data
+
+
+def files(out: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(out)): f.read_bytes() for f in sorted((out / "children").rglob("*.foresee"))}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
+    scenarios = Path(__file__).resolve().parents[2] / "scenarios"
+    out = tmp_path_factory.mktemp("campaign") / "out"
+    return out, campaign(scenarios, out, "--jobs", "2")
+
+
+def test_the_contract_of_campaign_json(finished: tuple[Path, dict[str, object]]) -> None:
+    _, data = finished
+    assert next(iter(data)) == "schema"
+    assert data["schema"] == 1
+    keys = {
+        "driver",
+        "ranker",
+        "seeds",
+        "risky_points",
+        "clips",
+        "children",
+        "failures",
+        "fidelity_m",
+        "simulated_s",
+        "wall_s",
+    }
+    assert keys <= set(data)
+    assert set(data["seeds"]) == {"total", "passed", "failed"}
+    assert set(data["failures"]) == {"F1", "F2", "F3", "F4", "F5", "stuck"}
+    assert set(data["fidelity_m"]) == {"median", "max"}
+
+
+def test_clips_keep_to_their_parent(finished: tuple[Path, dict[str, object]]) -> None:
+    _, data = finished
+    assert data["clips"] >= 4
+    assert all(c["deviation_m"]["median_others"] <= 0.005 for c in data["clip_runs"])
+
+
+def test_same_bytes_with_one_worker_and_into_the_same_folder(
+    finished: tuple[Path, dict[str, object]], scenarios: Path
+) -> None:
+    out, first = finished
+    before = files(out)
+    second = campaign(scenarios, out, "--jobs", "1")
+    assert files(out) == before
+    assert {**second, "wall_s": 0} == {**first, "wall_s": 0}
+
+
+def test_every_failure_is_reproduced_in_a_new_process(finished: tuple[Path, dict[str, object]]) -> None:
+    out, data = finished
+    found = sum(data["failures"].values())
+    assert found > 0
+    done = subprocess.run([FORESEE, "verify", out / "children", "--json"], capture_output=True, text=True, check=False)
+    report = json.loads(done.stdout)
+    assert (report["reproduced"], report["fixed"], report["changed"], report["stale"]) == (found, 0, 0, 0)
+    assert done.returncode == 0
+
+
+def test_an_edited_parent_makes_its_children_stale(
+    finished: tuple[Path, dict[str, object]], scenarios: Path, tmp_path: Path
+) -> None:
+    import shutil
+
+    shutil.copytree(scenarios, tmp_path / "scenarios")
+    cases = (CASES[0],)
+    out = tmp_path / "out"
+    data = campaign(tmp_path / "scenarios", out, cases=cases)
+    file = tmp_path / "scenarios" / "scenario7.foresee"
+    text = file.read_text()
+    file.write_text(text.replace("# The ego crosses", "# A comment, changed: the ego crosses"))
+    found = sum(data["failures"].values())
+    assert verify(out)["reproduced"] == found
+    file.write_text(
+        text.replace("case r01 { approach = king_west; gap = 1.6 s }", "case r01 { approach = king_west; gap = 1.7 s }")
+    )
+    assert file.read_text() != text
+    assert verify(out)["stale"] == found
+
+
+def verify(out: Path) -> dict[str, int]:
+    done = subprocess.run([FORESEE, "verify", out / "children", "--json"], capture_output=True, text=True, check=False)
+    return json.loads(done.stdout)
+
+
+def test_interrupting_keeps_what_is_done_and_leaves_no_process(scenarios: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        [FORESEE, "campaign", scenarios, "--out", out, "--jobs", "2"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while not list(out.glob(".work-*/traces/*.npz")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    text, _ = process.communicate(timeout=60)
+    assert process.returncode == 130, text
+    assert "Interrupted" in text
+    assert str(out) in text.replace("\n", "")
+    assert "Traceback" not in text
+    data = json.loads((out / "campaign.json").read_text())
+    assert data["interrupted"] is True
+    assert not list(out.glob(".work-*"))
+    with pytest.raises(ProcessLookupError):
+        for _ in range(50):
+            os.killpg(process.pid, 0)
+            time.sleep(0.1)
+
+
+def test_a_real_map_runs_through_the_whole_line(carla: Path, tmp_path: Path) -> None:
+    network = carla / "maps" / "xodr" / "Town10HD.xodr"
+    out = tmp_path / "out"
+    file = Path(__file__).parent / "town10hd.foresee"
+    scenario = tmp_path / file.name
+    scenario.write_text(file.read_text().replace("Town10HD.xodr", str(network)))
+    done = subprocess.run(
+        [FORESEE, "campaign", scenario, "--out", out, "--json"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    data = json.loads(done.stdout)
+    assert data["seeds"] == {"total": 1, "passed": 1, "failed": 0}
+    assert data["clips"] > 0
+    assert data["children"] > 0

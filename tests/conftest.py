@@ -1,0 +1,39 @@
+"""What the tests share: a private cache, the repository's folders, small helpers."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+SCENARIOS = ROOT / "scenarios"
+CARLA = ROOT.parent / "shared" / "data" / "carla"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _private_cache(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> None:
+    """Keep compiled networks of the tests apart from the user's, and share them between the workers of one run."""
+    base = tmp_path_factory.getbasetemp()
+    os.environ["FORESEE_CACHE"] = str((base if worker_id == "master" else base.parent) / "cache")
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def scenarios() -> Path:
+    """The bundled scenarios."""
+    return SCENARIOS
+
+
+@pytest.fixture(scope="session")
+def carla() -> Path:
+    """Real CARLA maps and routes; the test is skipped where they are not."""
+    if not CARLA.is_dir():
+        pytest.skip("CARLA's maps are not here (they are third-party and not part of the project)")
+    return CARLA

@@ -1,0 +1,102 @@
+"""Drivers are found by entry point, and broken plug-ins are named."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.drivers.registry import describe_drivers, driver_names, load_driver
+from foresee_dsl.errors import DriverError
+
+PLUGIN = '''
+class Coasting:
+    """Does nothing, on purpose."""
+
+    name = "coast"
+    version = "7"
+
+    def reset(self, mission, vehicle, seed):
+        pass
+
+    def step(self, observation):
+        raise NotImplementedError
+
+
+class Headless:
+    name = "headless"
+    version = "1"
+
+
+class Explodes:
+    def __init__(self):
+        raise RuntimeError("no licence")
+'''
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """An installed package with a good driver and three broken ones."""
+    (tmp_path / "acme_drivers.py").write_text(PLUGIN)
+    info = tmp_path / "acme_drivers-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-drivers\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[foresee_dsl.drivers]\n"
+        "coast = acme_drivers:Coasting\n"
+        "headless = acme_drivers:Headless\n"
+        "explodes = acme_drivers:Explodes\n"
+        "missing = acme_drivers_missing:Driver\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    importlib.invalidate_caches()
+    yield
+    sys.modules.pop("acme_drivers", None)
+    importlib.invalidate_caches()
+
+
+def test_pdm_is_installed() -> None:
+    assert "pdm" in driver_names()
+    driver = load_driver("pdm")
+    assert isinstance(driver, PdmDriver)
+    assert load_driver("pdm") is not driver
+    (pdm,) = [d for d in describe_drivers() if d.name == "pdm"]
+    assert (pdm.version, pdm.package) == ("1", "foresee-dsl")
+    assert pdm.doc.endswith(".")
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(DriverError, match=r"unknown driver 'pmd', did you mean 'pdm'\? installed: .*pdm"):
+        load_driver("pmd")
+    with pytest.raises(DriverError, match=r"unknown driver 'zzz'; installed: .*pdm"):
+        load_driver("zzz")
+
+
+@pytest.mark.usefixtures("plugin")
+def test_another_package_brings_a_driver() -> None:
+    assert set(driver_names()) >= {"pdm", "coast"}
+    assert isinstance(load_driver("coast"), Driver)
+    (coast,) = [d for d in describe_drivers() if d.name == "coast"]
+    assert tuple(coast) == ("coast", "7", "Does nothing, on purpose.", "acme-drivers")
+
+
+@pytest.mark.usefixtures("plugin")
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("headless", "is not a driver"),
+        ("explodes", "RuntimeError: no licence"),
+        ("missing", "ModuleNotFoundError"),
+    ],
+)
+def test_a_broken_plugin_is_named(name: str, why: str) -> None:
+    with pytest.raises(DriverError, match=f"driver '{name}' of package acme-drivers .*{why}"):
+        load_driver(name)
+    (info,) = [d for d in describe_drivers() if d.name == name]
+    assert info.version == ""
+    assert why in info.doc

@@ -1,0 +1,199 @@
+"""What kind of failure a collision is, and when a run is over. North is up, east to the right; > < ^ v are bonnets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.drivers.protocol import VehicleLimits
+from foresee_dsl.simulate.collision import Mover, overlaps
+from foresee_dsl.simulate.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.outcome import Decision, Judge, classify, contact_sides, off_road_points
+from foresee_dsl.simulate.verdict import Verdict
+
+EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
+DEG = math.radians(1)
+
+
+def car(x: float, y: float, heading: float, speed: float) -> Mover:
+    return Mover(x, y, heading, speed, 4.0, 2.0)
+
+
+EGO = car(0, 0, EAST, 10)
+CASES = {
+    # [ego>][<other]
+    "head on": (EGO, car(3.5, 0, WEST, 10), Verdict.F3),
+    # [ego>]
+    #     [<other]     a quarter of the width, 1 m deep at 20 Hz
+    "head on with small overlap": (EGO, car(3.0, -1.5, WEST, 10), Verdict.F3),
+    # [ego>] /other comes at 30 degrees off opposite
+    "head on askew": (EGO, car(3.6, 0.5, WEST + 30 * DEG, 10), Verdict.F3),
+    # [ego>][other>]   ego runs up
+    "ego strikes": (EGO, car(3.8, 0, EAST, 2), Verdict.F5),
+    # [other>][ego>]   ego is run up to
+    "ego is struck": (car(0, 0, EAST, 2), car(-3.8, 0.5, EAST, 12), Verdict.F5),
+    # [ego>][other>]   it stands
+    "ego strikes what stands": (EGO, car(3.9, -0.8, EAST, 0), Verdict.F5),
+    # [ego>] other has turned in by 20 degrees and is struck in the rear
+    "ego strikes what turns": (EGO, car(3.7, 0, 20 * DEG, 4), Verdict.F5),
+    #        [o]
+    # [ego>] [^]       into the side of what crosses
+    "ego strikes a side": (EGO, car(2.8, 0, NORTH, 8), Verdict.F4),
+    # [ego>]
+    #    [^]           struck in the side
+    #    [o]
+    "ego is struck in the side": (EGO, car(0, -2.9, NORTH, 15), Verdict.F4),
+    # [other>]
+    # [ego>]           side by side, drifting together by 5 degrees
+    "side swipe": (EGO, car(0.5, 1.95, -5 * DEG, 10), Verdict.F4),
+    # [<other]
+    # [ego>]           oncoming, drifting into ego's side
+    "oncoming side swipe": (car(0, 0, EAST, 0.5), car(-0.5, 1.95, WEST + 10 * DEG, 5), Verdict.F4),
+    # Corner to corner, coming from the side at 60 degrees: neither opposite nor equal.
+    "from the side at an angle": (EGO, car(2.6, -1.6, 60 * DEG, 10), Verdict.F4),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_kind_of_collision(name: str) -> None:
+    ego, other, expected = CASES[name]
+    assert overlaps(ego.box, other.box)
+    assert classify(ego, other, "car") is expected
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_kind_does_not_depend_on_which_of_the_two_is_the_ego(name: str) -> None:
+    ego, other, expected = CASES[name]
+    assert classify(other, ego, "truck") is expected
+
+
+@given(turn=st.floats(-7, 7), name=st.sampled_from(sorted(CASES)), mirrored=st.booleans())
+def test_the_kind_does_not_depend_on_the_compass_or_the_side_of_traffic(turn: float, name: str, mirrored: bool) -> None:
+    ego, other, expected = CASES[name]
+    side = -1 if mirrored else 1
+    c, s = math.cos(turn), math.sin(turn)
+
+    def moved(m: Mover) -> Mover:
+        x, y = m.x, side * m.y
+        return m._replace(x=x * c - y * s + 40, y=x * s + y * c - 7, heading=side * m.heading + turn)
+
+    assert classify(moved(ego), moved(other), "car") is expected
+
+
+def test_what_is_hit_decides_first() -> None:
+    ego, other, _ = CASES["head on"]
+    assert classify(ego, other, "obstacle") is Verdict.F1
+    assert classify(ego, other, "pedestrian") is Verdict.F2
+    kinds: tuple[ActorKind, ...] = ("car", "van", "truck", "bus", "motorcycle", "bicycle")
+    assert {classify(ego, other, kind) for kind in kinds} == {Verdict.F3}
+
+
+def test_deep_overlap_does_not_turn_a_front_into_a_side() -> None:
+    # 20 m/s each: 2 m deep after one step, while only 0.5 m of the width overlaps.
+    ego, other = car(0, 0, EAST, 20), car(2.0, 1.5, WEST, 20)
+    assert contact_sides(ego, other) == ("front", "front")
+
+
+def test_sides_when_nothing_moves() -> None:
+    assert contact_sides(car(0, 0, EAST, 0), car(3.9, 0, EAST, 0)) == ("front", "rear")
+    assert contact_sides(car(0, 0, EAST, 0), car(0, 1.9, EAST, 0)) == ("left", "right")
+
+
+# ---------------------------------------------------------------------------------------------- the judge
+
+FAR = [100.0, 100.0, 0.0]
+
+
+def judge(**values: object) -> Judge:
+    settings: dict[str, object] = {
+        "ids": ["runner", "walker", "crate"],
+        "kinds": ["car", "pedestrian", "obstacle"],
+        "sizes": np.array([[4.0, 2.0], [0.5, 0.5], [1.0, 1.0]]),
+        "ego_size": (4.0, 2.0),
+        "end_s": 60.0,
+        **values,
+    }
+    return Judge(**settings)  # type: ignore[arg-type]  # tests vary single arguments
+
+
+def look(watcher: Judge, time_s: float, *poses: list[float], speed: float = 10.0, **seen: bool) -> Decision | None:
+    rows = np.array([*poses, *[FAR] * (3 - len(poses))])
+    flags = {"off_road": False, "arrived": False, "may_wait": False, **seen}
+    return watcher.look(time_s, BicycleState(0, 0, 0, speed), rows, np.full(3, 5.0), **flags)
+
+
+def test_collisions_are_named() -> None:
+    decision = look(judge(), 3.15, [2.8, 0, NORTH])
+    assert decision == Decision(Verdict.F4, 3.15, "runner", "F4 lateral collision with runner (car) at 3.15 s")
+    decision = look(judge(), 1.0, FAR, [2.1, 0, NORTH])
+    assert decision == Decision(Verdict.F2, 1.0, "walker", "F2 collision with walker (pedestrian) at 1.00 s")
+    decision = look(judge(), 1.0, FAR, FAR, [2.1, 0, 0])
+    assert decision == Decision(Verdict.F1, 1.0, "crate", "F1 collision with crate (obstacle) at 1.00 s")
+
+
+def test_what_touches_at_the_first_frame_is_invalid() -> None:
+    decision = look(judge(), 0.0, [2.8, 0, NORTH])
+    assert decision is not None
+    assert (decision.verdict, decision.with_) == (Verdict.INVALID, "runner")
+    decision = look(judge(), 0.0, off_road=True)
+    assert decision is not None
+    assert decision.verdict is Verdict.INVALID
+
+
+def test_off_the_road_arrival_and_time() -> None:
+    assert look(judge(), 5.0) is None
+    off = look(judge(), 5.0, off_road=True, arrived=True)
+    assert off == Decision(Verdict.F1, 5.0, "", "F1 left the drivable area at 5.00 s")
+    there = look(judge(), 5.0, arrived=True)
+    assert there == Decision(Verdict.PASS, 5.0, "", "arrived at 5.00 s")
+    late = look(judge(), 1200 * 0.05)
+    assert late is not None
+    assert late.verdict is Verdict.TIMEOUT
+    clip = look(judge(clip=True), 60.0)
+    assert clip is not None
+    assert clip.verdict is Verdict.PASS
+
+
+def test_a_collision_comes_before_an_arrival() -> None:
+    decision = look(judge(), 5.0, [2.8, 0, NORTH], arrived=True, off_road=True)
+    assert decision is not None
+    assert decision.verdict is Verdict.F4
+
+
+def frames_until_stuck(waits: range) -> float | None:
+    watcher = judge()
+    for k in range(1000):
+        decision = look(watcher, k * 0.05, speed=0.0 if k >= 40 else 5.0, may_wait=k in waits)
+        if decision is not None:
+            assert decision.verdict is Verdict.STUCK
+            return decision.time_s
+    return None
+
+
+def test_stuck_after_standing_with_nothing_to_wait_for() -> None:
+    assert frames_until_stuck(range(0)) == pytest.approx(2.0 + 20.0)
+    assert frames_until_stuck(range(0, 200)) == pytest.approx(10.0 + 20.0)  # a red signal until 10 s
+    assert frames_until_stuck(range(700, 1000)) == pytest.approx(22.0)
+    assert frames_until_stuck(range(400, 1000)) is None
+
+
+def test_lists_must_match() -> None:
+    with pytest.raises(ValueError, match="3 kinds"):
+        judge(ids=["runner"])
+
+
+def test_a_wheel_over_the_kerb_is_off_the_road_and_the_bumper_is_not() -> None:
+    limits = VehicleLimits("car", 4.7, 1.8, 2.8, 0.9, 50, 3, 4, 8, 0.6, 7)
+    bicycle = Bicycle(limits)
+    # The kerb is the line y = 0; the car drives along it, then stands square to it with its nose over it.
+    along = off_road_points(bicycle, BicycleState(0, 0.65, EAST, 5))
+    assert min(y for _, y in along) > 0  # 0.25 m of the body hang over
+    over = off_road_points(bicycle, BicycleState(0, 0.55, EAST, 5))
+    assert min(y for _, y in over) < 0
+    nose = off_road_points(bicycle, BicycleState(0, 1.6, SOUTH, 5))
+    assert min(y for _, y in nose) > 0  # 0.75 m of bonnet

@@ -1,0 +1,100 @@
+"""The door to SUMO."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from scenes import Town
+
+from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.world import World
+
+
+def _world(town: Town, *more, **scene):  # type: ignore[no-untyped-def]  # actors and scene fields
+    bundle = town.bundle([town.ego(("n01_n11", "n11_n21"), 30.0), *more], **scene)
+    return bundle, World.shared(bundle)
+
+
+def test_a_vehicle_is_where_it_was_placed(town: Town) -> None:
+    car = town.vehicle("car", ("n12_n11", "n11_n10"), 40.0, speed=7.5)
+    _, world = _world(town, car)
+    world.add_vehicle(car)
+    world.step()
+    world.settle("car", car.speed_mps, 0.0)
+    state = world.vehicles()["car"]
+    assert math.dist((state.x, state.y), (car.x, car.y)) < 1e-6
+    assert (state.speed_mps, state.acceleration_mps2, state.lane) == (7.5, 0.0, car.lane)
+    world.step()
+    moved = world.vehicles()["car"]
+    assert math.dist((moved.x, moved.y), (car.x, car.y)) == pytest.approx(moved.speed_mps * 0.05, abs=1e-6)
+
+
+def test_a_body_is_seen_by_those_behind(town: Town) -> None:
+    car = town.vehicle("car", ("n12_n11", "n11_n10"), 20.0)
+    stands = town.vehicle("body", ("n12_n11", "n11_n10"), 60.0)
+    _, world = _world(town)
+    world.add_vehicle(car)
+    world.add_body("body", "car.compact", stands.route)
+    for _ in range(200):
+        world.place("body", stands.x, stands.y, stands.heading_rad)
+        world.step()
+        world.settle("body", 0.0, 0.0)
+    state = world.vehicles()["car"]
+    assert state.speed_mps < 0.1
+    assert 4.0 < math.dist((state.x, state.y), (stands.x, stands.y)) < 8.0  # the body's length and a gap
+
+
+def test_cruise_over_the_limit_is_driven(town: Town) -> None:
+    car = town.vehicle("car", ("n11_n21", "n21_n31"), 5.0, cruise=18.0)
+    _, world = _world(town, car)
+    world.add_vehicle(car)
+    world.step()
+    world.settle("car", 12.0, 0.0)
+    fastest = 0.0
+    for _ in range(80):
+        world.step()
+        fastest = max(fastest, world.vehicles()["car"].speed_mps)
+    assert 15.0 < fastest <= 18.0 + 1e-9
+
+
+def test_those_who_arrive_are_forgotten(town: Town) -> None:
+    car = town.vehicle("car", ("n12_n11",), 80.0, speed=10.0)
+    _, world = _world(town, car)
+    world.add_vehicle(car)
+    for _ in range(60):
+        world.step()
+        world.vehicles()
+    assert "car" not in world
+    assert "car" not in world.vehicles()
+
+
+def test_signals_begin_as_the_scene_says(town: Town) -> None:
+    signal = town.signals["n11"]
+    _, world = _world(town, signals=(("n11", "phase_1", 1.25),))
+    world.step()
+    assert world.stage("n11") == (1, pytest.approx(1.25))
+    assert world.state("n11") == signal.phases[1].state
+    assert world.stage("n22") == (0, pytest.approx(0.0))
+    left = signal.phases[1].duration_s - 1.25
+    for _ in range(round(left / 0.05) + 1):
+        world.step()
+    assert world.stage("n11")[0] == 2
+    assert {world.colour("n11", k) for k in range(len(world.state("n11")))} <= {"red", "amber", "green", "off"}
+
+
+def test_a_missing_network_is_said(town: Town, tmp_path: Path) -> None:
+    bundle = replace(town.bundle([town.ego(("n01_n11",), 30.0)]), net_file=tmp_path / "gone.net.xml", key="gone")
+    with pytest.raises(SimulationError, match=r"gone\.net\.xml"):
+        World.shared(bundle)
+    _, world = _world(town)  # and the process can go on with another
+    world.step()
+
+
+def test_an_impossible_route_is_refused(town: Town) -> None:
+    car = town.vehicle("car", ("n12_n11", "n11_n10"), 40.0)
+    _, world = _world(town)
+    with pytest.raises(SimulationError, match="car"):
+        world.add_vehicle(replace(car, route=("nowhere",)))
