@@ -13,6 +13,8 @@ from foresee_dsl.campaign.results import CampaignResult, ClipOutcome, SeedOutcom
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps import case_name
 from foresee_dsl.campaign.tasks import ClipTask, SeedTask, run_clip, run_seed
+from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.errors import InputError
 from foresee_dsl.language.document import TestCase
 
 
@@ -46,8 +48,14 @@ def run_campaign(
 
     Returns:
         The result; after Ctrl-C, with what was finished and `interrupted` set.
+
+    Raises:
+        InputError: a test case is impossible on its network; nothing was run or written.
     """
     started = time.monotonic()
+    mistakes = placement_mistakes(cases)
+    if mistakes:
+        raise InputError(mistakes)
     folder = CampaignFolder(out)
     seeds: list[SeedOutcome] = []
     clips: list[ClipOutcome] = []

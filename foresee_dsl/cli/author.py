@@ -29,14 +29,9 @@ def check(
     result = check_paths(paths)
     diagnostics = list(result.diagnostics)
     if places:
-        from foresee_dsl.compile import compile_test_case
-        from foresee_dsl.errors import InputError
+        from foresee_dsl.compile import placement_mistakes
 
-        for case in result.cases:
-            try:
-                compile_test_case(case)
-            except InputError as err:
-                diagnostics += [d for d in err.diagnostics if d not in diagnostics]
+        diagnostics += placement_mistakes(result.cases)
     failed = any(d.severity == "error" for d in diagnostics)
     if json:
         from foresee_dsl.language.diagnostics import to_json

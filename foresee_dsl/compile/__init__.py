@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
+
+from foresee_dsl.errors import Diagnostic, InputError
 
 if TYPE_CHECKING:
     from foresee_dsl.compile.bundle import SumoBundle
     from foresee_dsl.language.document import TestCase
 
-__all__ = ["compile_test_case"]
+__all__ = ["compile_test_case", "placement_mistakes"]
 
 
 def compile_test_case(case: TestCase) -> SumoBundle:
@@ -21,3 +24,18 @@ def compile_test_case(case: TestCase) -> SumoBundle:
     from foresee_dsl.compile.compiler import compile_case  # numpy, shapely, networkx: only where something is compiled
 
     return compile_case(case)
+
+
+def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
+    """Compile test cases and return what is impossible on their networks, each mistake once.
+
+    Raises:
+        CompileError: SUMO's programs are missing or refuse a network.
+    """
+    found: dict[Diagnostic, None] = {}
+    for case in cases:
+        try:
+            compile_test_case(case)
+        except InputError as error:
+            found |= dict.fromkeys(error.diagnostics)
+    return tuple(found)

@@ -23,6 +23,7 @@ from foresee_dsl.derive.snapshot import (
     shifted,
 )
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import (
@@ -62,8 +63,6 @@ from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP
 DIGITS = 3
 """Decimals of metres, m/s and degrees in a clip. Ours: 1 mm and 0.001 deg (2 mm over 100 m) leave deviations of the
 same size after 10 s, under the centimetre to which fidelity is printed."""
-_WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
-"""Their position in a file is that of their front; a pedestrian's or obstacle's is its middle."""
 _WAYPOINT_M = 2.0
 """The spacing of `Trace.waypoints`."""
 
@@ -191,7 +190,7 @@ def _timing(source: Actor | None) -> float:
 
 def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> State:
     info, row = trace.actors[actor], trace.states[frame, actor]
-    wheels = info.kind in _WHEELS
+    wheels = info.kind in VEHICLE_KINDS  # placed by the front; a pedestrian or an obstacle by its middle
     acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
     heading = math.remainder(float(row[HEADING]), math.tau)
     return State(

@@ -98,15 +98,16 @@ def _risky_frame(clip: Clip, trace: Trace) -> int:
 
 
 def _plans(situation: Situation, preset: Preset) -> list[_Plan]:
-    """Return the recipes of a preset with their targets, without what cannot act on them, each once."""
+    """Return the recipes of a preset that can be done, with their targets; else the parts of them that can."""
     known = operators()
     if preset.targets == "letter":
         full = [tuple((known[n], known[n].letter_target(situation)) for n in recipe) for recipe in preset.recipes]
     else:
         target = _ranked_target(situation, preset, known)
         full = [tuple((known[n], target) for n in recipe) for recipe in preset.recipes]
-    usable = (tuple((o, t) for o, t in plan if t and _acts(situation, preset, o, t)) for plan in full)
-    return list(dict.fromkeys(plan for plan in usable if plan))
+    parts = [tuple((o, t) for o, t in plan if t and _acts(situation, preset, o, t)) for plan in full]
+    whole = [part for part, plan in zip(parts, full, strict=True) if part == plan]
+    return whole or list(dict.fromkeys(part for part in parts if part))
 
 
 def _ranked_target(situation: Situation, preset: Preset, known: dict[str, Operator]) -> str:

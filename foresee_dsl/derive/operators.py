@@ -16,8 +16,9 @@ from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.presets import Preset, SteerSettings
 from foresee_dsl.derive.validity import fits
 from foresee_dsl.forecast.geometry import distances_to_ego
-from foresee_dsl.forecast.settings import ForeseeSettings
+from foresee_dsl.forecast.settings import VEHICLE_KINDS, ForeseeSettings
 from foresee_dsl.language.model import Actor, Change, Clip, Delay, Quantity, Steers, Timing
+from foresee_dsl.simulate.actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 GROUP = "foresee_dsl.operators"
@@ -25,8 +26,6 @@ GROUP = "foresee_dsl.operators"
 an object with a `name` and `changes`."""
 
 GRAVITY_MPS2 = 9.81
-_STANDS_MPS = 0.1
-_VEHICLES = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,7 @@ class TimingShift:
             return ()
         column = situation.columns[target]
         fastest = float(np.nanmax(situation.trace.states[:, column, SPEED]))
-        high = min(settings.high, situation.spec(target).max_speed_mps / max(fastest, _STANDS_MPS))
+        high = min(settings.high, situation.spec(target).max_speed_mps / max(fastest, STANDS_MPS))
         value = _draw(rng, settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
         if value is None:
             return ()
@@ -226,7 +225,7 @@ class DelayShift:
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw a delay."""
         settings = preset.delay
-        stands = situation.speed_mps(target, 0) <= _STANDS_MPS
+        stands = situation.speed_mps(target, 0) <= STANDS_MPS
         walks = situation.kind(target) == "pedestrian"
         if not situation.follows_path(target) or not (stands or walks):
             return ()
@@ -256,7 +255,7 @@ _OURS: tuple[Operator, ...] = (ModelSwap(), Steer(), TimingShift(), DelayShift()
 
 def _steerable(situation: Situation, actor: str) -> bool:
     info = situation.trace.actors[situation.columns[actor]]
-    return info.kind in _VEHICLES and bool(info.route) and not info.path
+    return info.kind in VEHICLE_KINDS and bool(info.route) and not info.path
 
 
 def _largest_share(spec: ModelSpec, speed_mps: float, settings: SteerSettings) -> float:

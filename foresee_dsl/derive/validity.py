@@ -19,7 +19,7 @@ SAME_WAY_RAD = math.radians(45)
 def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
     """Say whether an actor can have another model at a frame.
 
-    Its class must be the same and its speed within the new model's. The new body must overlap nobody, and must leave
+    Its class must be the same, its speed and what it is to drive within the new model's. The new body must overlap nobody, and must leave
     `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where that was less).
 
     Args:
@@ -29,7 +29,7 @@ def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
         spec: the new model.
     """
     info = trace.actors[actor]
-    if spec.kind != info.kind or trace.states[frame, actor, SPEED] > spec.max_speed_mps:
+    if spec.kind != info.kind or max(trace.states[frame, actor, SPEED], info.cruise_mps) > spec.max_speed_mps:
         return False
     now, then = boxes(trace, frame)[actor], swapped_box(trace, actor, frame, spec)
     others = np.delete(boxes(trace, frame), actor, axis=0)

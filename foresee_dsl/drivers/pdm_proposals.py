@@ -142,10 +142,9 @@ class _Wishes(NamedTuple):
 def _profile(situation: Situation, wall_s: float | None) -> FloatArray:
     """Return the speeds allowed from the rear axle's present place on, GRID_M apart, for the whole horizon."""
     route, pose = situation.route, situation.pose
-    start = route.index(pose.s)
-    profile = route.profile[start : start + int((pose.speed * cfg.HORIZON_S + 16.0) / GRID_M)]
+    profile = route.between(route.profile, np.arange(pose.s, pose.s + pose.speed * cfg.HORIZON_S + 16.0, GRID_M))
     if wall_s is not None:
-        room = wall_s - _front(situation.vehicle) - (route.origin_s + start * GRID_M)
+        room = wall_s - _front(situation.vehicle) - pose.s
         profile = _with_wall(profile, room, pose.speed, situation.ego.strongest_braking_mps2)
     return np.maximum(profile, 1e-3)
 

@@ -85,6 +85,16 @@ class Route:
         k = ((s - self.origin_s) * (1.0 / GRID_M)).astype(np.int64)
         return np.minimum(np.maximum(k, 0), len(self.x) - 1)
 
+    def between(self, values: FloatArray, s: FloatArray | float) -> FloatArray:
+        """Return one of the route's arrays at lengths, between its grid points too.
+
+        Where the grid lies hangs on where the mission begins; what the driver decides must not, or a run that is taken
+        up again in the middle goes on in another way.
+        """
+        place = np.clip((np.asarray(s) - self.origin_s) * (1.0 / GRID_M), 0.0, len(values) - 1.001)
+        k = place.astype(np.int64)
+        return np.asarray(values[k] + (place - k) * (values[k + 1] - values[k]))
+
     def locate(self, x: float, y: float, heading_rad: float) -> tuple[float, float, float]:
         """Find a vehicle on the whole route, by place and heading: (s, d, heading error in rad).
 

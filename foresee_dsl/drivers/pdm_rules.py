@@ -132,7 +132,7 @@ class _Arrival:
 
     def __init__(self, route: Route, ego: EgoOnRoute, last_s: float) -> None:
         s = np.arange(ego.front_s, last_s + (ego.front_s - ego.rear_s) + 2 * PROFILE_STEP_M, PROFILE_STEP_M)
-        profile = route.profile[route.indices(s - (ego.front_s - ego.rear_s) / 2)]
+        profile = route.between(route.profile, s - (ego.front_s - ego.rear_s) / 2)
         v = np.minimum(profile, np.sqrt(ego.state.speed_mps**2 + 2 * cfg.ACCELERATION_MPS2 * (s - s[0])))
         self._s = s
         self._t = np.concatenate([[0.0], np.cumsum(2 * PROFILE_STEP_M / np.maximum(v[1:] + v[:-1], 1e-3))])

@@ -19,8 +19,8 @@ def steering(route: Route, pose: EgoPose, offset: float, vehicle: VehicleLimits)
     In the route's coordinates, d'' = -2 d' / l - (d - offset) / l^2 with l from `tracking_length`; the curvature of the
     route is fed forward. The rear axle is held to the inside of bends by as much as the middle of the car swings out.
     """
-    bend = float(route.curvature[route.index(pose.s + pose.speed * cfg.CURVATURE_PREVIEW_S)])
-    inwards = float(route.curvature[route.index(pose.s)]) * to_centre(vehicle) ** 2 / 2
+    bend = float(route.between(route.curvature, pose.s + pose.speed * cfg.CURVATURE_PREVIEW_S))
+    inwards = float(route.between(route.curvature, pose.s)) * to_centre(vehicle) ** 2 / 2
     error = pose.d - offset - inwards
     length = float(tracking_length(pose.speed, np.array(error), vehicle))
     slope = math.tan(max(-1.0, min(1.0, pose.heading_error)))

@@ -122,7 +122,7 @@ def near_files(path: Path) -> str:
     except OSError:
         return ""
     near = closest(path.name, (name for name in names if name.endswith((SUFFIX, *FOREIGN_NETWORKS))))
-    return f"did you mean '{near}'?" if near else ""
+    return f"did you mean '{near}'?" if near else f"there is none of that name in '{shown(path.parent)}'"
 
 
 def _under(folder: Path) -> list[Path]:

@@ -13,7 +13,7 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import EXAMPLES, NOUNS
 from foresee_dsl.language.nodes import Mistake, Node
-from foresee_dsl.language.suggest import closest, did_you_mean
+from foresee_dsl.language.suggest import closest, did_you_mean, unit_mend
 from foresee_dsl.language.units import UNITS, Dimension
 
 _SHOWN = 40
@@ -86,7 +86,7 @@ class Builder:
 def _mistake(node: Node, field: str, detail: ErrorDetails, place: Span) -> Mistake:
     shown = _short(detail["input"])
     if field == "unit":
-        return Mistake("FS005", f"unknown unit '{shown}'", did_you_mean(str(detail["input"]), UNITS), place)
+        return Mistake("FS005", f"unknown unit '{shown}'", unit_mend(str(detail["input"])), place)
     text = str(detail["input"])
     match detail["type"]:
         case "missing":

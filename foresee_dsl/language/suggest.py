@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from foresee_dsl.language.units import OTHER_WORDS, UNITS
+
 _LONGEST = 60
 """Longer words are not compared (ours: no word of the language is half as long, and the comparison is quadratic)."""
 
@@ -31,6 +33,14 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     if 0 < len(candidates) <= 8:
         return "known are " + ", ".join(candidates)
     return ""
+
+
+def unit_mend(word: str) -> str:
+    """Return what to write instead of an unknown unit word."""
+    meant = OTHER_WORDS.get(word.lower())
+    if meant is not None:
+        return f"did you mean '{meant}'?"
+    return did_you_mean(word, UNITS) or "units are " + ", ".join(UNITS)
 
 
 def _plain(word: str) -> str:

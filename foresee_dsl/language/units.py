@@ -40,6 +40,29 @@ _ALL = (
 UNITS = MappingProxyType({unit.word: unit for unit in _ALL})
 """Every unit word that the language knows. A bare number has the dimension `ratio` or `count`, as its place asks."""
 
+OTHER_WORDS = MappingProxyType(
+    {
+        "sec": "s",
+        "secs": "s",
+        "second": "s",
+        "seconds": "s",
+        "minute": "min",
+        "minutes": "min",
+        "metre": "m",
+        "metres": "m",
+        "meter": "m",
+        "meters": "m",
+        "kph": "km/h",
+        "kmph": "km/h",
+        "mps": "m/s",
+        "ms-2": "m/s^2",
+        "degree": "deg",
+        "degrees": "deg",
+        "°": "deg",
+    }
+)
+"""What people write instead of a unit word, for the mend in a message."""
+
 SI_WORD: MappingProxyType[Dimension, str] = MappingProxyType(
     {
         "time": "s",

@@ -168,9 +168,9 @@ class Steered(Body):
 
     __slots__ = ("friction", "recovery", "taken")
 
-    def __init__(self, actor: PlacedActor, friction: float) -> None:
+    def __init__(self, actor: PlacedActor, network: RoadNetwork, friction: float) -> None:
         """Start where the actor is placed."""
-        super().__init__(actor)
+        super().__init__(actor, network)
         self.friction = friction
         self.recovery: LaneRecovery | None = None
         self.taken: BicycleState | None = None

@@ -5,7 +5,6 @@ Everything that takes effect is noted as an event, with all that is needed to sa
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -36,6 +35,9 @@ COMMITS_WALKING_M = 2.0
 """The same for pedestrians and bicycles on their path. Ours: their reaction takes one or two paces."""
 CREEPS_MPS = 1.0
 """It does not come to a halt there, where it would stay: the slowest speed that times of arrival are counted with."""
+WAITS_MPS = 3.0
+"""Another that is slower is waiting: one does not wait for it in turn. Ours: below it both would creep up to the
+junction and let each other go (a right turn into traffic took 25 s in scenario 9)."""
 HASTE = 1.3
 """It drives at most so many times its cruising speed (the language's definition of `meets`)."""
 BOUND_FROM_M = 60.0
@@ -118,13 +120,18 @@ class Director:
         self._meet(actor, action)
 
     def _meet(self, actor: Mobile, meets: Meets | MeetsState) -> None:
-        other = self._cast.by_id[meets.other]
         gap = _si(meets.gap)
         detail = {"other": meets.other, "junction": meets.junction, "gap_s": gap, "order": meets.order}
         self._recorder.event(self._cast.time_s, actor.id, "meets", detail)
-        points = self._cast.progress.meeting(actor, other, meets.junction)
-        if points is not None:
-            self._commands[actor.id] = _Meeting(self._cast, actor, meets=meets, points=points)
+        meeting = _Meeting(self._cast, actor, meets)
+        if actor.placed.timing == 1.0:
+            self._commands[actor.id] = meeting
+            return
+        # It would make up for its `timing`: it drives on as it would have driven now, times the factor.
+        if not meeting.over():
+            self._commands.pop(actor.id, None)
+            self._cast.cruise[actor.id] = meeting.asked() * actor.placed.timing
+            self._cast.pace(actor, self._cast.cruise[actor.id])
 
     def _ignores(self, actor: Mobile, action: Ignores) -> None:
         self._ignore(actor, action.what, action.junction)
@@ -144,7 +151,7 @@ class Director:
         to, over = _si(action.to), None if action.over is None else _si(action.over)
         detail = {"to_mps": to, "over_s": over, "from_mps": actor.speed}
         self._recorder.event(self._cast.time_s, actor.id, "changes_speed", detail)
-        self._commands[actor.id] = _Ramp(self._cast, actor, to, over or 0.0)
+        self._commands[actor.id] = _Ramp(self._cast, actor, to * actor.placed.timing, over or 0.0)
 
     def _change_lane(self, actor: Mobile, action: ChangesLane) -> None:
         self._recorder.event(self._cast.time_s, actor.id, "changes_lane", {"side": action.side})
@@ -219,45 +226,52 @@ class _Stop:
 class _Meeting:
     """Sets an actor's speed so that it comes to a point when the other was, or will be, there.
 
-    It plans anew every step, and near the junction keeps the speed that it has: a clip that begins in between goes on
-    in the same way.
+    It plans anew every step, and near the junction keeps the speed that it has until it is over it. What it does hangs
+    on where both are: a clip that begins in between, even with the other gone from the junction, goes on in the same
+    way.
     """
 
-    def __init__(self, cast: Cast, actor: Mobile, *, meets: Meets | MeetsState, points: tuple[float, float]) -> None:
+    def __init__(self, cast: Cast, actor: Mobile, meets: Meets | MeetsState) -> None:
         self._cast, self._actor = cast, actor
         self._other, self._junction = cast.by_id[meets.other], meets.junction
-        self._own_s, self._other_s = points
+        self._points = cast.progress.meeting(actor, self._other, meets.junction)
         self._gap_s = _si(meets.gap) * (1 if meets.order == "after" else -1)
         self._committed = False
 
     def update(self, time_s: float) -> bool:  # noqa: ARG002 - the plan hangs on where everybody is only
-        cast, actor = self._cast, self._actor
-        own = self._own_s - cast.progress.front(actor, cast.frame)
-        if own <= 0 or not actor.present:
-            cast.pace(actor, cast.cruise[actor.id])
+        if self.over():
+            self._cast.pace(self._actor, self._cast.cruise[self._actor.id])
             return False
         if not self._committed:
-            self._committed = self._near(own)
-            self._plan(own)
+            self._cast.pace(self._actor, self.asked())
+            self._committed = self._near()
         return True
 
-    def _plan(self, own_m: float) -> None:
-        cast, actor, other = self._cast, self._actor, self._other
-        theirs = self._other_s - cast.progress.front(other, cast.frame)
-        fastest = HASTE * cast.cruise[actor.id]
-        if self._committed:
-            cast.pace(actor, min(max(actor.speed, CREEPS_MPS), fastest))
-        elif theirs > 0 and other.present:
-            arrival = theirs / max(other.speed, 1.0) + self._gap_s
-            cast.pace(actor, min(own_m / arrival, fastest) if arrival > 0 else fastest)
-        else:
-            cast.pace(actor, cast.cruise[actor.id])
+    def asked(self) -> float:
+        """Return what it asks the actor to drive now, without the actor's `timing`, m/s."""
+        cast, actor, other, timing = self._cast, self._actor, self._other, self._actor.placed.timing
+        cruise = cast.cruise[actor.id] / timing
+        fastest = HASTE * cruise
+        if self._near():
+            return min(max(actor.speed / timing, CREEPS_MPS), fastest)
+        if self._points is None or not other.present or other.speed < WAITS_MPS:
+            return cruise
+        own = self._points[0] - cast.progress.front(actor, cast.frame)
+        theirs = self._points[1] - cast.progress.front(other, cast.frame)
+        if own <= 0 or theirs <= 0:
+            return cruise
+        arrival = theirs / max(other.speed, 1.0) + self._gap_s
+        return min(own / arrival, fastest) if arrival > 0 else fastest
 
-    def _near(self, own_m: float) -> bool:
-        if isinstance(self._actor, Walker):
-            return own_m <= COMMITS_WALKING_M
-        room = self._cast.progress.to_junction(self._actor, self._junction, self._cast.frame)
-        return math.isnan(room) or room <= COMMITS_M
+    def over(self) -> bool:
+        """Whether the actor is over the junction, has left the world, or does not come there."""
+        span = self._cast.progress.span(self._actor, self._junction)
+        passed = span is None or self._cast.progress.front(self._actor, self._cast.frame) > span[1]
+        return passed or not self._actor.present
+
+    def _near(self) -> bool:
+        commits = COMMITS_WALKING_M if isinstance(self._actor, Walker) else COMMITS_M
+        return self._cast.progress.to_junction(self._actor, self._junction, self._cast.frame) <= commits
 
 
 def _si(value: Quantity | Ref) -> float:

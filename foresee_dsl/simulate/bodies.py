@@ -9,8 +9,14 @@ is rebuilt from a description goes on exactly as its parent did.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+
+import shapely
 
 from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.roads import Lane
+from foresee_dsl.compile.starts import lane_kind
 from foresee_dsl.simulate.state import Mobile
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import VehicleState
@@ -28,34 +34,77 @@ SLOWEST_TURN_MPS = 0.5
 
 
 class Body(Mobile):
-    """A vehicle that SUMO drives."""
+    """A vehicle that SUMO drives.
 
-    __slots__ = ("_axle_m", "_fx", "_fy", "_half_m", "_offset", "_raw_x", "_raw_y")
+    Attributes:
+        rolls: SUMO drives it over the step before the first frame (`in_sumo`), as it would have in its parent.
+    """
 
-    def __init__(self, actor: PlacedActor) -> None:
+    __slots__ = ("_axle_m", "_fx", "_fy", "_half_m", "_network", "_offset", "_raw_x", "_raw_y", "rolls")
+
+    def __init__(self, actor: PlacedActor, network: RoadNetwork) -> None:
         """Start where the actor is placed."""
         super().__init__(actor)
+        self._network = network
         self._half_m = actor.model.length_m / 2
         self._axle_m = actor.model.front_overhang_m + actor.model.wheelbase_m
         self._fx, self._fy = self._raw_x, self._raw_y = actor.x, actor.y
         self._offset = 0.0
+        self.rolls = False
+        if actor.lane:
+            self._find_lane(network.lanes[actor.lane])
 
-    def on_lane(self, centre: tuple[float, float] | None) -> None:
-        """Say which point of its lane's centreline it was placed beside (`World.lane_centre`)."""
-        if centre is None:
-            return
-        dx, dy = self._fx - centre[0], self._fy - centre[1]
-        offset = dy * math.cos(self.heading) - dx * math.sin(self.heading)
-        if abs(offset) > ROUNDING_M:
-            self._offset = offset
-            self._raw_x, self._raw_y = centre
+    def in_sumo(self) -> PlacedActor:
+        """Return the actor as SUMO is to have it a step before the first frame: on the middle of its lane.
+
+        SUMO would keep a distance from that for as long as the vehicle lives, and look for the nearest lane, which is
+        another one at the beginning of a lane change. Where the lane begins, it is where it is at the first frame.
+        """
+        if not self.lane:
+            return self.placed
+        lane = self._network.lanes[self.lane]
+        shape = shapely.LineString(lane.shape)
+        now = shapely.line_locate_point(shape, shapely.Point(self._raw_x, self._raw_y))
+        # SUMO counts along the lane in its own length, which a map may give differently from the shape's.
+        before = now - self.speed * STEP_S * shape.length / lane.length_m
+        self.rolls = before > 0
+        at = shapely.line_interpolate_point(shape, before if self.rolls else now)
+        heading = lane.line.at(lane.line.project(at.x, at.y)[0])[2]
+        return replace(self.placed, x=at.x, y=at.y, heading_rad=heading, lane=self.lane)
+
+    def _find_lane(self, nearest: Lane) -> None:
+        """Find the lane that the vehicle follows, and the place on it that SUMO is to have it at."""
+        lane = self._heads_for(nearest)
+        self.lane = lane.id
+        line = shapely.LineString(lane.shape)
+        centre = shapely.line_interpolate_point(line, shapely.line_locate_point(line, shapely.Point(self._fx, self._fy)))
+        self._raw_x, self._raw_y = centre.x, centre.y
+        _, lateral = lane.line.project(self._fx, self._fy)
+        self._offset = lateral if abs(lateral) > ROUNDING_M else 0.0
+
+    def _heads_for(self, nearest: Lane) -> Lane:
+        """Return the lane that a vehicle between two lanes is changing to: the one that it turns towards.
+
+        Up to the middle between them the nearest one is that which it leaves. It has turned away from that as far as
+        half of what moving off its middle takes, at least.
+        """
+        s, lateral = nearest.line.project(self._fx, self._fy)
+        side = 1 if lateral > 0 else -1
+        slope = min(SIDEWAYS_SHARE, SIDEWAYS_MPS / max(self.speed, 0.1))
+        takes = slope * (1.0 - math.exp(-abs(lateral) / (slope * self._axle_m)))
+        lane_heading = nearest.line.at(max(s - self._axle_m, 0.0))[2]
+        turned = side * math.remainder(self.heading - lane_heading, math.tau)
+        beside = self._network.lanes.get(f"{nearest.edge}_{nearest.index + side}")
+        if abs(lateral) <= ROUNDING_M or turned < takes / 2 or beside is None:
+            return nearest
+        return beside if lane_kind(self.placed.model) in beside.kinds else nearest
 
     def follow(self, state: VehicleState) -> None:
         """Go on to where SUMO has the vehicle after a step."""
-        x, y, lane_heading, speed, self.acceleration, self.lane = state
+        x, y, speed, self.acceleration, self.lane = state
         jump = math.hypot(x - self._raw_x, y - self._raw_y) > speed * STEP_S + JUMP_M
         if jump or self._offset:
-            cos, sin = math.cos(lane_heading), math.sin(lane_heading)
+            cos, sin = self._direction(x, y)
             if jump:
                 self._offset += (self._raw_y - y) * cos - (self._raw_x - x) * sin
             most = min(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed) * STEP_S
@@ -65,6 +114,12 @@ class Body(Mobile):
         else:
             self._raw_x, self._raw_y = x, y
         self._draw(x, y, speed)
+
+    def _direction(self, x: float, y: float) -> tuple[float, float]:
+        """Cosine and sine of the lane's heading; not of SUMO's vehicle, which turns as its rear follows."""
+        lane = self._network.lanes.get(self.lane)
+        heading = lane.line.at(lane.line.project(x, y)[0])[2] if lane is not None else self.heading
+        return math.cos(heading), math.sin(heading)
 
     def _draw(self, x: float, y: float, speed: float) -> None:
         """Move the front to a point; the rear axle is drawn towards it."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
@@ -17,12 +18,14 @@ OFF_LANE_M = 1.8
 """The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
+KNOWN_AFTER = 1
+"""Steps that everybody is held where they are placed. Ours: SUMO learns of who comes to a junction a step later."""
 
 
 class Cast:
     """The actors of a scene in a world; `actors[0]` is the ego, the rest in the scene's order.
 
-    Frame 0 is the world after one step that begins 0.05 s before it: SUMO takes that step to place the vehicles.
+    Frame 0 is the world after some steps in which SUMO places the vehicles and they are held there.
     """
 
     def __init__(self, bundle: SumoBundle, world: World) -> None:
@@ -48,7 +51,7 @@ class Cast:
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
         self.frame = 0
-        self._enter()
+        self._enter(bundle)
 
     @property
     def time_s(self) -> float:
@@ -119,35 +122,80 @@ class Cast:
             self.blocks.append(block)
             return block
         if actor.steering is not None:
-            steered = Steered(actor, self.scene.friction)
+            steered = Steered(actor, self.network, self.scene.friction)
             self.steered.append(steered)
             self.bodies[actor.id] = steered
             return steered
-        self.bodies[actor.id] = Body(actor)
+        self.bodies[actor.id] = Body(actor, self.network)
         return self.bodies[actor.id]
 
-    def _enter(self) -> None:
+    def _enter(self, bundle: SumoBundle) -> None:
+        """Put everybody into SUMO, hold them until it knows what it would have known, and let them roll to frame 0.
+
+        In SUMO, who came to a junction first goes first: those inside are put there one a step, in the order in which
+        they seem to have come. In the last step it makes up its mind about gaps and lanes.
+        """
         world = self.world
-        world.add_body(self.ego.id, self.ego.placed.model.name, self.ego.placed.route)
+        vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
+        since = {actor.id: self.progress.since_entry(actor, self.frame) for actor in vehicles}
+        inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
+        waves = [*([actor] for actor in inside), [a for a in vehicles if a not in inside], *([[]] * KNOWN_AFTER)]
+        world.start_signals(bundle, (len(waves) + 1) * STEP_S)
         for body in self.bodies.values():
-            actor = sped(body.placed)
-            world.add_vehicle(actor)
-            if actor.timing < 1.0:
-                world.set_acceleration(actor.id, actor.model.acceleration_mps2 * actor.timing**2)
-            body.speed = actor.speed_mps
+            body.speed = sped(body.placed).speed_mps
+        before = {body.id: sped(body.in_sumo()) for body in self.bodies.values()}
+        here: list[Mobile] = []
+        for wave in waves:
+            self._hold(here, before)
+            for actor in wave:
+                self._add(actor, before)
+            here += wave
+            self._pass_step()
+        rolling = [body for body in self.bodies.values() if body.rolls]
+        self._hold([body for body in self.bodies.values() if not body.rolls], before)
+        for body in rolling:
+            world.roll(body.id, body.speed)
         self._show()
-        world.step()
-        self._settle()
-        for body in self.bodies.values():
-            world.settle(body.id, body.speed, body.acceleration)
-            body.on_lane(world.lane_centre(body.id))
+        self._pass_step()
+        for body in rolling:
+            world.let_go(body.id)
         self._ego_lane()
         self._take_over()
 
+    def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
+        if actor is self.ego:
+            self.world.add_body(self.ego.id, self.ego.placed.model.name, self.ego.placed.route)
+            self._show_ego(-STEP_S)
+            return
+        placed = before[actor.id]
+        self.world.add_vehicle(placed)
+        if placed.timing < 1.0:
+            self.world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
+
+    def _hold(self, actors: Iterable[Mobile], before: Mapping[str, PlacedActor]) -> None:
+        for actor in actors:
+            if actor is self.ego:
+                self._show_ego(-STEP_S)
+            else:
+                self.world.hold(before[actor.id])
+
+    def _pass_step(self) -> None:
+        """Let SUMO take a step of which it does not keep the speeds that it made up."""
+        self.world.step()
+        self._settle()
+        for body in self.bodies.values():
+            self.world.settle(body.id, body.speed, body.acceleration)
+
     def _show(self) -> None:
         """Say where those whom SUMO does not move will be at the end of the next step."""
-        x, y = self.ego.front
-        self.world.place(self.ego.id, x, y, self.ego.heading)
+        self._show_ego()
+        self._show_others()
+
+    def _show_ego(self, ahead_s: float = 0.0) -> None:
+        (x, y), way, heading = self.ego.front, self.ego.speed * ahead_s, self.ego.heading
+        self.world.place(self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading)
+
+    def _show_others(self) -> None:
         for walker in self.walkers:
             walker.show()
         for block in self.blocks:

@@ -43,11 +43,10 @@ _SEED = 42
 
 
 class VehicleState(NamedTuple):
-    """A vehicle as SUMO sees it; x, y: middle of the FRONT bumper, m; heading rad; speed m/s; acceleration m/s^2."""
+    """A vehicle as SUMO sees it; x, y: middle of the FRONT bumper, m; speed m/s; acceleration m/s^2."""
 
     x: float
     y: float
-    heading_rad: float
     speed_mps: float
     acceleration_mps2: float
     lane: str
@@ -137,11 +136,15 @@ class World:
         self._routes.clear()
         self._bodies.clear()
         self._signals = {s.tls: s for s in bundle.signals.values()}
+        self.start_signals(bundle, STEP_S)
+
+    def start_signals(self, bundle: SumoBundle, lead_s: float) -> None:
+        """Set the signals so that they are as the scene says after `lead_s`."""
         begins = {junction: (stage, elapsed) for junction, stage, elapsed in bundle.scene.signals}
         for signal in bundle.signals.values():
             stage, elapsed = begins.get(signal.junction, (signal.stages[signal.phases[0].stage], 0.0))
             phase, left = signal.phase_at(stage, elapsed)
-            self.set_phase(signal.tls, phase, left + STEP_S)  # one step passes before the first frame
+            self.set_phase(signal.tls, phase, left + lead_s)
 
     def step(self) -> None:
         """Let SUMO simulate one step of 0.05 s.
@@ -173,6 +176,17 @@ class World:
             known.cruise_mps = actor.cruise_mps
             if actor.cruise_mps > 0:
                 self.set_cruise(actor.id, actor.cruise_mps)
+        except self._errors as err:
+            raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
+        self.hold(actor)
+
+    def hold(self, actor: PlacedActor) -> None:
+        """Keep an actor that was added where it is placed for one more step.
+
+        Raises:
+            SimulationError: SUMO refused the place.
+        """
+        try:
             on_junction = actor.lane.startswith(":")
             edge, _, index = actor.lane.rpartition("_")
             angle = _degrees(actor.heading_rad)
@@ -181,6 +195,16 @@ class World:
             )
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
+
+    def roll(self, vehicle: str, speed_mps: float) -> None:
+        """Let a vehicle drive exactly a speed, whatever is in its way, until `let_go`."""
+        self._sumo.vehicle.setSpeedMode(vehicle, 0)
+        self._sumo.vehicle.setSpeed(vehicle, speed_mps)
+
+    def let_go(self, vehicle: str) -> None:
+        """Give a vehicle that rolls back to car-following."""
+        self._sumo.vehicle.setSpeed(vehicle, -1.0)
+        self._sumo.vehicle.setSpeedMode(vehicle, _OBEYS)
 
     def settle(self, vehicle: str, speed_mps: float, acceleration_mps2: float) -> None:
         """Say what speed a vehicle had during the last step; SUMO goes on from it."""
@@ -216,16 +240,6 @@ class World:
             # SUMO takes it out at the end of its route; it is still there.
             self._bring_back(vehicle, x_front, y_front, angle)
 
-    def lane_centre(self, vehicle: str) -> tuple[float, float] | None:
-        """Return the point of its lane's centreline that a vehicle is at, m, or None off the road."""
-        on = self._sumo.vehicle
-        lane = on.getLaneID(vehicle)
-        if not lane:
-            return None
-        edge, _, index = lane.rpartition("_")
-        x, y = self._sumo.simulation.convert2D(edge, on.getLanePosition(vehicle), int(index))
-        return x, y
-
     def remove(self, vehicle: str) -> None:
         """Take a vehicle out, if it is in."""
         self._vehicles.pop(vehicle, None)
@@ -256,8 +270,7 @@ class World:
             if known.cruise_mps and not lane.startswith((":", known.edge)):
                 self._limit_speed(vehicle, known, lane)
             speed, acceleration = known.settled or (values[const.VAR_SPEED], values[const.VAR_ACCELERATION])
-            heading = math.radians(90.0 - values[const.VAR_ANGLE])
-            states[vehicle] = VehicleState(x, y, heading, speed, acceleration, lane)
+            states[vehicle] = VehicleState(x, y, speed, acceleration, lane)
         return states
 
     def __contains__(self, vehicle: str) -> bool:
@@ -323,7 +336,7 @@ class World:
         const = self._const
         self._sumo.vehicle.subscribe(
             vehicle,
-            [const.VAR_POSITION, const.VAR_ANGLE, const.VAR_SPEED, const.VAR_ACCELERATION, const.VAR_LANE_ID],
+            [const.VAR_POSITION, const.VAR_SPEED, const.VAR_ACCELERATION, const.VAR_LANE_ID],
         )
         known = self._vehicles[vehicle] = _Known(edge=f"{route[0]}_")
         return known

@@ -150,7 +150,7 @@ scenario s {
         (
             "    route from oak_south straight over mill_oak\n",
             "    start at (4000 m, 4000 m)\n    route [oak_south]\n",
-            "road",
+            "off its route",
         ),
         (
             "    route from oak_south straight over mill_oak\n",
@@ -202,7 +202,7 @@ def test_a_mistake_is_shown_where_it_is(old: str, new: str, says: str, scenarios
     [
         (b"", "empty"),
         (bytes(range(256)) * 40, "text"),
-        (b"foresee 1\n\nscenario s {\n" + b"a" * 1_000_000 + b"\n}\n", "long"),
+        (b"foresee 1\n\nscenario s {\n" + b"a" * 1_000_000 + b"\n}\n", "statement"),
         (b"foresee 9\n\nscenario s {\n}\n", "version"),
     ],
     ids=["empty", "binary", "long_line", "version"],
@@ -216,7 +216,7 @@ def test_files_that_are_no_scenario(content: bytes, says: str, tmp_path: Path) -
 
 
 def test_a_file_or_folder_that_is_not_there(tmp_path: Path) -> None:
-    assert "no such file" in foresee("run", tmp_path / "x.foresee", expect=1).stderr.lower()
+    assert "no file" in foresee("run", tmp_path / "x.foresee", expect=1).stderr.lower()
     assert foresee("check", tmp_path / "x", expect=1).stderr
 
 

@@ -142,10 +142,10 @@ def test_files_that_are_no_text(tmp_path: Path, content: bytes, message: str):
     ],
 )
 def test_monsters_are_refused_quickly(text: str):
-    start = time.perf_counter()
+    start = time.process_time()
     found = mistakes(text)
     assert found
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - start < 5
     assert len(found) <= 110
     assert len(render_all(found)) < 60_000
 

@@ -128,7 +128,12 @@ class Steers(Item):
 
 class Timing(Item):
     """`timing 0.80`: its speed along its own path, as a ratio of what it would have driven; it still stops where it
-    must."""
+    must.
+
+    It scales the speed at the beginning, the cruise speed and what the actor is told to change its speed to. With a
+    factor other than 1 an actor does not adapt to whom it `meets` any more, which would make up for the factor: what
+    the meeting asks for at its first moment, times the factor, becomes its cruise speed for good.
+    """
 
     kind: Literal["timing"] = "timing"
     factor: Ratio
@@ -219,7 +224,10 @@ class Meets(Item):
     """`runner meets ego at j4 after gap`: from now on its speed is set so that it reaches the point where the two
     routes
     cross in the junction `gap` after (or before) the other would; within its model's limits, never over 1.3 times
-    its cruise speed."""
+    its cruise speed.
+
+    While the other is slower than 3 m/s it waits, and the actor drives at its cruise speed.
+    """
 
     kind: Literal["meets"] = "meets"
     actor: Name
