@@ -36,6 +36,9 @@ def campaign(
     jobs: Jobs = _CPUS,
     seed: SeedOption = 0,
     out: OutOption = Path("out"),
+    report: Annotated[
+        Path | None, typer.Option(help="Also save the report to this file: .svg, .html or .txt by its name.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
@@ -48,8 +51,10 @@ def campaign(
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.forecast.registry import load_ranker
     from foresee_dsl.language.project import load_test_cases
-    from foresee_dsl.report.terminal import CampaignProgress, print_campaign
+    from foresee_dsl.report.terminal import CampaignProgress, print_campaign, save_campaign
 
+    if report is not None and report.suffix not in (".svg", ".html", ".txt"):
+        raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
     settings = CampaignSettings(driver, ranker, preset, before, after, risky_points, children, seed)
     # Unknown names are said before anything runs.
     load_driver(driver)
@@ -63,6 +68,8 @@ def campaign(
         print_json(result.as_dict())
     else:
         print_campaign(screen, result, out)
+    if report is not None:
+        save_campaign(report, result, out)
     if result.interrupted:
         raise typer.Exit(130)
     if result.broken:

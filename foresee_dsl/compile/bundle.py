@@ -149,7 +149,9 @@ class Scene:
     signals: tuple[tuple[str, str, float], ...] = ()
     friction: float = 0.9
     clip: bool = False
-    """A clip or child: it passes when its window ends without a failure, arrived or not."""
+    """It begins from exact states, in the middle of a run: a clip or a child."""
+    must_arrive: bool = False
+    """Not to arrive before the end is a timeout; otherwise reaching the end without a failure is a pass."""
     notes: tuple[str, ...] = ()
     """What the author should know and is no mistake, such as background traffic that found no room."""
 

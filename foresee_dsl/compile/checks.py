@@ -128,7 +128,7 @@ def of_meetings(case: TestCase, placed: Iterable[PlacedActor]) -> Iterator[Probl
 
     In a clip the one who is met may have passed the junction already, and what is left of its route does not show it.
     """
-    if case.clip is not None:
+    if case.snapshot:
         return
     by_name = {actor.id: actor for actor in placed}
     for actor in case.scenario.actors:

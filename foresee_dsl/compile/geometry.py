@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from foresee_dsl.compile.roads import Crossing, Edge, Junction, Lane, LaneKind, 
 from foresee_dsl.compile.routeline import Passage, RouteLine
 from foresee_dsl.compile.routing import RouteError
 from foresee_dsl.language.model import EdgeRoute, Route
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 __all__ = ["NearLane", "Passage", "RoadNetwork", "RouteError", "RouteLine"]
 
@@ -91,6 +94,8 @@ class RoadNetwork:
     def graph(self, kind: LaneKind = "car") -> nx.DiGraph[str]:
         """Return the graph of edges open to a kind; the weight `length` is that of the edge that is entered."""
         if kind not in self._graphs:
+            import networkx as nx  # here: it takes long to import, and few need it
+
             graph: nx.DiGraph[str] = nx.DiGraph()
             for edge in self.edges.values():
                 if edge.for_kind(kind):

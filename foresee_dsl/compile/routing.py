@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import networkx as nx
-
 from foresee_dsl.compile.roads import LaneKind, Movement
 from foresee_dsl.language.model import EdgeRoute, Leg, Ref, Route, Turn
 from foresee_dsl.language.suggest import did_you_mean
@@ -60,6 +58,8 @@ def shortest_route(network: RoadNetwork, start: str, end: str, kind: LaneKind = 
     Raises:
         RouteError: an edge does not exist, or there is no way.
     """
+    import networkx as nx  # here: it takes long to import, and few need it
+
     for edge in (start, end):
         check_edge(network, edge)
     try:

@@ -18,6 +18,8 @@ from foresee_dsl.compile.walkways import Walk, walkways
 from foresee_dsl.language.document import PlacementError, Problem, TestCase
 from foresee_dsl.language.model import (
     Actor,
+    Both,
+    Condition,
     CruiseSpeed,
     Delay,
     Ego,
@@ -27,6 +29,7 @@ from foresee_dsl.language.model import (
     IgnoresRule,
     MeetsState,
     Path,
+    Predicate,
     SignalState,
     StartAt,
     StartSpeed,
@@ -114,7 +117,7 @@ class _Builder:
         self._problems += checks.of_names(self._case, self._network, self._signals)
         self._problems += checks.of_meetings(self._case, placed)
         start_s, goal_s = self._journey(placed)
-        self._problems += checks.of_overlaps(placed, clip=self._case.clip is not None)
+        self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
         if self._problems:
             raise PlacementError(tuple(dict.fromkeys(self._problems)))
         notes: list[str] = []
@@ -132,7 +135,8 @@ class _Builder:
             expects=scenario.all(Expect),
             signals=tuple((s.junction, s.stage, si(s.elapsed)) for s in scenario.all(SignalState)),
             friction=friction_of(si(weather.wetness)) if weather is not None else DRY_FRICTION,
-            clip=self._case.clip is not None,
+            clip=self._case.snapshot,
+            must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(Expect)),
             notes=tuple(notes),
         )
 
@@ -283,7 +287,7 @@ class _Builder:
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
             self._add("ego", "goal", checks.GOAL, f"the goal is {abs(lateral):.1f} m off the ego's route")
-        elif goal <= start and self._case.clip is None:
+        elif goal <= start and not self._case.snapshot:
             self._add("ego", "goal", checks.GOAL, f"the goal is {start - goal:.1f} m behind the ego's start")
         return start, goal
 
@@ -292,3 +296,10 @@ def _steering(said: Steers | None) -> Steering | None:
     if said is None:
         return None
     return Steering(si(said.value), si(said.start), si(said.duration) if said.duration is not None else None)
+
+
+def _arrives(condition: Condition) -> bool:
+    """Whether a condition says that the ego arrives (alone, or as one of several that must all hold)."""
+    if isinstance(condition, Both):
+        return any(_arrives(part) for part in condition.conditions)
+    return isinstance(condition, Predicate) and condition.what == "arrived" and condition.actor == "ego"

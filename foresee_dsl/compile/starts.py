@@ -39,6 +39,9 @@ EGO_BEYOND_M = 80.0
 OFF_ROUTE_M = 3.0
 """A start farther from every lane of the route than this is a mistake (asked for)."""
 
+A_LANE_M = 3.0
+"""Who is that far beside a line is on another lane. Ours: town lanes are 3.0 m to 3.5 m wide."""
+
 _SAME_WAY_RAD = math.radians(60)
 _T = TypeVar("_T", bound=Item)
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
@@ -202,7 +205,8 @@ class Starts:
         edges, kind = self._edges(name), lane_kind(spec)
         x, y, heading = self._front(name, actor, spec)
         # a clip's route begins where the actor is; an author's start may be on a later edge
-        near = edges[:2] if actor.state is not None else edges
+        ego = isinstance(actor, Ego)
+        near = edges[:2] if actor.state is not None and not ego else edges
         start = item(actor, StartAt)
         if actor.state is None and start is not None and isinstance(start.place, AlongEdge):
             edge = text(start.place.edge)
@@ -212,7 +216,9 @@ class Starts:
         if isinstance(match, float):
             raise RouteError(f"{name} starts {match:.1f} m off its route", f"its route is {', '.join(edges)}")
         k, lane, pos = match
-        ego = isinstance(actor, Ego)
+        came = self._line_of_clip(edges, kind, x, y) if ego and k and actor.state is not None else None
+        if came is not None:
+            return OnRoute(x, y, heading, lane.id, edges[k:], *came)
         line = self._network.line(
             edges[k:],
             start_lane=lane.id,
@@ -224,6 +230,18 @@ class Starts:
         hint = line.origin_s + pos + (self._before(edges[k], lane, kind) if lane.internal else 0.0)
         s, _ = line.project(x, y, hint)
         return OnRoute(x, y, heading, lane.id, edges[k:], line, s)
+
+    def _line_of_clip(
+        self, edges: tuple[str, ...], kind: LaneKind, x: float, y: float
+    ) -> tuple[RouteLine, float] | None:
+        """Return the line that a clip's ego has followed since before its window, and where it is on it.
+
+        That is its parent's, whatever it is passing in another lane. None where it is a lane off: the parent began on
+        another lane than it would have by itself.
+        """
+        line = self._network.line(edges, behind_m=EGO_BEHIND_M, beyond_m=EGO_BEYOND_M, kind=kind)
+        s, lateral = line.project(x, y)
+        return (line, s) if abs(lateral) < A_LANE_M else None
 
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
         """Length from an edge's beginning to that of a lane inside the junction after it."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from typing import TYPE_CHECKING
 
 from foresee_dsl.resources import data_folder
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 def render(template: str, out: Path, **values: object) -> Path:
@@ -51,6 +53,8 @@ def _folder() -> Path:
 
 @cache
 def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where a network is new
+
     environment = Environment(
         loader=FileSystemLoader(_folder()),
         undefined=StrictUndefined,

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,8 @@ from foresee_dsl.compile.polyline import FloatArray, distinct, lengths, whole_mi
 from foresee_dsl.compile.roads import Crossing
 
 if TYPE_CHECKING:
+    import networkx as nx
+
     from foresee_dsl.compile.geometry import RoadNetwork
 
 ON_CROSSING_M = 0.05
@@ -146,6 +147,8 @@ class Walkways:
 @lru_cache(maxsize=32)
 def walkways(network: RoadNetwork) -> Walkways:
     """Return the footways of a network."""
+    import networkx as nx  # here: it takes long to import, and few need it
+
     shapes: dict[str, FloatArray] = {}
     for lane in network.lanes.values():
         if lane.kinds == {"pedestrian"} and lane.edge not in network.walking_areas:

@@ -52,12 +52,14 @@ from foresee_dsl.language.model import (
     Steers,
     Stops,
     Timing,
+    Value,
     Walked,
     When,
     Window,
 )
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.actors import STANDS_MPS
+from foresee_dsl.simulate.behaviours import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
 
 DIGITS = 3
@@ -128,6 +130,7 @@ def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int
     written = authored(case.scenario)
     actors = [_actor(trace, k, first, written, script) for k in here if k]
     resumed = [when for k in here if k for when in _resumed(trace, k, first, script.of(trace.actors[k].id))]
+    resumed += [when for k in here if k for when in _kept(trace.actors[k], written, script)]
     pending = [w for when in script.pending if (w := shifted(when, by_s=start_s, gone=gone)) is not None]
     return (
         Window(start=_seconds(start_s), end=_seconds(float(trace.time_s[last]))),
@@ -213,13 +216,17 @@ def _way(trace: Trace, actor: int, frame: int) -> tuple[ActorItem, ...]:
 
 
 def _speed(info: ActorInfo, source: Actor | None, told: Told) -> tuple[ActorItem, ...]:
-    """Return the cruise speed: what it was told last, what the author wrote, or what it drives."""
+    """Return the cruise speed: what it keeps near a junction, or what it drives otherwise."""
+    cruise = _cruise(info, source, told) if told.keeps_mps is None else _quantity(told.keeps_mps, "speed")
+    return (CruiseSpeed(speed=cruise),) if cruise is not None else ()
+
+
+def _cruise(info: ActorInfo, source: Actor | None, told: Told) -> Value | None:
+    """Return what it was told last, what the author wrote, or what it drives."""
     if told.cruise is not None:
-        return (CruiseSpeed(speed=told.cruise),)
-    for item in source.body if source else ():
-        if isinstance(item, CruiseSpeed):
-            return (item,)
-    return (CruiseSpeed(speed=_quantity(info.cruise_mps, "speed")),) if info.cruise_mps > 0 else ()
+        return told.cruise
+    written = next((item.speed for item in (source.body if source else ()) if isinstance(item, CruiseSpeed)), None)
+    return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
 
 
 def _rules(
@@ -230,7 +237,7 @@ def _rules(
         item for item in (source.body if source else ()) if isinstance(item, IgnoresRule)
     ]
     items += [IgnoresRule(what=i.what, junction=i.junction) for i in told.ignores]
-    if told.command and isinstance(m := told.command[0], Meets):
+    if told.command and isinstance(m := told.command[0], Meets) and told.keeps_mps is None:
         items.append(MeetsState(other=m.other, junction=m.junction, gap=m.gap, order=m.order))
     in_force = [i for i in items if i.junction is None or not has_passed(trace, actor, i.junction, frame)]
     return tuple(dict.fromkeys(in_force))
@@ -288,6 +295,19 @@ def _resumed(trace: Trace, actor: int, frame: int, told: Told) -> tuple[When, ..
         again.append(told.lane[0])
     at_once = Comparison(left=Measure(what="time"), op=">=", right=_seconds(0.0))
     return (When(condition=at_once, actions=tuple(again)),) if again else ()
+
+
+def _kept(info: ActorInfo, written: dict[str, Actor], script: Script) -> tuple[When, ...]:
+    """Return the trigger that ends what an actor keeps its speed for, where it meets another."""
+    told = script.of(info.id)
+    meets = told.command[0] if told.command else None
+    cruise = _cruise(info, written.get(info.id), told)
+    if told.keeps_mps is None or not isinstance(meets, Meets) or cruise is None:
+        return ()
+    inside = Comparison(
+        left=Measure(what="distance", actor=info.id, other=meets.junction), op="<=", right=_quantity(-MET_M, "length")
+    )
+    return (When(condition=inside, actions=(ChangesSpeed(actor=info.id, to=cruise),)),)
 
 
 def _stop_left(trace: Trace, actor: int, frame: int, action: Stops, since_s: float) -> Stops | None:

@@ -38,7 +38,8 @@ def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
     """Compare the run of an unmutated clip with its parent's.
 
     An actor that is in the world in one of the runs only counts with its distance from where it was last in the
-    other. Actors that the parent did not have at the window's beginning are not compared.
+    other, unless it left both within a frame of each other. Actors that the parent did not have at the window's
+    beginning are not compared.
 
     Args:
         parent: the run that the clip was cut from.
@@ -60,7 +61,7 @@ def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
         if info.id not in columns:
             raise ValueError(f"the clip's run has no actor {info.id!r}")
         here = child.states[:frames, columns[info.id], [X, Y]]
-        found[info.id] = float(np.hypot(*(_held(here) - _held(there)).T).max())
+        found[info.id] = _apart(here, there)
     return _summary(found, parent.actors[0].id, frames)
 
 
@@ -69,6 +70,14 @@ def with_fidelity(clip: Clip, found: Deviation) -> Clip:
     line = Fidelity(deviation=Quantity.of(found.largest_m, "length", 2))
     body = tuple(item for item in clip.body if not isinstance(item, Fidelity))
     return clip.model_copy(update={"body": (*body, line)})
+
+
+def _apart(here: NDArray[np.float64], there: NDArray[np.float64]) -> float:
+    """Return the largest distance between two ways ([T, 2], m), NaN where the first is not there at the beginning."""
+    stays = [int(np.flatnonzero(~np.isnan(places[:, 0])).max(initial=-1)) + 1 for places in (here, there)]
+    # Who drives over the end of its route leaves in a frame or in the next: a matter of rounding.
+    last = min(stays) if max(stays) - min(stays) <= 1 else max(stays)
+    return float(np.hypot(*(_held(here[:last]) - _held(there[:last])).T).max(initial=0.0 if last else np.nan))
 
 
 def _held(places: NDArray[np.float64]) -> NDArray[np.float64]:

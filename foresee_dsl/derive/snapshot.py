@@ -47,13 +47,16 @@ def front(trace: Trace, actor: int, frame: int) -> tuple[float, float]:
 def remaining_route(trace: Trace, actor: int, frame: int) -> tuple[str, ...]:
     """Return the edges that an actor has still to drive, the first being the one it is on.
 
-    On a junction (or off the lanes) that is the edge it came from, as SUMO wants it.
+    On a junction (or off the lanes) that is the edge it came from, as SUMO wants it. The ego's begins as far back as it
+    does not come to the same edge twice: the line that it follows hangs on where it came from.
     """
     route = trace.actors[actor].route
     at = 0
     for edge in edges_driven(trace, actor, frame):
         ahead = [k for k in range(at, len(route)) if route[k] == edge]
         at = ahead[0] if ahead else at
+    while actor == 0 and at and route[at - 1] not in route[at:]:
+        at -= 1
     return route[at:]
 
 
@@ -86,6 +89,7 @@ class Told:
         ignores: what it ignores.
         command: what sets its speed, and since when, s; None where nothing did. A change of speed that is over does
             not set it any more: it has become `cruise`.
+        keeps_mps: the speed that it keeps near the junction where it meets another, m/s; None before.
         lane: the last change of lane that it was asked for, and when, s.
         started_s: when a trigger started it.
     """
@@ -93,6 +97,7 @@ class Told:
     ignores: tuple[Ignores, ...] = ()
     command: tuple[SpeedCommand, float] | None = None
     cruise: Value | None = None
+    keeps_mps: float | None = None
     lane: tuple[ChangesLane, float] | None = None
     started_s: float | None = None
 
@@ -113,7 +118,19 @@ class Told:
             return replace(now, lane=(action, time_s))
         if isinstance(action, Starts):
             return replace(now, started_s=time_s if now.started_s is None else now.started_s)
-        return replace(now, command=(action, time_s))
+        return replace(now, command=(action, time_s), keeps_mps=None)
+
+    def meeting(self, trace: Trace, actor: str, now_s: float) -> Told:
+        """Return the same with what has come of a meeting: the actor keeps its speed, or it is over."""
+        action, since_s = self.command or (None, 0.0)
+        found = self
+        for event in trace.events:
+            if isinstance(action, Meets) and event.actor == actor and since_s <= event.time_s <= now_s + 1e-6:
+                if event.what == "keeps_speed":
+                    found = replace(found, keeps_mps=event.detail["speed_mps"])
+                elif event.what == "met":
+                    found = replace(found, command=None, keeps_mps=None)
+        return found
 
 
 @dataclass(frozen=True)
@@ -146,7 +163,7 @@ def script_at(scenario: Scenario, trace: Trace, frame: int) -> Script:
     for number in sorted((k for k in range(len(whens)) if k in fired), key=lambda k: (fired[k], k)):
         for action in whens[number].actions:
             told[action.actor] = told.get(action.actor, Told()).after(action, fired[number])
-    told = {actor: found.at(now_s) for actor, found in told.items()}
+    told = {actor: found.at(now_s).meeting(trace, actor, now_s) for actor, found in told.items()}
     waiting = (_without_started(when, told) for k, when in enumerate(whens) if k not in fired)
     return Script(told, tuple(when for when in waiting if when is not None))
 

@@ -19,8 +19,8 @@ SAME_WAY_RAD = math.radians(45)
 def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
     """Say whether an actor can have another model at a frame.
 
-    Its class must be the same, its speed and what it is to drive within the new model's. The new body must overlap nobody, and must leave
-    `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where that was less).
+    Its class must be the same, its speed and what it is to drive within the new model's. The new body must overlap
+    nobody, and must leave `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where it was less).
 
     Args:
         trace: the parent's run.

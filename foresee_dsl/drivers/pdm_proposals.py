@@ -161,12 +161,13 @@ def _longitudinal(
     count = len(lead_s)
     s_all, v_all = np.empty((count, len(share))), np.empty((count, len(share)))
     s, v = np.zeros(len(share)), np.full(len(share), pose.speed)
-    last = len(profile) - 1
+    last, rise = len(profile) - 1, np.diff(profile, append=profile[-1])
     first_a = v
     for k in range(count):
         s_all[k], v_all[k] = s, v
-        index = ((s + cfg.PROFILE_PREVIEW_S * v) * (1.0 / GRID_M)).astype(np.int64)
-        wanted = profile[np.minimum(index, last)] * share
+        place = np.minimum((s + cfg.PROFILE_PREVIEW_S * v) * (1.0 / GRID_M), last)
+        index = place.astype(np.int64)
+        wanted = (profile[index] + (place - index) * rise[index]) * share
         ratio = v / wanted
         ratio *= ratio
         a = top * (1.0 - ratio * ratio)

@@ -13,8 +13,8 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import EXAMPLES, NOUNS
 from foresee_dsl.language.nodes import Mistake, Node
-from foresee_dsl.language.suggest import closest, did_you_mean, unit_mend
-from foresee_dsl.language.units import UNITS, Dimension
+from foresee_dsl.language.suggest import closest, unit_mend
+from foresee_dsl.language.units import Dimension
 
 _SHOWN = 40
 """How many characters of a value a message repeats."""

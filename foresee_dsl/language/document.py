@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language.model import Clip, Definition, Item, Mutant, Network, Scenario, VehicleModel
+from foresee_dsl.language.model import Clip, Definition, Ego, Item, Mutant, Network, Scenario, VehicleModel
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,12 @@ class TestCase:
     document: Document | None = None
     clip: Clip | None = None
     mutant: Mutant | None = None
+
+    @property
+    def snapshot(self) -> bool:
+        """It begins from exact states: a clip, a child, or what `foresee expand` printed of one."""
+        ego = self.scenario.one(Ego)
+        return ego is not None and ego.state is not None
 
     @property
     def family(self) -> str:

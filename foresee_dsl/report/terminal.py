@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from types import TracebackType
 
@@ -22,14 +23,15 @@ from rich.text import Text
 from foresee_dsl.campaign.results import FAILURES, CampaignResult, ClipOutcome, FamilyRow, SeedOutcome
 from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.simulate.verdict import MEANING, RunResult, Verdict
+from foresee_dsl.resources import write_whole
+from foresee_dsl.simulate.verdict import RunResult, Verdict
 
 FAMILY_TITLES = {
     "3": "crossing actor",
     "4": "obstacle after a turn",
     "7": "red-light runner",
     "8": "unprotected left",
-    "9": "right turn, crossing traffic",
+    "9": "right turn into traffic",
 }
 """The paper's five scenarios in a few words (table of scenarios)."""
 
@@ -91,20 +93,28 @@ class CampaignProgress:
 
 def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
     """Print the report of a campaign; it fits 80 columns."""
-    console.print(campaign_report(result, out, narrow=console.width < WIDE))
+    console.print(campaign_report(result, out))
 
 
-WIDE = 100
-"""Columns from which the tables are printed side by side."""
+def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
+    """Write the report to a file: an SVG picture, HTML, or plain text, by the file's suffix."""
+    console = Console(record=True, width=100, file=io.StringIO(), highlight=False)
+    print_campaign(console, result, out)
+    texts = {
+        ".svg": lambda: console.export_svg(title="foresee campaign"),
+        ".html": lambda: console.export_html(inline_styles=True),
+    }
+    write_whole(file, texts.get(file.suffix, console.export_text)())
 
 
-def campaign_report(result: CampaignResult, out: Path, *, narrow: bool) -> Group:
+def campaign_report(result: CampaignResult, out: Path) -> Group:
     """Return the report: headline, a table a family, fidelity, and the files to open first."""
     total = result.row()
     parts: list[Text | Table | Padding] = [_headline(result, total)]
     rows = [result.row(family) for family in result.families]
     parts.append(_counts_table(rows, total))
-    parts.append(_failures_table(rows, total, narrow=narrow))
+    parts.append(_failures_table(rows, total))
+    parts.append(Text(", ".join(f"{k.value} {_SHORT[k]}" for k in FAILURES if k in _SHORT), style="dim"))
     parts.append(_fidelity_line(result))
     parts.extend(_set_aside(result))
     parts.extend(_open_first(result, out))
@@ -128,7 +138,7 @@ def _headline(result: CampaignResult, total: FamilyRow) -> Text:
 
 
 def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 1, 0, 0))
 
 
 def _family(row: FamilyRow) -> str:
@@ -139,10 +149,10 @@ def _family(row: FamilyRow) -> str:
 
 
 def _counts_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
-    table = _table("What was run")
+    table = _table("What was run (times in minutes:seconds)")
     table.add_column("scenario family", no_wrap=True)
-    for name in ("cases", "failed", "risky points", "clips", "children", "simulated", "time"):
-        table.add_column(name, justify="right")
+    for name in ("cases", "failed", "points", "clips", "children", "simulated", "time"):
+        table.add_column(name, justify="right", no_wrap=True)
     for row in (*rows, total):
         table.add_row(
             _family(row),
@@ -158,13 +168,13 @@ def _counts_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
     return table
 
 
-def _failures_table(rows: list[FamilyRow], total: FamilyRow, *, narrow: bool) -> Table:
+def _failures_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
     table = _table("\nFailures of children")
     table.add_column("scenario family", no_wrap=True)
     for kind in FAILURES:
-        table.add_column(kind.value if narrow else f"{kind.value}\n[dim]{_short(kind)}[/dim]", justify="right")
+        table.add_column(kind.value, justify="right", no_wrap=True)
     for name in ("all", "a clip", "an hour"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for row in (*rows, total):
         counts = [str(row.failures[k.value]) if row.failures[k.value] else "[dim]0[/dim]" for k in FAILURES]
         table.add_row(
@@ -178,15 +188,13 @@ def _failures_table(rows: list[FamilyRow], total: FamilyRow, *, narrow: bool) ->
     return table
 
 
-def _short(kind: Verdict) -> str:
-    return {
-        Verdict.F1: "object, off road",
-        Verdict.F2: "pedestrian",
-        Verdict.F3: "frontal",
-        Verdict.F4: "lateral",
-        Verdict.F5: "rear",
-        Verdict.STUCK: "stands still",
-    }.get(kind, MEANING[kind])
+_SHORT = {
+    Verdict.F1: "object or off road",
+    Verdict.F2: "pedestrian",
+    Verdict.F3: "frontal",
+    Verdict.F4: "lateral",
+    Verdict.F5: "rear",
+}
 
 
 def _fidelity_line(result: CampaignResult) -> Text:
@@ -227,11 +235,10 @@ def _open_first(result: CampaignResult, out: Path) -> list[Text]:
 
 
 def _duration(seconds: float) -> str:
+    """Return minutes and seconds as `m:ss`, with hours in front where there are any."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    if hours:
-        return f"{hours} h {minutes:02d} min"
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
 def print_run(console: Console, name: str, result: RunResult, trace: Path | None) -> None:

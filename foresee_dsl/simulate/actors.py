@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import shapely
 
@@ -54,6 +55,16 @@ class Ego(Mobile):
         self.become(self.motion.step(self.bicycle(), control, STEP_S))
 
 
+class Spot(NamedTuple):
+    """Where a body is seen: x, y of its middle (m), the lane with its heading there (rad), the length along it (m)."""
+
+    x: float
+    y: float
+    heading_rad: float
+    length_m: float
+    lane: str
+
+
 class Ghost:
     """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive."""
 
@@ -62,23 +73,18 @@ class Ghost:
         self._world, self._network, self._name, self._edge = world, network, name, edge
         self._in: dict[str, float] = {}
 
-    def show(self, spots: Sequence[tuple[float, float, float, float]], speed_mps: float = 0.0) -> None:
-        """Show the body at these places for the next step, and nowhere else.
-
-        Args:
-            spots: x, y of the centre (m), heading of the lane there (rad), length along the lane (m).
-            speed_mps: along the lane.
-        """
+    def show(self, spots: Sequence[Spot], speed_mps: float = 0.0) -> None:
+        """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
         names = [f"~{self._name}~{k}" for k in range(len(spots))]
         for name in [name for name in self._in if name not in names]:
             self._world.remove(name)
             del self._in[name]
-        for name, (x, y, heading, length) in zip(names, spots, strict=True):
+        for name, (x, y, heading, length, lane) in zip(names, spots, strict=True):
             if name not in self._in:
                 self._world.add_body(name, GHOST_TYPE, (self._edge,), length)
             self._in[name] = speed_mps
             half = length / 2
-            self._world.place(name, x + half * math.cos(heading), y + half * math.sin(heading), heading)
+            self._world.place(name, x + half * math.cos(heading), y + half * math.sin(heading), heading, lane)
 
     def settle(self) -> None:
         """After a step: tell SUMO the speed; it makes one up from the displacement."""
@@ -120,7 +126,7 @@ class Walker(Mobile):
         )
         self.ghost = Ghost(world, network, actor.id, edge)
         self.stops = actor.walk_stops
-        self.road_at: dict[int, float | None] = {}
+        self.road_at: dict[int, tuple[float, str] | None] = {}
         self.along = actor.along_m
         self.speed = self.follower.speed_mps
         pose = self.follower.pose()
@@ -136,22 +142,23 @@ class Walker(Mobile):
 
     def show(self) -> None:
         """Let SUMO's vehicles see it where it is on the road, or about to step on it."""
-        lane = self._road(self.along)
-        if lane is None and self.speed > STANDS_MPS:
-            lane = self._road(min(self.along + STEPS_OUT_M, self.follower.line.length_m))
-        if lane is None:
+        road = self._road(self.along)
+        if road is None and self.speed > STANDS_MPS:
+            road = self._road(min(self.along + STEPS_OUT_M, self.follower.line.length_m))
+        if road is None:
             self.ghost.show(())
             return
-        turned = self.heading - lane
+        heading, lane = road
+        turned = self.heading - heading
         extent = abs(math.cos(turned)) * self.length + abs(math.sin(turned)) * self.width
-        self.ghost.show(((self.x, self.y, lane, extent),), max(0.0, self.speed * math.cos(turned)))
+        self.ghost.show((Spot(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned)))
 
-    def _road(self, along: float) -> float | None:
-        """Heading of the lane at a length of the path, None where that is off the road."""
+    def _road(self, along: float) -> tuple[float, str] | None:
+        """Heading and id of the lane at a length of the path, None where that is off the road."""
         k = round(along / _GRID_M)
         if k not in self.road_at:
             x, y, heading = self.follower.line.at(k * _GRID_M)
-            self.road_at[k] = _lane_heading(self.network, x, y, heading)
+            self.road_at[k] = _lane_here(self.network, x, y, heading)
         return self.road_at[k]
 
     def _red_light(self) -> float | None:
@@ -204,16 +211,16 @@ def sped(actor: PlacedActor) -> PlacedActor:
     return replace(actor, cruise_mps=actor.cruise_mps * k, speed_mps=actor.speed_mps * k) if k != 1.0 else actor
 
 
-def _lane_heading(network: RoadNetwork, x: float, y: float, fallback: float) -> float | None:
+def _lane_here(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
     if not shapely.contains_xy(network.drivable, x, y):
         return None
     near = network.nearest_lane(x, y, None, "car", 5.0)
-    return near.lane.line.at(near.pos_m)[2] if near is not None else fallback
+    return (near.lane.line.at(near.pos_m)[2], near.lane.id) if near is not None else (fallback, "")
 
 
-def _blocked(block: Mobile, network: RoadNetwork) -> tuple[tuple[float, float, float, float], ...]:
-    """Centre, heading and length along it of the stretches of lanes that a body blocks."""
-    found: dict[str, tuple[float, float, float, float]] = {}
+def _blocked(block: Mobile, network: RoadNetwork) -> tuple[Spot, ...]:
+    """The stretches of lanes that a body blocks."""
+    found: dict[str, Spot] = {}
     for x, y in ((block.x, block.y), *corner_points(block.box)):
         near = network.nearest_lane(x, y, None, "car", PASSES_M)
         if near is None or near.lane.id in found:
@@ -222,5 +229,5 @@ def _blocked(block: Mobile, network: RoadNetwork) -> tuple[tuple[float, float, f
         lane_x, lane_y, heading = near.lane.line.at(min(max(pos, 0.0), near.lane.line.length_m))
         turned = block.heading - heading
         extent = abs(math.cos(turned)) * block.length + abs(math.sin(turned)) * block.width
-        found[near.lane.id] = (lane_x, lane_y, heading, extent)
+        found[near.lane.id] = Spot(lane_x, lane_y, heading, extent, near.lane.id)
     return tuple(found.values())

@@ -5,6 +5,7 @@ Everything that takes effect is noted as an event, with all that is needed to sa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -33,11 +34,13 @@ COMMITS_M = 15.0
 """It keeps its speed from so far before the junction on. Ours: a second at 50 km/h; a late change gives it away."""
 COMMITS_WALKING_M = 2.0
 """The same for pedestrians and bicycles on their path. Ours: their reaction takes one or two paces."""
+MET_M = 6.0
+"""...until so far inside it, about its middle. Ours: most junctions of two-lane roads are 12 m to 20 m wide."""
 CREEPS_MPS = 1.0
 """It does not come to a halt there, where it would stay: the slowest speed that times of arrival are counted with."""
 WAITS_MPS = 3.0
-"""Another that is slower is waiting: one does not wait for it in turn. Ours: below it both would creep up to the
-junction and let each other go (a right turn into traffic took 25 s in scenario 9)."""
+"""The other counts as driving at least this fast. Ours: with 1 m/s, an ego that waits and an actor that times itself
+by it both creep up to the junction and let each other go (a right turn into traffic took 25 s in scenario 9)."""
 HASTE = 1.3
 """It drives at most so many times its cruising speed (the language's definition of `meets`)."""
 BOUND_FROM_M = 60.0
@@ -123,7 +126,7 @@ class Director:
         gap = _si(meets.gap)
         detail = {"other": meets.other, "junction": meets.junction, "gap_s": gap, "order": meets.order}
         self._recorder.event(self._cast.time_s, actor.id, "meets", detail)
-        meeting = _Meeting(self._cast, actor, meets)
+        meeting = _Meeting(self._cast, self._recorder, actor, meets)
         if actor.placed.timing == 1.0:
             self._commands[actor.id] = meeting
             return
@@ -226,25 +229,28 @@ class _Stop:
 class _Meeting:
     """Sets an actor's speed so that it comes to a point when the other was, or will be, there.
 
-    It plans anew every step, and near the junction keeps the speed that it has until it is over it. What it does hangs
-    on where both are: a clip that begins in between, even with the other gone from the junction, goes on in the same
-    way.
+    It plans anew every step, and near the junction keeps the speed that it has until it is well inside. The plan hangs
+    on where both are, and that it keeps its speed is an event: a clip that begins in between goes on in the same way.
     """
 
-    def __init__(self, cast: Cast, actor: Mobile, meets: Meets | MeetsState) -> None:
-        self._cast, self._actor = cast, actor
+    def __init__(self, cast: Cast, recorder: Recorder, actor: Mobile, meets: Meets | MeetsState) -> None:
+        self._cast, self._recorder, self._actor = cast, recorder, actor
         self._other, self._junction = cast.by_id[meets.other], meets.junction
         self._points = cast.progress.meeting(actor, self._other, meets.junction)
         self._gap_s = _si(meets.gap) * (1 if meets.order == "after" else -1)
         self._committed = False
 
-    def update(self, time_s: float) -> bool:  # noqa: ARG002 - the plan hangs on where everybody is only
+    def update(self, time_s: float) -> bool:
         if self.over():
+            self._recorder.event(time_s, self._actor.id, "met", {"junction": self._junction})
             self._cast.pace(self._actor, self._cast.cruise[self._actor.id])
             return False
         if not self._committed:
-            self._cast.pace(self._actor, self.asked())
-            self._committed = self._near()
+            pace, self._committed = self.asked(), self._near()
+            self._cast.pace(self._actor, pace)
+            if self._committed:
+                detail = {"junction": self._junction, "speed_mps": pace}
+                self._recorder.event(time_s, self._actor.id, "keeps_speed", detail)
         return True
 
     def asked(self) -> float:
@@ -254,24 +260,25 @@ class _Meeting:
         fastest = HASTE * cruise
         if self._near():
             return min(max(actor.speed / timing, CREEPS_MPS), fastest)
-        if self._points is None or not other.present or other.speed < WAITS_MPS:
+        if self._points is None or not other.present:
             return cruise
         own = self._points[0] - cast.progress.front(actor, cast.frame)
         theirs = self._points[1] - cast.progress.front(other, cast.frame)
         if own <= 0 or theirs <= 0:
             return cruise
-        arrival = theirs / max(other.speed, 1.0) + self._gap_s
+        arrival = theirs / max(other.speed, WAITS_MPS) + self._gap_s
         return min(own / arrival, fastest) if arrival > 0 else fastest
 
     def over(self) -> bool:
-        """Whether the actor is over the junction, has left the world, or does not come there."""
-        span = self._cast.progress.span(self._actor, self._junction)
-        passed = span is None or self._cast.progress.front(self._actor, self._cast.frame) > span[1]
-        return passed or not self._actor.present
+        """Whether the actor is well inside the junction, has left the world, or does not come there."""
+        room = self._room()
+        return math.isnan(room) or room <= -MET_M or not self._actor.present
 
     def _near(self) -> bool:
-        commits = COMMITS_WALKING_M if isinstance(self._actor, Walker) else COMMITS_M
-        return self._cast.progress.to_junction(self._actor, self._junction, self._cast.frame) <= commits
+        return self._room() <= (COMMITS_WALKING_M if isinstance(self._actor, Walker) else COMMITS_M)
+
+    def _room(self) -> float:
+        return self._cast.progress.to_junction(self._actor, self._junction, self._cast.frame)
 
 
 def _si(value: Quantity | Ref) -> float:

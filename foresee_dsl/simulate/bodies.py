@@ -67,7 +67,7 @@ class Body(Mobile):
         now = shapely.line_locate_point(shape, shapely.Point(self._raw_x, self._raw_y))
         # SUMO counts along the lane in its own length, which a map may give differently from the shape's.
         before = now - self.speed * STEP_S * shape.length / lane.length_m
-        self.rolls = before > 0
+        self.rolls = bool(before > 0)
         at = shapely.line_interpolate_point(shape, before if self.rolls else now)
         heading = lane.line.at(lane.line.project(at.x, at.y)[0])[2]
         return replace(self.placed, x=at.x, y=at.y, heading_rad=heading, lane=self.lane)
@@ -77,7 +77,9 @@ class Body(Mobile):
         lane = self._heads_for(nearest)
         self.lane = lane.id
         line = shapely.LineString(lane.shape)
-        centre = shapely.line_interpolate_point(line, shapely.line_locate_point(line, shapely.Point(self._fx, self._fy)))
+        centre = shapely.line_interpolate_point(
+            line, shapely.line_locate_point(line, shapely.Point(self._fx, self._fy))
+        )
         self._raw_x, self._raw_y = centre.x, centre.y
         _, lateral = lane.line.project(self._fx, self._fy)
         self._offset = lateral if abs(lateral) > ROUNDING_M else 0.0

@@ -18,6 +18,8 @@ OFF_LANE_M = 1.8
 """The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
+YIELDS_MPS2 = -0.5
+"""Who brakes harder lets somebody go. Ours: below it is rounding, and slowing down for a bend."""
 KNOWN_AFTER = 1
 """Steps that everybody is held where they are placed. Ours: SUMO learns of who comes to a junction a step later."""
 
@@ -74,6 +76,7 @@ class Cast:
         self.frame += 1
         self._show()
         self.world.step()
+        self.world.mend_order()
         self._settle()
         left = self._follow()
         self._ego_lane()
@@ -133,23 +136,22 @@ class Cast:
         """Put everybody into SUMO, hold them until it knows what it would have known, and let them roll to frame 0.
 
         In SUMO, who came to a junction first goes first: those inside are put there one a step, in the order in which
-        they seem to have come. In the last step it makes up its mind about gaps and lanes.
+        they seem to have come (`_waves`). In the last step it makes up its mind about gaps and lanes.
         """
         world = self.world
-        vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
-        since = {actor.id: self.progress.since_entry(actor, self.frame) for actor in vehicles}
-        inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
-        waves = [*([actor] for actor in inside), [a for a in vehicles if a not in inside], *([[]] * KNOWN_AFTER)]
+        waves, ghosts_from = self._waves()
         world.start_signals(bundle, (len(waves) + 1) * STEP_S)
         for body in self.bodies.values():
             body.speed = sped(body.placed).speed_mps
         before = {body.id: sped(body.in_sumo()) for body in self.bodies.values()}
         here: list[Mobile] = []
-        for wave in waves:
+        for count, wave in enumerate(waves):
             self._hold(here, before)
             for actor in wave:
                 self._add(actor, before)
             here += wave
+            if count >= ghosts_from:
+                self._show_others()
             self._pass_step()
         rolling = [body for body in self.bodies.values() if body.rolls]
         self._hold([body for body in self.bodies.values() if not body.rolls], before)
@@ -161,6 +163,21 @@ class Cast:
             world.let_go(body.id)
         self._ego_lane()
         self._take_over()
+
+    def _waves(self) -> tuple[list[list[Mobile]], int]:
+        """Say who is put into SUMO in which step, and from which step on stand-ins are shown.
+
+        On a junction, who brakes or stands lets somebody else go first, who was there before; the others came as long
+        ago as their way inside takes at their speed.
+        """
+        vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
+        since = {actor.id: self.progress.since_entry(actor, self.frame) for actor in vehicles}
+        inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
+        going = [a for a in inside if a is self.ego or (a.speed >= STANDS_MPS and a.acceleration > YIELDS_MPS2)]
+        letting_go = [a for a in inside if a not in going]
+        rest = [a for a in vehicles if a not in inside]
+        waves = [*([actor] for actor in going), *([actor] for actor in letting_go), rest, *([[]] * KNOWN_AFTER)]
+        return waves, len(going)
 
     def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
         if actor is self.ego:
@@ -193,7 +210,17 @@ class Cast:
 
     def _show_ego(self, ahead_s: float = 0.0) -> None:
         (x, y), way, heading = self.ego.front, self.ego.speed * ahead_s, self.ego.heading
-        self.world.place(self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading)
+        self.world.place(
+            self.ego.id, x + way * math.cos(heading), y + way * math.sin(heading), heading, self._lane_ahead()
+        )
+
+    def _lane_ahead(self) -> str:
+        """The lane that the ego's front is on, "" off its route's lanes."""
+        line = self.ego.placed.line
+        if line is None:
+            return ""
+        s, lateral = self.progress.of(self.ego, self.frame)
+        return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
 
     def _show_others(self) -> None:
         for walker in self.walkers:

@@ -67,7 +67,7 @@ def ttcs(a: FloatArray, b: FloatArray) -> FloatArray:
         c, s = np.cos(angle), np.sin(angle)
         apart, speed = delta[..., 0] * c + delta[..., 1] * s, velocity[..., 0] * c + velocity[..., 1] * s
         reach = (_extent(a, angle) + _extent(b, angle)) / 2
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             one, two = (-reach - apart) / speed, (reach - apart) / speed
         still = np.abs(speed) < STILL_MPS
         within = np.abs(apart) <= reach

@@ -140,7 +140,7 @@ class Judge:
         ids: [K] ids of the others. kinds: [K]. sizes: [K, 2] length and width (m), in the order of `look`'s poses.
         ego_size: length and width (m).
         end_s: the run ends at this time.
-        clip: a clip or child passes when its time is over, arrived or not.
+        must_arrive: not to arrive before the end is a timeout; otherwise the end is a pass.
 
     Raises:
         ValueError: ids, kinds and sizes differ in length.
@@ -154,13 +154,13 @@ class Judge:
         sizes: FloatArray,
         ego_size: tuple[float, float],
         end_s: float,
-        clip: bool = False,
+        must_arrive: bool = False,
     ) -> None:
         if not len(ids) == len(kinds) == len(sizes):
             raise ValueError(f"{len(ids)} ids, {len(kinds)} kinds and {len(sizes)} sizes")
         self._ids, self._kinds = tuple(ids), tuple(kinds)
         self._sizes = np.asarray(sizes, dtype=np.float64).reshape(-1, 2)
-        self._ego_size, self._end_s, self._clip = ego_size, end_s, clip
+        self._ego_size, self._end_s, self._must_arrive = ego_size, end_s, must_arrive
         self._standing_since: float | None = None
 
     def look(
@@ -223,9 +223,9 @@ class Judge:
     def _time_is_up(self, time_s: float) -> Decision | None:
         if time_s < self._end_s - 1e-9:
             return None
-        if self._clip:
-            return Decision(Verdict.PASS, time_s, "", f"drove to the end of the clip at {time_s:.2f} s")
-        return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
+        if self._must_arrive:
+            return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
+        return Decision(Verdict.PASS, time_s, "", f"drove to the end at {time_s:.2f} s")
 
 
 def _extent(body: Mover, angle: float) -> float:

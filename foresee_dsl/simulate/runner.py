@@ -73,7 +73,7 @@ class _Run:
             sizes=np.array([(actor.length, actor.width) for actor in others], dtype=np.float64),
             ego_size=(self._cast.ego.length, self._cast.ego.width),
             end_s=bundle.scene.end_s,
-            clip=bundle.scene.clip,
+            must_arrive=bundle.scene.must_arrive,
         )
 
     def go(self) -> RunResult:

@@ -104,7 +104,7 @@ def test_one_run_through_all_steps(scenarios: Path, tmp_path: Path) -> None:
         whole = Path(clip["clip"]).with_name("whole.foresee")
         whole.write_text(expanded)
         assert json.loads(foresee("run", whole, "--json").stdout)["verdict"] == mutant["verdict"]
-    assert "=>" in foresee("diff", clip["clip"], mutants[0]["file"]).stdout
+    assert "runner." in foresee("diff", clip["clip"], mutants[0]["file"]).stdout
 
 
 def test_one_number_changed_by_hand_still_runs(scenarios: Path, tmp_path: Path) -> None:

@@ -167,6 +167,17 @@ def test_meeting_can_be_a_state(town: Town) -> None:
     assert trace.events[1].detail == {"other": "ego", "junction": "n11", "gap_s": 1.5, "order": "after"}
 
 
+def test_who_meets_keeps_its_speed_near_the_junction_and_says_so(town: Town) -> None:
+    state = MeetsState(other="ego", junction="n11", gap=q(2.5, "s"))
+    runner = town.vehicle("runner", NORTH, 30.0, speed=8.0, cruise=12.0, meets=(state,), ignores=(("signals", None),))
+    trace = drive(town, runner, ego=town.ego(EAST, 40.0), driver=LaneKeeper(8.0), end_s=11.0)
+    events = {e.what: e for e in trace.events if e.actor == "runner"}
+    keeps, met = events["keeps_speed"], events["met"]
+    v = speeds(trace, "runner")[trace.frame_at(keeps.time_s) + 1 : trace.frame_at(met.time_s)]
+    assert v == pytest.approx(keeps.detail["speed_mps"], abs=1e-6)
+    assert speeds(trace, "runner")[-1] > keeps.detail["speed_mps"]
+
+
 def test_cars_stop_for_someone_on_the_road_and_go_on(town: Town) -> None:
     x, y, _ = town.network.locate("n11_n21", 60.0)
     car = town.vehicle("car", ("n11_n21", "n21_n31"), 15.0, speed=9.0, cruise=9.0)
@@ -207,12 +218,47 @@ def test_walkers_wait_for_green(town: Town) -> None:
     assert goes.along[-1, 1] > 6.0
 
 
-def test_timing_scales_the_speed(town: Town) -> None:
-    car = town.vehicle("car", ("n11_n21", "n21_n31"), 10.0, speed=10.0, cruise=10.0)
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_timing_scales_the_way_that_is_driven(town: Town, factor: float) -> None:
+    car = town.vehicle("car", ("n11_n21", "n21_n31"), 10.0, speed=9.0, cruise=9.0)
     walker = town.walker("walker", [(0.0, 0.0), (30.0, 0.0)])
-    slow = drive(town, replace(car, timing=0.8), replace(walker, timing=0.8), end_s=4.0)
-    assert speeds(slow, "car") == pytest.approx(8.0, abs=0.05)
-    assert slow.along[-1, 2] == pytest.approx(0.8 * 1.4 * 4.0, abs=0.1)
+    plain = drive(town, car, walker, end_s=3.0)
+    timed = drive(town, replace(car, timing=factor), replace(walker, timing=factor), end_s=3.0)
+    way = [float(np.hypot(*(t.states[-1, 1:, :2] - t.states[0, 1:, :2]).T)[0]) for t in (plain, timed)]
+    assert way[1] / way[0] == pytest.approx(factor, abs=1e-3)
+    assert timed.along[-1, 2] / plain.along[-1, 2] == pytest.approx(factor, abs=1e-3)
+
+
+def test_timing_scales_what_a_walker_does_once_it_is_started(town: Town) -> None:
+    walker = town.walker("walker", [(0.0, 0.0), (30.0, 0.0)], waits=True, timing=0.8)
+    trace = drive(town, walker, whens=(after(0.5, Starts(actor="walker")),), end_s=4.0)
+    assert speeds(trace, "walker").max() == pytest.approx(0.8 * 1.4)
+
+
+def test_timing_scales_a_change_of_speed(town: Town) -> None:
+    car = town.vehicle("car", EAST, 5.0, speed=10.0, cruise=10.0, timing=0.8)
+    change = ChangesSpeed(actor="car", to=q(5, "m/s"), over=q(1, "s"))
+    v = speeds(drive(town, car, end_s=3.0, whens=(after(0.5, change),)), "car")
+    assert v[0] == pytest.approx(8.0)
+    assert v[-1] == pytest.approx(4.0, abs=0.01)
+
+
+@pytest.mark.parametrize("begins", [0.0, 0.4])
+def test_who_has_a_timing_does_not_make_up_for_it(town: Town, begins: float) -> None:
+    ego, keeper = town.ego(EAST, 40.0, speed=8.0), LaneKeeper(8.0)
+    state = MeetsState(other="ego", junction="n11", gap=q(1.5, "s"))
+    action = Meets(actor="runner", other="ego", junction="n11", gap=q(1.5, "s"))
+    more = {"meets": (state,)} if not begins else {}
+    runner = town.vehicle("runner", NORTH, 10.0, speed=8.0, cruise=12.0, ignores=(("signals", None),), **more)
+    whens = (after(begins, action),) if begins else ()
+    plain = drive(town, runner, ego=ego, driver=keeper, whens=whens, end_s=6.0)
+    timed = drive(town, replace(runner, timing=0.8), ego=ego, driver=keeper, whens=whens, end_s=6.0)
+    first = round(begins / 0.05) + 30  # it has come to the speed that was asked for
+    asked, kept = speeds(plain, "runner"), speeds(timed, "runner")
+    assert np.ptp(kept[first:]) < 1e-6
+    assert kept[-1] == pytest.approx(0.8 * asked[first], rel=0.06)
+    if not begins:  # nothing has happened yet that would have changed the plan
+        assert kept[-1] < asked[first:].min()
 
 
 def test_a_delayed_car_stands_that_long(town: Town) -> None:

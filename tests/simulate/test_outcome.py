@@ -151,12 +151,12 @@ def test_off_the_road_arrival_and_time() -> None:
     assert off == Decision(Verdict.F1, 5.0, "", "F1 left the drivable area at 5.00 s")
     there = look(judge(), 5.0, arrived=True)
     assert there == Decision(Verdict.PASS, 5.0, "", "arrived at 5.00 s")
-    late = look(judge(), 1200 * 0.05)
+    late = look(judge(must_arrive=True), 1200 * 0.05)
     assert late is not None
     assert late.verdict is Verdict.TIMEOUT
-    clip = look(judge(clip=True), 60.0)
-    assert clip is not None
-    assert clip.verdict is Verdict.PASS
+    free = look(judge(), 60.0)
+    assert free is not None
+    assert free.verdict is Verdict.PASS
 
 
 def test_a_collision_comes_before_an_arrival() -> None:

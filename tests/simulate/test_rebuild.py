@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from decimal import Decimal
 
 import pytest
 from scenes import LaneKeeper, Town, deviations, snapshot
 
+from foresee_dsl.language.model import ChangesLane, Comparison, Measure, Quantity, When
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.world import World
 
@@ -30,8 +32,7 @@ def test_rounded_snapshots_reproduce_ten_seconds(town: Town, seed: int) -> None:
         assert child.duration_s == 10.0
         worst += deviations(parent, child, frame).values()
     assert sorted(worst)[len(worst) // 2] < 1e-3
-    # Measured: 99.75 % of 400 within 0.1 m; the rest braked for a reason that SUMO keeps to itself.
-    assert sum(w < 0.1 for w in worst) / len(worst) >= 0.98
+    assert sum(w < 0.1 for w in worst) / len(worst) >= 0.995
 
 
 def test_frame_zero_of_a_child_is_the_parents_frame(town: Town) -> None:
@@ -44,6 +45,30 @@ def test_frame_zero_of_a_child_is_the_parents_frame(town: Town) -> None:
         assert abs(was[3] - now[3]) < 1e-3, info.id
     assert (parent.stages[120] == child.stages[0]).all()
     assert abs(parent.elapsed[120] - child.elapsed[0]).max() < 1e-3
+
+
+@pytest.mark.parametrize("frame", [12, 25, 50, 70])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_lane_change_goes_on_from_where_the_vehicle_is(town: Town, side: str, frame: int) -> None:
+    edges = ("n01_n11", "n11_n21")
+    car = town.vehicle("car", edges, 5.0, speed=9.0, cruise=9.0, lane_index=1 if side == "left" else 2)
+    change = When(
+        condition=Comparison(left=Measure(what="time"), op=">=", right=Quantity(value=Decimal("0.5"), unit="s")),
+        actions=(ChangesLane(actor="car", side=side),),
+    )
+    bundle = town.bundle(
+        [town.ego(("n30_n20", "n20_n10"), 10.0, speed=0.0), car], clip=True, end_s=7.0, whens=(change,)
+    )
+    parent = run(bundle, LaneKeeper(0.0)).trace
+    found = snapshot(replace(bundle, scene=replace(bundle.scene, whens=())), parent, frame, end_s=3.0)
+    placed = found.scene.actors[1]
+    # a description has no lane: the nearest one it is
+    near = town.network.nearest_lane(placed.x, placed.y, placed.heading_rad)
+    assert near is not None
+    actors = (found.scene.ego, replace(placed, lane=near.lane.id))
+    child = run(replace(found, scene=replace(found.scene, actors=actors)), LaneKeeper(0.0)).trace
+    assert deviations(parent, child, frame)["car"] < 0.02
+    assert child.lane_ids[child.lanes[-1, 1]] == parent.lane_ids[parent.lanes[-1, 1]]
 
 
 def test_signals_keep_their_time(town: Town) -> None:

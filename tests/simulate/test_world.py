@@ -10,7 +10,7 @@ import pytest
 from scenes import Town
 
 from foresee_dsl.errors import SimulationError
-from foresee_dsl.simulate.world import World
+from foresee_dsl.simulate.world import GHOST_TYPE, World
 
 
 def _world(town: Town, *more, **scene):  # type: ignore[no-untyped-def]  # actors and scene fields
@@ -45,6 +45,27 @@ def test_a_body_is_seen_by_those_behind(town: Town) -> None:
     state = world.vehicles()["car"]
     assert state.speed_mps < 0.1
     assert 4.0 < math.dist((state.x, state.y), (stands.x, stands.y)) < 8.0  # the body's length and a gap
+
+
+@pytest.mark.parametrize("mended", [True, False])
+def test_a_body_that_was_passed_is_still_seen(town: Town, mended: bool) -> None:
+    edges = ("n12_n11", "n11_n10")
+    car, stands = town.vehicle("car", edges, 5.0, speed=9.0, cruise=9.0), town.vehicle("stands", edges, 60.0)
+    _, world = _world(town)
+    world.add_vehicle(car)
+    world.add_body("stands", GHOST_TYPE, edges, 0.5)
+    world.add_body("passes", "car.compact", edges)
+    for step in range(200):
+        passing = town.vehicle("passes", edges, min(40.0 + 0.5 * step, 90.0))
+        world.place("stands", stands.x, stands.y, stands.heading_rad, stands.lane)
+        world.place("passes", passing.x, passing.y, passing.heading_rad, passing.lane)
+        world.step()
+        if mended:
+            world.mend_order()
+        world.settle("stands", 0.0, 0.0)
+    state = world.vehicles()["car"]
+    # SUMO alone would look past it (this is why the order is mended)
+    assert (math.dist((state.x, state.y), (car.x, car.y)) < 55.0) == mended
 
 
 def test_cruise_over_the_limit_is_driven(town: Town) -> None:

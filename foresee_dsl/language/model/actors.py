@@ -226,7 +226,7 @@ class Meets(Item):
     cross in the junction `gap` after (or before) the other would; within its model's limits, never over 1.3 times
     its cruise speed.
 
-    While the other is slower than 3 m/s it waits, and the actor drives at its cruise speed.
+    The other counts as driving 3 m/s at least: one does not wait for somebody who waits.
     """
 
     kind: Literal["meets"] = "meets"

@@ -1,0 +1,77 @@
+"""The figures of a campaign, worked out by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.report.terminal import save_campaign
+from foresee_dsl.simulate.verdict import Verdict
+
+
+def seed(name: str, family: str, verdict: Verdict = Verdict.PASS, points: int = 0) -> SeedOutcome:
+    return SeedOutcome(name, family, "s", verdict, verdict.value, 30.0, 1.0, "t.npz", points)
+
+
+def child(name: str, verdict: Verdict, operators: tuple[str, ...], time_s: float) -> ChildOutcome:
+    return ChildOutcome(name, f"{name}.foresee", "", operators, verdict, "", verdict.value, time_s, 10.0, "")
+
+
+def clip(of: str, rank: int, *children: ChildOutcome, deviation: float = 0.0) -> ClipOutcome:
+    return ClipOutcome(
+        seed=of,
+        family=of[0],
+        name=f"{of}_p{rank}",
+        file=f"{of}_p{rank}.foresee",
+        text="",
+        rank=rank,
+        verdict=Verdict.PASS,
+        reason="",
+        duration_s=10.0,
+        wall_s=2.0,
+        largest_m=deviation,
+        median_m=0.0,
+        within=1.0,
+        children=children,
+    )
+
+
+def result() -> CampaignResult:
+    seeds = (seed("3a", "3", points=5), seed("7a", "7", points=2), seed("7b", "7", Verdict.F4))
+    steer = child("m1", Verdict.F4, ("steer",), 5.0)
+    late = child("m2", Verdict.F2, ("timing",), 6.0)
+    early = child("m3", Verdict.F3, ("timing",), 2.0)
+    fine = child("m4", Verdict.PASS, ("timing",), 10.0)
+    clips = (clip("3a", 1, steer, late, fine), clip("3a", 2, deviation=0.4), clip("7a", 1, early, deviation=0.2))
+    return CampaignResult(CampaignSettings(), *sorted_outcomes(reversed(seeds), reversed(clips)), wall_s=9.0)
+
+
+def test_rows_of_families_and_of_all() -> None:
+    found = result()
+    three, seven, total = found.row("3"), found.row("7"), found.row()
+    assert found.families == ("3", "7")
+    assert (three.cases, three.clips, three.children, three.failed) == (1, 2, 3, 2)
+    assert three.per_risky_point == 1.0
+    assert (seven.cases, seven.cases_failed, seven.failures["F3"]) == (2, 1, 1)
+    assert total.simulated_s == 3 * 30 + 3 * 10 + 4 * 10
+    assert total.per_simulated_hour == 3 / (160 / 3600)
+    assert total.fidelity_median_m == 0.2
+    assert total.fidelity_max_m == 0.4
+
+
+def test_order_does_not_depend_on_who_finished_first() -> None:
+    found = result()
+    assert [s.id for s in found.seeds] == ["3a", "7a", "7b"]
+    assert [c.name for c in found.clips] == ["3a_p1", "3a_p2", "7a_p1"]
+
+
+def test_what_to_open_first_is_late_and_not_steered_and_one_a_clip_at_first() -> None:
+    assert [c.name for c in result().to_open_first()] == ["m2", "m3", "m1"]
+
+
+def test_the_report_can_be_saved(tmp_path: Path) -> None:
+    for suffix, begins in ((".svg", "<svg"), (".html", "<!DOCTYPE html>"), (".txt", "\n3 failures in 4 children")):
+        file = tmp_path / f"report{suffix}"
+        save_campaign(file, result(), Path("out"))
+        assert file.read_text().startswith(begins)

@@ -1,0 +1,311 @@
+"""What the documentation shows is run, and what its tables say is compared with the code."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import re
+import shutil
+import tomllib
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from foresee_dsl.campaign.steps import clip_around, measure_clip
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.network import build_network
+from foresee_dsl.derive.mutate import mutate
+from foresee_dsl.derive.operators import operators
+from foresee_dsl.derive.presets import Preset
+from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.expand import expand_mutant
+from foresee_dsl.language.model import Catalogue, Clip, Definition, Mutant, Network, Scenario
+from foresee_dsl.language.parser import format_text, parse
+from foresee_dsl.language.project import load_catalogue, load_test_case, load_test_cases
+from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.verdict import RunResult, Verdict
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+LANGUAGE, METHOD, DRIVERS = (
+    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers")
+)
+
+
+def blocks(text: str, kind: str) -> list[str]:
+    return re.findall(rf"```{kind}\n(.*?)```", text, re.S)
+
+
+SNIPPETS: dict[str, tuple[str, Definition]] = {}
+for _text in blocks(LANGUAGE, "foresee"):
+    _model = parse(_text, "docs/language.md").model
+    SNIPPETS[_model.name] = (_text, _model)
+
+
+def named(kind: type) -> list[str]:
+    return [name for name, (_, model) in SNIPPETS.items() if isinstance(model, kind)]
+
+
+@pytest.fixture(scope="module")
+def project(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the scenarios with all snippets beside them, and the town as a foreign network."""
+    folder = tmp_path_factory.mktemp("docs") / "scenarios"
+    shutil.copytree(scenarios, folder)
+    for name, (text, _) in SNIPPETS.items():
+        assert not (folder / f"{name}.foresee").exists(), f"the snippet {name} is called like a bundled file"
+        (folder / f"{name}.foresee").write_text(text, encoding="utf-8")
+    town = compile_test_case(load_test_case(folder / "rude.foresee")).net_file
+    shutil.copy(town, folder / "town.net.xml")
+    return folder
+
+
+# ---- language.md ----------------------------------------------------------------------------------------------------
+
+
+def drive(case: TestCase) -> RunResult:
+    return run(compile_test_case(case), PdmDriver())
+
+
+def test_every_kind_of_file_is_shown() -> None:
+    assert len(SNIPPETS) == len(blocks(LANGUAGE, "foresee"))
+    assert all(named(kind) for kind in (Scenario, Network, Catalogue, Clip, Mutant))
+
+
+@pytest.mark.parametrize("name", SNIPPETS)
+def test_snippets_are_in_the_one_layout(name: str) -> None:
+    text = SNIPPETS[name][0]
+    assert format_text(text, name) == text
+
+
+@pytest.mark.parametrize("name", named(Scenario))
+def test_scenarios_compile_and_run(project: Path, name: str) -> None:
+    for case in load_test_cases([project / f"{name}.foresee"]):
+        result = drive(case)
+        assert result.verdict not in (Verdict.CRASH, Verdict.INVALID), f"{case.id}: {result.reason}"
+        assert 0 < result.duration_s <= 8.0, "documentation is read, and tested: keep it short"
+
+
+@pytest.mark.parametrize("name", named(Clip) + named(Mutant))
+def test_clips_and_mutants_have_the_pins_of_their_parents_and_run(project: Path, name: str) -> None:
+    result = drive(load_test_case(project / f"{name}.foresee"))
+    assert result.verdict not in (Verdict.CRASH, Verdict.INVALID), result.reason
+
+
+@pytest.mark.parametrize("name", named(Network))
+def test_networks_can_be_built(project: Path, tmp_path: Path, name: str) -> None:
+    model = SNIPPETS[name][1]
+    assert isinstance(model, Network)
+    build_network(model, tmp_path / "net.xml")
+    assert b"<tlLogic" in (tmp_path / "net.xml").read_bytes()
+
+
+@pytest.mark.parametrize("name", named(Catalogue))
+def test_catalogues_can_be_loaded(project: Path, name: str) -> None:
+    assert load_catalogue(project / f"{name}.foresee")
+
+
+def test_every_unit_is_listed() -> None:
+    table = LANGUAGE.partition("| dimension | units |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"`([^`]+)`", table)) == set(UNITS)
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [
+        ("followed by {:g} s of amber", "foresee_dsl.compile.signals.AMBER_S"),
+        ("{:g} s of all red", "foresee_dsl.compile.signals.ALL_RED_S"),
+        ("green ends {:g} s before", "foresee_dsl.compile.signals.PEDESTRIAN_CLEARANCE_S"),
+        ("A crossing is {:g} m wide", "foresee_dsl.compile.network.CROSSING_WIDTH_M"),
+        ("of each lane | {:g} m |", "foresee_dsl.compile.network.LANE_WIDTH_M"),
+        ("the run's limit; {:g} s when absent", "foresee_dsl.compile.scene.DEFAULT_END_S"),
+        ("{:g} m before the end of its route", "foresee_dsl.compile.scene.GOAL_BEFORE_END_M"),
+        ("friction from {:g} (0)", "foresee_dsl.compile.scene.DRY_FRICTION"),
+        ("to {:g} (1)", "foresee_dsl.compile.scene.WET_FRICTION"),
+        ("brakes with {:g} m/s^2", "foresee_dsl.simulate.behaviours.COMFORT_MPS2"),
+        ("never over {:g} times its cruise speed", "foresee_dsl.simulate.behaviours.HASTE"),
+        ("counts as driving {:g} m/s at least", "foresee_dsl.simulate.behaviours.WAITS_MPS"),
+        ("From {:g} m before the junction on", "foresee_dsl.simulate.behaviours.COMMITS_M"),
+        ("({:g} m on a path)", "foresee_dsl.simulate.behaviours.COMMITS_WALKING_M"),
+        ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.behaviours.BOUND_FROM_M"),
+        ("not under {:g} m/s, enters", "foresee_dsl.simulate.metrics.SLOWEST_MPS"),
+    ],
+)
+def test_figures_of_the_text_are_those_of_the_code(said: str, name: str) -> None:
+    module, _, constant = name.rpartition(".")
+    sentence = said.format(getattr(importlib.import_module(module), constant))
+    assert sentence in " ".join(LANGUAGE.split())
+
+
+# ---- drivers.md -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Install the page's examples as a package: the modules, and their entry points as pip would write them."""
+    modules = re.findall(r"`(\w+\.py)`(?:,[^`\n]*)?:\n\n```python\n(.*?)```", DRIVERS, re.S)
+    assert [name for name, _ in modules] == ["lane_keeper.py", "hardest_braking.py", "start_speed.py"]
+    for name, text in modules:
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    info = tmp_path / "docs_example-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: docs-example\nVersion: 1\n", encoding="utf-8")
+    lines = []
+    for block in blocks(DRIVERS, "toml"):
+        for group, entries in tomllib.loads(block)["project"]["entry-points"].items():
+            lines += [f"[{group}]", *(f"{name} = {value}" for name, value in entries.items())]
+    (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+def example_preset() -> Preset:
+    """Execute the page's last block."""
+    scope: dict[str, Any] = {}
+    exec(blocks(DRIVERS, "python")[-1], scope)
+    return scope["SLOWED"]
+
+
+def test_the_examples_of_driver_ranker_and_operator_work(plugins: Path, scenarios: Path) -> None:
+    case = load_test_case(scenarios / "scenario9.foresee::r01")
+    driver = load_driver("lane_keeper")
+    result = run(compile_test_case(case), driver)
+    assert result.verdict is not Verdict.CRASH, result.reason
+    ego = result.trace.states[:, 0]
+    assert result.trace.meta["driver"] == "lane_keeper"
+    assert result.duration_s > 4
+    assert abs(ego[60:, 3] - 30 / 3.6).max() < 1.0, "it keeps its speed"
+
+    points = load_ranker("hardest_braking").rank(result.trace, before_s=1.0)
+    assert [p.rank for p in points] == list(range(1, len(points) + 1))
+    assert [p.score for p in points] == sorted((p.score for p in points), reverse=True)
+
+    assert "start_speed" in operators()
+    file = plugins / "p1.foresee"
+    draft = clip_around(case, result.trace, replace(points[0], frame=60), file, before_s=1.0, after_s=1.0)
+    model, clip_case, clip_run, found = measure_clip(draft, case, result.trace, file, driver="lane_keeper", seed=0)
+    assert found.largest_m < 0.1
+    children = mutate(clip_case, model, clip_run.trace, preset=example_preset(), count=2, seed=0)
+    assert children and all(change.property in ("speed", "delay") for m in children for change in m.changes)
+    mutant = expand_mutant(children[0], clip_case, source=plugins / "p1_m1.foresee")
+    assert run(compile_test_case(mutant), driver).verdict is not Verdict.CRASH
+
+
+# ---- method.md ------------------------------------------------------------------------------------------------------
+
+_TABLE = re.compile(r"Settings of ((?:`[\w.]+`(?:, | and )?)+):\n\n\| setting[^\n]*\n\| ---[^\n]*\n((?:\|[^\n]*\n)+)")
+_SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit in UNITS.items()}}
+
+
+def tables() -> list[tuple[tuple[str, ...], dict[str, list[str]]]]:
+    """Every table of settings: what it is about, and its rows' cells by their first."""
+    found = []
+    for names, rows in _TABLE.findall(METHOD):
+        cells = [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows.splitlines()]
+        found.append((tuple(re.findall(r"`([\w.]+)`", names)), {row[0].strip(" `"): row[1:] for row in cells}))
+    return found
+
+
+def resolved(name: str) -> Any:
+    """Return what a dotted name stands for: a module, a class's defaults, or an object."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        module, _, attribute = name.rpartition(".")
+        found = getattr(importlib.import_module(module), attribute)
+        return found() if isinstance(found, type) else found
+
+
+def written(cell: str) -> Any:
+    """Return a cell's value in SI: a number with its unit, a quoted word, several of either, or None."""
+    if cell == "none":
+        return None
+    if "; " in cell:
+        return tuple(written(part) for part in cell.split("; "))
+    if "`" in cell:
+        return cell.strip("`")
+    number, _, unit = cell.partition(" ")
+    return float(number) * (_SCALE[unit] if unit else 1.0)
+
+
+def in_code(owner: Any, path: str) -> Any:
+    for part in path.split("."):
+        owner = getattr(owner, part)
+    return owner
+
+
+def same(said: Any, value: Any) -> bool:
+    if isinstance(value, tuple) and all(isinstance(part, str) for part in value):
+        return bool(said == "+".join(value))
+    if isinstance(value, tuple):
+        said = said if isinstance(said, tuple) else (said,)
+        return len(said) == len(value) and all(map(same, said, value))
+    if isinstance(value, (int, float)):
+        return isinstance(said, float) and math.isclose(said, value, rel_tol=1e-4, abs_tol=1e-12)
+    return bool(said == value)
+
+
+TABLES = tables()
+
+
+@pytest.mark.parametrize(("names", "rows"), TABLES, ids=[", ".join(names) for names, _ in TABLES])
+def test_tables_say_what_the_code_says(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
+    for column, name in enumerate(names):
+        owner = resolved(name)
+        wrong = {
+            setting: f"the page says {cells[column]}, the code {in_code(owner, setting)}"
+            for setting, cells in rows.items()
+            if not same(written(cells[column]), in_code(owner, setting))
+        }
+        assert not wrong, f"{name}: {wrong}"
+
+
+@pytest.mark.parametrize(("names", "rows"), TABLES, ids=[", ".join(names) for names, _ in TABLES])
+def test_tables_are_complete(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
+    for name in names:
+        missing = set(settings_of(resolved(name))) - set(rows)
+        assert not missing, f"docs/method.md says nothing of {sorted(missing)} of {name}"
+
+
+def settings_of(owner: Any) -> list[str]:
+    """Return the names of all settings: a dataclass's fields (with those of its parts), a module's own numbers."""
+    if not is_dataclass(owner):
+        source = Path(owner.__file__).read_text(encoding="utf-8")
+        groups = re.findall(r"^([A-Z][A-Z0-9_]*(?:, [A-Z][A-Z0-9_]*)*)(?:: [^=\n]+)? = ", source, re.M)
+        own = [name for group in groups for name in group.split(", ")]
+        return [name for name in own if isinstance(getattr(owner, name), (int, float))]
+    names = []
+    for field in fields(owner):
+        value = getattr(owner, field.name)
+        names += [f"{field.name}.{part}" for part in settings_of(value)] if is_dataclass(value) else [field.name]
+    return names
+
+
+def test_every_stage_has_its_table() -> None:
+    described = {name for names, _ in TABLES for name in names}
+    assert described >= {
+        "foresee_dsl.campaign.settings.CampaignSettings",
+        "foresee_dsl.forecast.settings.ForeseeSettings",
+        "foresee_dsl.derive.presets.PAPER",
+        "foresee_dsl.derive.presets.FOCUSED",
+        "foresee_dsl.simulate.outcome",
+        "foresee_dsl.simulate.dynamics",
+        "foresee_dsl.simulate.sensing",
+        "foresee_dsl.simulate.runner",
+    }
+
+
+def test_links_between_pages_lead_somewhere() -> None:
+    for page in DOCS.rglob("*.md"):
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_files_that_are_named_exist(root: Path) -> None:
+    for page in DOCS.rglob("*.md"):
+        for name in re.findall(r"`((?:foresee_dsl|grammars|scenarios|templates|tests)/[\w./-]+)`", page.read_text()):
+            assert (root / name).exists(), f"{page.name} names {name}"
