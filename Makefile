@@ -45,6 +45,7 @@ clean:  ## remove what was made (the environment too)
 
 # A half-made environment is made anew: the stamp is only written when everything is in.
 $(VENV)/.installed: pyproject.toml
+	@echo "setting up $(VENV) (once; a minute or two)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "foresee-dsl needs Python 3.11 or newer; set PYTHON=")'
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && uv pip install --quiet --python $(BIN)/python -e .; \

@@ -66,7 +66,11 @@ class Spot(NamedTuple):
 
 
 class Ghost:
-    """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive."""
+    """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive.
+
+    A new one for each lane: SUMO remembers of one that changes lane on a junction when it came and how, and who may go
+    first hangs on that; of a new one it knows no more than a description says.
+    """
 
     def __init__(self, world: World, network: RoadNetwork, name: str, edge: str) -> None:
         """Prepare one; nothing is on the road yet."""
@@ -75,7 +79,7 @@ class Ghost:
 
     def show(self, spots: Sequence[Spot], speed_mps: float = 0.0) -> None:
         """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
-        names = [f"~{self._name}~{k}" for k in range(len(spots))]
+        names = [f"~{self._name}~{spot.lane}" for spot in spots]
         for name in [name for name in self._in if name not in names]:
             self._world.remove(name)
             del self._in[name]

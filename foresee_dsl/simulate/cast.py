@@ -18,8 +18,8 @@ OFF_LANE_M = 1.8
 """The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
-YIELDS_MPS2 = -0.5
-"""Who brakes harder lets somebody go. Ours: below it is rounding, and slowing down for a bend."""
+YIELDS_MPS2 = -0.05
+"""Who brakes harder lets somebody go. Ours: SUMO accelerates or keeps its speed exactly where nothing is in the way."""
 KNOWN_AFTER = 1
 """Steps that everybody is held where they are placed. Ours: SUMO learns of who comes to a junction a step later."""
 
@@ -176,7 +176,8 @@ class Cast:
         going = [a for a in inside if a is self.ego or (a.speed >= STANDS_MPS and a.acceleration > YIELDS_MPS2)]
         letting_go = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
-        waves = [*([actor] for actor in going), *([actor] for actor in letting_go), rest, *([[]] * KNOWN_AFTER)]
+        none: list[Mobile] = []
+        waves = [*([a] for a in going), none, *([a] for a in letting_go), rest, *([none] * KNOWN_AFTER)]
         return waves, len(going)
 
     def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:

@@ -320,10 +320,6 @@ class World:
         """Ask a vehicle to drive a speed while that is safe; None gives it back to car-following."""
         self._sumo.vehicle.setSpeed(vehicle, -1.0 if speed_mps is None else speed_mps)
 
-    def slow_down(self, vehicle: str, speed_mps: float, over_s: float) -> None:
-        """Change a vehicle's speed linearly over a time, while that is safe."""
-        self._sumo.vehicle.slowDown(vehicle, speed_mps, over_s)
-
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:
         """Set what a vehicle drives where nothing hinders it, m/s; over the limit of its road if need be."""
         known = self._vehicles[vehicle]
