@@ -62,9 +62,9 @@ from foresee_dsl.simulate.actors import STANDS_MPS
 from foresee_dsl.simulate.behaviours import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
 
-DIGITS = 3
-"""Decimals of metres, m/s and degrees in a clip. Ours: 1 mm and 0.001 deg (2 mm over 100 m) leave deviations of the
-same size after 10 s, under the centimetre to which fidelity is printed."""
+DIGITS = 4
+"""Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3, the
+driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 everybody stays within 1 cm, with 6 exactly."""
 _WAYPOINT_M = 2.0
 """The spacing of `Trace.waypoints`."""
 
