@@ -282,6 +282,9 @@ _STATUS_STYLE = {
 
 def print_verification(console: Console, rechecks: tuple[Recheck, ...]) -> None:
     """Print what became of recorded failures: first those that need a look, then the counts."""
+    if not rechecks:
+        console.print("no recorded failures there: `foresee campaign` and `foresee mutate` write them")
+        return
     for recheck in rechecks:
         line = Text()
         line.append(f"{recheck.status.value:<11}", style=_STATUS_STYLE[recheck.status])

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import os
+import zipfile
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -156,8 +157,10 @@ class Trace:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(data["header"].tobytes())
                 arrays = {name: data[name] for name in cls._ARRAYS}
-        except (KeyError, EOFError, ValueError) as err:
-            raise ValueError(f"{path} is no trace: {err}") from err
+        except (KeyError, EOFError, ValueError, zipfile.BadZipFile) as err:
+            raise ValueError(
+                f"{path} is no trace, or a damaged one; `foresee run FILE --out DIR` writes traces"
+            ) from err
         if header["format"] != FORMAT:
             raise ValueError(f"{path} has trace format {header['format']}, this version reads {FORMAT}")
         actors = tuple(

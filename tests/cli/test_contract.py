@@ -250,3 +250,14 @@ def test_compile_gives_something_that_sumo_runs(scenarios: Path, tmp_path: Path)
     program = Path(sumo.SUMO_HOME) / "bin" / "sumo"
     done = subprocess.run([program, "-c", config, "--end", "20"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_trace_that_is_none_or_damaged(scenarios: Path, tmp_path: Path) -> None:
+    assert "no trace" in foresee("forecast", scenarios / "scenario3.foresee", expect=1).stderr
+    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 and then nothing")
+    assert "damaged" in foresee("forecast", tmp_path / "cut.npz", expect=1).stderr
+    assert "No such file" in foresee("clip", tmp_path / "none.npz", expect=1).stderr
+
+
+def test_a_folder_without_recorded_failures(scenarios: Path) -> None:
+    assert "no recorded failures" in foresee("verify", scenarios).stdout
