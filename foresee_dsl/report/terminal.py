@@ -114,7 +114,8 @@ def campaign_report(result: CampaignResult, out: Path) -> Group:
     rows = [result.row(family) for family in result.families]
     parts.append(_counts_table(rows, total))
     parts.append(_failures_table(rows, total))
-    parts.append(Text(", ".join(f"{k.value} {_SHORT[k]}" for k in FAILURES if k in _SHORT), style="dim"))
+    kinds = ", ".join(f"{k.value} {_SHORT[k]}" for k in FAILURES if k in _SHORT)
+    parts.append(Text(f"{kinds};\nper risky point that was clipped, per simulated hour", style="dim"))
     parts.append(_fidelity_line(result))
     parts.extend(_set_aside(result))
     parts.extend(_open_first(result, out))
@@ -173,7 +174,7 @@ def _failures_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
     table.add_column("scenario family", no_wrap=True)
     for kind in FAILURES:
         table.add_column(kind.value, justify="right", no_wrap=True)
-    for name in ("all", "a clip", "an hour"):
+    for name in ("all", "per point", "per hour"):
         table.add_column(name, justify="right", no_wrap=True)
     for row in (*rows, total):
         counts = [str(row.failures[k.value]) if row.failures[k.value] else "[dim]0[/dim]" for k in FAILURES]
