@@ -39,7 +39,6 @@ class SeedOutcome:
     trace: str = ""
     risky_points: int = 0
     clips: tuple[ClipDraft, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

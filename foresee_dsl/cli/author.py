@@ -24,7 +24,7 @@ def check(
 
     [dim]foresee check scenarios    foresee check my.foresee::r01[/dim]
     """
-    from foresee_dsl.language.check import check_paths
+    from foresee_dsl.language.checked_files import check_paths
 
     result = check_paths(paths)
     diagnostics = list(result.diagnostics)

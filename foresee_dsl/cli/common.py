@@ -44,12 +44,10 @@ def print_json(data: dict[str, Any]) -> None:
 
 def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
     """Print mistakes on standard error: place, line, underline, what to write instead."""
-    from foresee_dsl.language.diagnostics import render_full
+    from foresee_dsl.language.diagnostics import render_all
 
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
-    for diagnostic in diagnostics:
-        typer.echo(render_full(diagnostic, colour=colour), err=True)
-        typer.echo(err=True)
+    typer.echo(render_all(diagnostics, colour=colour) + "\n", err=True)
     errors = sum(d.severity == "error" for d in diagnostics)
     warnings = len(diagnostics) - errors
     parts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]

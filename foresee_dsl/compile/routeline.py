@@ -108,11 +108,6 @@ class _Stretch:
     onward: Movement | None
 
 
-def clear_cache() -> None:
-    """Forget all lines (they keep their networks alive)."""
-    build_line.cache_clear()
-
-
 @lru_cache(maxsize=512)
 def build_line(
     network: RoadNetwork,

@@ -7,7 +7,7 @@ import io
 import json
 import os
 import zipfile
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -176,10 +176,6 @@ class Trace:
             events=tuple(Event(**e) for e in header["events"]),
             meta=header["meta"],
         )
-
-    def with_meta(self, **entries: str | float | int) -> Trace:
-        """Return the same trace with more in `meta`."""
-        return replace(self, meta={**self.meta, **entries})
 
     def _header(self, *, meta: bool) -> dict[str, Any]:
         header: dict[str, Any] = {

@@ -35,20 +35,6 @@ class Verdict(StrEnum):
 
 _COLLISIONS = frozenset({Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5})
 
-MEANING = {
-    Verdict.PASS: "arrived, or drove to the end, without a failure",
-    Verdict.F1: "left the road or hit an object",
-    Verdict.F2: "hit a pedestrian",
-    Verdict.F3: "frontal collision",
-    Verdict.F4: "lateral collision",
-    Verdict.F5: "rear collision",
-    Verdict.STUCK: "stood still with nothing to wait for",
-    Verdict.TIMEOUT: "did not arrive in time",
-    Verdict.CRASH: "the driver or the simulator broke",
-    Verdict.INVALID: "touches something at the first frame",
-}
-"""One phrase each, for reports."""
-
 
 @dataclass(frozen=True)
 class ExpectationResult:
