@@ -10,7 +10,7 @@ JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help campaign test lint types imports unit format doctor clean
+.PHONY: help campaign test lint types imports unit bench format doctor clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 22
@@ -32,6 +32,9 @@ imports: $(VENV)/.installed-dev
 
 unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
 	@$(BIN)/pytest -n $(JOBS) $(ARGS)
+
+bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="language")
+	@$(BIN)/python -m benchmarks.run $(ARGS)
 
 format: $(VENV)/.installed-dev  ## format the Python and the scenario files
 	@$(BIN)/ruff format .

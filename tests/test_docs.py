@@ -12,8 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
+from typer.testing import CliRunner
 
 from foresee_dsl.campaign.steps import clip_around, measure_clip
+from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.network import build_network
 from foresee_dsl.derive.mutate import mutate
@@ -21,17 +24,23 @@ from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.examples import FRAMES
 from foresee_dsl.language.expand import expand_mutant
-from foresee_dsl.language.model import Catalogue, Clip, Definition, Mutant, Network, Scenario
+from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.model import Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.project import load_catalogue, load_test_case, load_test_cases
+from foresee_dsl.language.registry.lints import CODES as LINTS
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.verdict import RunResult, Verdict
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
 LANGUAGE, METHOD, DRIVERS = (
     (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers")
 )
@@ -41,8 +50,10 @@ def blocks(text: str, kind: str) -> list[str]:
     return re.findall(rf"```{kind}\n(.*?)```", text, re.S)
 
 
+FILES = [text for text in blocks(LANGUAGE, "foresee") if text.startswith("foresee 1\n")]
+"""The snippets of language.md that are whole files."""
 SNIPPETS: dict[str, tuple[str, Definition]] = {}
-for _text in blocks(LANGUAGE, "foresee"):
+for _text in FILES:
     _model = parse(_text, "docs/language.md").model
     SNIPPETS[_model.name] = (_text, _model)
 
@@ -64,6 +75,40 @@ def project(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+FRAGMENTS = [
+    (page.name, text) for page in PAGES for text in blocks(page.read_text(encoding="utf-8"), "foresee")
+    if not text.startswith("foresee 1\n")
+]  # fmt: skip
+"""Statements that are shown alone."""
+EXTENSION = 'foresee 1\n\nscenario longer extends "parent.foresee" {\n@\n}\n'
+
+
+# ---- every page -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("page", "text"), FRAGMENTS, ids=[f"{page}-{k}" for k, (page, _) in enumerate(FRAGMENTS)])
+def test_statements_that_are_shown_alone_are_parsed_and_in_the_one_layout(page: str, text: str) -> None:
+    inside = "".join(f"  {line}\n" for line in text.splitlines()).rstrip("\n")
+    for frame in (*(frame.text for name, frame in FRAMES.items() if name != "file"), EXTENSION):
+        try:
+            formatted = format_text(frame.replace("PIN", "sha256:5ef2c6120a41").replace("@", inside), page)
+        except InputError:
+            continue
+        assert all(line.strip() in formatted for line in text.splitlines())
+        return
+    pytest.fail(f"no kind of file takes these statements of {page}:\n{text}")
+
+
+def test_every_command_is_in_the_readme() -> None:
+    table = PAGES[0].read_text(encoding="utf-8").partition("## The commands")[2].partition("\n## ")[0]
+    assert {name for _, name, _ in COMMANDS} == set(re.findall(r"`([a-z-]+)`", table.partition("\n\nEvery")[0]))
+
+
+def test_lints_are_all_described() -> None:
+    table = (DOCS / "checking.md").read_text(encoding="utf-8").partition("| lint |")[2].partition("\n\n")[0]
+    assert re.findall(r"`(FS3\d\d)`", table) == [code.code for code in LINTS]
+
+
 # ---- language.md ----------------------------------------------------------------------------------------------------
 
 
@@ -72,8 +117,8 @@ def drive(case: TestCase) -> RunResult:
 
 
 def test_every_kind_of_file_is_shown() -> None:
-    assert len(SNIPPETS) == len(blocks(LANGUAGE, "foresee"))
-    assert all(named(kind) for kind in (Scenario, Network, Catalogue, Clip, Mutant))
+    assert len(SNIPPETS) == len(FILES)
+    assert all(named(kind) for kind in (Scenario, Extension, Network, Catalogue, Clip, Mutant))
 
 
 @pytest.mark.parametrize("name", SNIPPETS)
@@ -82,7 +127,7 @@ def test_snippets_are_in_the_one_layout(name: str) -> None:
     assert format_text(text, name) == text
 
 
-@pytest.mark.parametrize("name", named(Scenario))
+@pytest.mark.parametrize("name", named(Scenario) + named(Extension))
 def test_scenarios_compile_and_run(project: Path, name: str) -> None:
     for case in load_test_cases([project / f"{name}.foresee"]):
         result = drive(case)
@@ -107,6 +152,27 @@ def test_networks_can_be_built(project: Path, tmp_path: Path, name: str) -> None
 @pytest.mark.parametrize("name", named(Catalogue))
 def test_catalogues_can_be_loaded(project: Path, name: str) -> None:
     assert load_catalogue(project / f"{name}.foresee")
+
+
+def test_the_steps_that_are_shown_come_to_their_end(project: Path) -> None:
+    """The example of sequences is one: every trigger fires, and every step of the first begins and ends."""
+    case = load_test_case(project / "stop_and_go.foresee")
+    events = drive(case).trace.events
+    assert {e.detail["index"] for e in events if e.what == "trigger"} == {0, 1, 2}
+    assert [e.detail["where"] for e in events if e.what == "then"] == [[1], [1, 2]]
+    assert [1] in [e.detail["where"] for e in events if e.what == "complete"]
+
+
+def test_cases_are_drawn_as_the_page_shows(project: Path) -> None:
+    shown = LANGUAGE.partition("### What cases reach")[2]
+    done = CliRunner().invoke(typer.main.get_command(app), ["sample", str(project / "drawn.foresee")])
+    assert done.exit_code == 0, done.output
+    assert blocks(shown, "")[0].strip() == done.output.strip()
+
+
+def test_every_word_of_the_language_is_in_the_reference() -> None:
+    said = set(re.findall(r"\w+", " ".join(re.findall(r"`[^`]+`|```foresee\n.*?```", LANGUAGE, re.S))))
+    assert not {word for word in KEYWORDS} - said
 
 
 def test_every_unit_is_listed() -> None:

@@ -11,7 +11,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clip import clip as make_clip
 from foresee_dsl.derive.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.derive.mutate import mutate
-from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.drivers.registry import load_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.document import TestCase
@@ -74,8 +74,7 @@ def measure_clip(
 def children_of(
     clip_case: TestCase, model: Clip, clip_trace: Trace, *, preset: str, count: int, driver: str, seed: int
 ) -> tuple[Mutant, ...]:
-    """Mutate a clip; its own unmutated run tells which actors can be acted on."""
-    loaded = load_driver(driver)
+    """Mutate a clip; its own unmutated run tells which actors can be acted on, and which version drove."""
     return mutate(
         clip_case,
         model,
@@ -83,7 +82,7 @@ def children_of(
         preset=preset,
         count=count,
         seed=seed,
-        driver=f"{loaded.name} {loaded.version}",
+        driver=recorded_driver(driver, str(clip_trace.meta.get("driver_version", ""))),
     )
 
 
@@ -109,13 +108,15 @@ def run_child(
     return outcome, result
 
 
-def mutate_file(file: Path, *, preset: str, count: int, driver: str, seed: int) -> tuple[ChildOutcome, ...]:
+def mutate_file(
+    file: Path, *, preset: str, count: int, driver: str, seed: int, allow_outside: bool = True
+) -> tuple[ChildOutcome, ...]:
     """Mutate a clip's file and run the children, whose files belong beside it.
 
     Raises:
         ForeseeError: the file is no clip.
     """
-    clip_case = load_test_case(str(file))
+    clip_case = load_test_case(str(file), allow_outside=allow_outside)
     model = clip_case.clip
     if model is None or clip_case.mutant is not None:
         raise ForeseeError(f"{file} is no clip: `foresee clip` writes them")

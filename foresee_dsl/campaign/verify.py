@@ -11,7 +11,10 @@ from typing import Any
 
 from foresee_dsl.campaign.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.steps import run_test_case
-from foresee_dsl.errors import InputError
+from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.errors import DriverError, InputError
+from foresee_dsl.language.model import Mutant, Origin
+from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project import load_test_case
 from foresee_dsl.simulate.verdict import Verdict
 
@@ -43,14 +46,23 @@ class VerifyTask:
     driver: str
 
 
-def verify_files(files: Sequence[Path], *, driver: str = "", jobs: int = 1) -> tuple[Recheck, ...]:
+def verify_files(
+    files: Sequence[Path], *, driver: str = "", run_programs: bool = False, jobs: int = 1
+) -> tuple[Recheck, ...]:
     """Run recorded failures again, in new processes.
 
     Args:
         files: mutants' files.
         driver: drive with this one; by default with the one that each file records.
+        run_programs: start the programs that files record as their drivers (`external:python3 my_driver.py`). A file
+            that somebody sends must not run a command by being checked.
         jobs: worker processes.
+
+    Raises:
+        DriverError: files record programs, which was not allowed; nothing was run.
     """
+    if not driver and not run_programs:
+        _refuse_programs(files)
     pool = WorkerPool(jobs)
     pool.add(Task(str(file), recheck, VerifyTask(file, driver)) for file in files)
     found: list[Recheck] = []
@@ -73,7 +85,7 @@ def recheck(task: VerifyTask) -> Recheck:
         return Recheck(str(task.file), Status.STALE, "", err.diagnostics[0].message)
     origin = case.mutant.origin if case.mutant else None
     was = (origin.found if origin else None) or ""
-    recorded = ((origin.driver if origin else None) or "pdm").split()[0]
+    recorded = _recorded(origin)
     seed = int(origin.seed.value) if origin and origin.seed else 0
     result = run_test_case(case, task.driver or recorded, seed)
     if not result.verdict.is_failure and result.verdict is not Verdict.CRASH:
@@ -93,6 +105,28 @@ def as_dict(rechecks: Sequence[Recheck]) -> dict[str, Any]:
         **{status.value: counts[status] for status in Status},
         "children": [{"file": r.file, "status": r.status.value, "was": r.was, "now": r.now} for r in rechecks],
     }
+
+
+def _recorded(origin: Origin | None) -> str:
+    return recorded_address((origin.driver if origin else None) or "pdm")
+
+
+def _refuse_programs(files: Sequence[Path]) -> None:
+    programs = sorted({address for file in files if ":" in (address := _address_in(file))})
+    if programs:
+        raise DriverError(
+            f"recorded with programs as drivers: {'; '.join(programs)}. --run-programs starts what the files say, "
+            "--driver names another driver"
+        )
+
+
+def _address_in(file: Path) -> str:
+    """Return the driver that a mutant's file records; of a file with mistakes (it is reported as stale), nothing."""
+    try:
+        model = parse(file.read_text(encoding="utf-8"), str(file)).model
+    except (InputError, OSError, UnicodeDecodeError):
+        return ""
+    return _recorded(model.origin) if isinstance(model, Mutant) else ""
 
 
 def _same(was: str, now: str) -> bool:

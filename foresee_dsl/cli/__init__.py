@@ -1,6 +1,7 @@
 """The command line: parse, call the library, render.
 
-Heavy imports happen inside the commands, so that help is quick.
+Heavy imports happen inside the commands, so that help is quick. A new command is a module beside this one and a line in
+`COMMANDS`.
 """
 
 from __future__ import annotations
@@ -8,16 +9,72 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from typing import Annotated
+from importlib import import_module
+from types import MappingProxyType
+from typing import Annotated, Any, cast
 
 import typer
+from typer.core import TyperGroup
 
 from foresee_dsl import __version__
-from foresee_dsl.cli import author, campaigns, doctor, runs
 from foresee_dsl.cli.common import BUG, explain_error
+
+COMMANDS = (
+    ("Write", "check", "check.check"),
+    ("Write", "explain", "explain.explain"),
+    ("Write", "fmt", "formatting.fmt"),
+    ("Write", "sample", "sampling.sample"),
+    ("Write", "compile", "author.compile_"),
+    ("Write", "expand", "author.expand"),
+    ("Write", "diff", "compare.diff"),
+    ("Write", "textconv", "compare.textconv"),
+    ("Write", "git-diff", "compare.git_diff"),
+    ("Run and derive", "run", "runs.run"),
+    ("Run and derive", "forecast", "runs.forecast"),
+    ("Run and derive", "clip", "runs.clip"),
+    ("Run and derive", "mutate", "runs.mutate"),
+    ("Run and derive", "repin", "children.repin"),
+    ("Campaign", "campaign", "campaigns.campaign"),
+    ("Campaign", "verify", "campaigns.verify"),
+    ("About", "drivers", "author.drivers"),
+    ("About", "models", "author.models"),
+    ("About", "lsp", "lsp.lsp"),
+    ("About", "doctor", "doctor.doctor"),
+)
+"""Every command in the order of the help: its group there, its name, and its function as `MODULE.FUNCTION` of this
+package. A command's module is imported when it is named (or for the help), so a new one costs the others nothing."""
+
+
+class _Commands(TyperGroup):
+    """The commands of `COMMANDS`, each made when it is asked for."""
+
+    def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
+        super().__init__(**settings)
+        self.commands = dict.fromkeys(self._table, cast("Any", None))  # the names, for "did you mean"
+
+    _table = MappingProxyType({name: (panel, function) for panel, name, function in COMMANDS})
+
+    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401 - a type that typer keeps to itself
+        """Return a command, or None for a name that is none."""
+        del ctx
+        if cmd_name not in self._table:
+            return None
+        if self.commands[cmd_name] is None:
+            panel, function = self._table[cmd_name]
+            module, _, attribute = function.partition(".")
+            alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=_SETTINGS)
+            call = getattr(import_module(f"foresee_dsl.cli.{module}"), attribute)
+            alone.command(name=cmd_name, rich_help_panel=panel)(call)
+            self.commands[cmd_name] = typer.main.get_command(alone)
+        return self.commands[cmd_name]
+
+
+_SETTINGS = {"help_option_names": ["-h", "--help"]}
+
 
 app = typer.Typer(
     name="foresee",
+    cls=_Commands,
     help="Write traffic situations as text, drive your software through them, "
     "and find the failures behind the near misses.",
     epilog="A test case is addressed like a pytest node: [cyan]scenarios/scenario7.foresee::r03[/cyan]. "
@@ -26,18 +83,8 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings=_SETTINGS,
 )
-
-_AUTHOR, _RUN, _CAMPAIGN, _ABOUT = "Write", "Run and derive", "Campaign", "About"
-for group, commands in (
-    (_AUTHOR, (author.check, author.fmt, author.compile_, author.expand, author.diff)),
-    (_RUN, (runs.run, runs.forecast, runs.clip, runs.mutate)),
-    (_CAMPAIGN, (campaigns.campaign, campaigns.verify)),
-    (_ABOUT, (author.drivers, author.models, doctor.doctor)),
-):
-    for command in commands:
-        app.command(name=command.__name__.rstrip("_"), rich_help_panel=group)(command)
 
 
 def _version(value: bool) -> None:

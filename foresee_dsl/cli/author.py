@@ -1,100 +1,20 @@
-"""Commands for authors: check, fmt, compile, expand, diff; and what there is to use: drivers, models."""
+"""Commands for authors: compile, expand; and what there is to use: drivers, models."""
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.common import FAILED, JsonOption, OutOption, console, print_diagnostics, print_json
-
-Paths = Annotated[list[str], typer.Argument(help="Files, folders, or test cases (FILE::CASE).")]
-
-
-def check(
-    paths: Paths,
-    json: JsonOption = False,
-    places: Annotated[
-        bool, typer.Option("--places/--no-places", help="Also build the network and place every actor.")
-    ] = True,
-) -> None:
-    """Look for mistakes: in the text, in the names, and (with the network) in where things stand.
-
-    [dim]foresee check scenarios    foresee check my.foresee::r01[/dim]
-    """
-    from foresee_dsl.language.checked_files import check_paths
-
-    result = check_paths(paths)
-    diagnostics = list(result.diagnostics)
-    if places:
-        from foresee_dsl.compile import placement_mistakes
-
-        diagnostics += placement_mistakes(result.cases)
-    failed = any(d.severity == "error" for d in diagnostics)
-    if json:
-        from foresee_dsl.language.diagnostics import to_json
-
-        print_json({"schema": 1, "ok": not failed, "files": result.files, "test_cases": len(result.cases),
-                    "diagnostics": [to_json(d) for d in diagnostics]})  # fmt: skip
-    else:
-        if diagnostics:
-            print_diagnostics(tuple(diagnostics))
-        if not failed:
-            typer.echo(f"{result.files} files, {len(result.cases)} test cases: no mistakes found")
-    if failed:
-        raise typer.Exit(FAILED)
-
-
-def fmt(
-    paths: Paths,
-    check_only: Annotated[
-        bool, typer.Option("--check", help="Change nothing; exit code 1 if something would change.")
-    ] = False,
-    show_diff: Annotated[bool, typer.Option("--diff", help="Change nothing; print what would change.")] = False,
-) -> None:
-    """Bring files into the one layout: comments and grouping stay, the meaning never changes.
-
-    [dim]foresee fmt scenarios    foresee fmt --check .    cat x.foresee | foresee fmt -[/dim]
-    """
-    import sys
-
-    from foresee_dsl.language.parser import format_text, load
-    from foresee_dsl.language.project import scenario_files
-    from foresee_dsl.resources import write_whole
-
-    if paths == ["-"]:
-        typer.echo(format_text(sys.stdin.read(), "<stdin>"), nl=False)
-        return
-    changed = 0
-    files = scenario_files(paths)
-    for file in files:
-        before = load(file).text
-        after = format_text(before, str(file))
-        if after == before:
-            continue
-        changed += 1
-        if show_diff:
-            lines = difflib.unified_diff(
-                before.splitlines(keepends=True), after.splitlines(keepends=True), str(file), str(file)
-            )
-            typer.echo("".join(lines), nl=False)
-        elif check_only:
-            typer.echo(f"would change {file}")
-        else:
-            write_whole(file, after)
-            typer.echo(f"formatted {file}")
-    if not changed:
-        typer.echo(f"{len(files)} files are as they should be")
-    if changed and (check_only or show_diff):
-        raise typer.Exit(FAILED)
+from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, console, print_json
 
 
 def compile_(
     address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case.")],
     out: OutOption = Path("compiled"),
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Write a test case as SUMO files: network, types, routes, configuration (open it with sumo-gui).
 
@@ -104,7 +24,7 @@ def compile_(
     from foresee_dsl.compile.files import write_sumo_folder
     from foresee_dsl.language.project import load_test_case
 
-    bundle = compile_test_case(load_test_case(address))
+    bundle = compile_test_case(load_test_case(address, allow_outside=allow_outside))
     files = write_sumo_folder(bundle, out)
     if json:
         print_json({"schema": 1, "test_case": address, "key": bundle.key, "files": [str(f) for f in files]})
@@ -115,34 +35,20 @@ def compile_(
             typer.echo(f"note: {note}", err=True)
 
 
-def expand(address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A child, or a test case.")]) -> None:
+def expand(
+    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A child, or a test case.")],
+    allow_outside: AllowOutsideOption = False,
+) -> None:
     """Print a child (or a case) as one full scenario, nothing referred to.
 
     [dim]foresee expand out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
+    from foresee_dsl.editor.highlight import show
     from foresee_dsl.language.expand import expanded_model
     from foresee_dsl.language.printer import print_model
     from foresee_dsl.language.project import load_test_case
 
-    typer.echo(print_model(expanded_model(load_test_case(address))), nl=False)
-
-
-def diff(
-    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE.")],
-    new: Annotated[str, typer.Argument(metavar="NEW", help="Another.")],
-    json: JsonOption = False,
-) -> None:
-    """Say what differs in meaning between two files; exit code 0 whether or not they differ.
-
-    [dim]foresee diff a.foresee b.foresee    foresee diff clip.foresee clip_m3.foresee[/dim]
-    """
-    from foresee_dsl.language.diff import diff_addresses, render_text, to_dict
-
-    changes = diff_addresses(old, new)
-    if json:
-        print_json({"schema": 1, "old": old, "new": new, "changes": [to_dict(c) for c in changes]})
-    else:
-        typer.echo(render_text(changes) if changes else "no difference in meaning")
+    show(print_model(expanded_model(load_test_case(address, allow_outside=allow_outside))))
 
 
 def drivers(json: JsonOption = False) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from foresee_dsl.cli.common import (
     FAILED,
+    AllowOutsideOption,
     DriverOption,
     JsonOption,
     OutOption,
@@ -40,6 +41,7 @@ def campaign(
         Path | None, typer.Option(help="Also save the report to this file: .svg, .html or .txt by its name.")
     ] = None,
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
@@ -60,7 +62,7 @@ def campaign(
     load_driver(driver)
     load_ranker(ranker)
     load_preset(preset)
-    cases = load_test_cases(paths)
+    cases = load_test_cases(paths, allow_outside=allow_outside)
     screen = console(error=json)
     with CampaignProgress(screen) as progress:
         result = run_campaign(cases, settings, out=out, jobs=jobs, listener=progress)
@@ -79,6 +81,9 @@ def campaign(
 def verify(
     paths: Annotated[list[Path], typer.Argument(help="Recorded failures: mutants' files, or folders of them.")],
     driver: Annotated[str, typer.Option("--driver", help="Another driver than the recorded one.")] = "",
+    run_programs: Annotated[
+        bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
+    ] = False,
     jobs: Jobs = _CPUS,
     json: JsonOption = False,
 ) -> None:
@@ -91,7 +96,7 @@ def verify(
     from foresee_dsl.campaign.verify import Status, as_dict, verify_files
     from foresee_dsl.language.project import recorded_children
 
-    rechecks = verify_files(recorded_children(paths), driver=driver, jobs=jobs)
+    rechecks = verify_files(recorded_children(paths), driver=driver, run_programs=run_programs, jobs=jobs)
     if json:
         print_json(as_dict(rechecks))
     else:

@@ -23,6 +23,9 @@ DriverOption = Annotated[str, typer.Option("--driver", help="The driver under te
 RankerOption = Annotated[
     str, typer.Option("--ranker", help="Who picks the risky points: foresee, proximity, random, exhaustive.")
 ]
+AllowOutsideOption = Annotated[
+    bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Every lot that is drawn comes from it.")]
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
 PresetOption = Annotated[

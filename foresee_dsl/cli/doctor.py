@@ -107,11 +107,13 @@ def _cache() -> str:
 
 
 def _drivers() -> str:
-    from foresee_dsl.drivers.registry import driver_names, load_driver
+    from foresee_dsl.drivers.registry import describe_drivers
+    from foresee_dsl.errors import DriverError
 
-    for name in driver_names():
-        load_driver(name)
-    return ", ".join(driver_names())
+    found = describe_drivers()
+    for broken in (d for d in found if not d.version):
+        raise DriverError(broken.doc)
+    return ", ".join(d.name for d in found)
 
 
 def _whole_line() -> str:

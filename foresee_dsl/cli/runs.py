@@ -9,6 +9,7 @@ import typer
 
 from foresee_dsl.cli.common import (
     FAILED,
+    AllowOutsideOption,
     DriverOption,
     JsonOption,
     OutOption,
@@ -37,16 +38,19 @@ def run(
         bool, typer.Option("--strict", help="Exit code 1 unless it passes and every expectation holds.")
     ] = False,
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Drive through one test case and say how it ended.
 
     [dim]foresee run scenarios/scenario7.foresee::r01 --out runs[/dim]
     """
+    from dataclasses import asdict
+
     from foresee_dsl.campaign.steps import case_name, run_test_case
     from foresee_dsl.language.project import load_test_case
     from foresee_dsl.simulate.verdict import Verdict
 
-    case = load_test_case(address)
+    case = load_test_case(address, allow_outside=allow_outside)
     result = run_test_case(case, driver, seed)
     trace = None
     if out is not None:
@@ -66,7 +70,7 @@ def run(
                 "reason": result.reason,
                 "duration_s": round(result.duration_s, 2),
                 "steps": result.steps,
-                "expectations": [{"text": e.text, "held": e.held, "margin": e.margin} for e in result.expectations],
+                "expectations": [asdict(expectation) for expectation in result.expectations],
                 "trace": str(trace) if trace else None,
                 "digest": result.trace.digest,
             }
@@ -110,6 +114,7 @@ def clip(
     after: After = 5.0,
     out: OutOption = Path("clips"),
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Cut the seconds around a risky point out of a run and write them as a clip file.
 
@@ -128,7 +133,7 @@ def clip(
     if rank > len(points):
         raise ForeseeError(f"{trace} has {len(points)} risky points by {ranker}, so there is no rank {rank}")
     point = points[rank - 1]
-    case = load_test_case(str(loaded.meta["test_case"]))
+    case = load_test_case(str(loaded.meta["test_case"]), allow_outside=allow_outside)
     file = out / f"{case_name(case)}_p{rank}.foresee"
     model = clip_around(case, loaded, point, file, before_s=before, after_s=after)
     driver, run_seed = str(loaded.meta["driver"]), int(loaded.meta["seed"])
@@ -148,6 +153,7 @@ def mutate(
     driver: DriverOption = "pdm",
     seed: SeedOption = 0,
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Mutate a clip, run the children, and write each beside the clip, with what it found.
 
@@ -156,7 +162,7 @@ def mutate(
     from foresee_dsl.campaign.steps import mutate_file
     from foresee_dsl.resources import write_whole
 
-    outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed)
+    outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed, allow_outside=allow_outside)
     for child in outcomes:
         write_whole(Path(child.file), child.text)
     if json:

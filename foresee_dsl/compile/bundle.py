@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from foresee_dsl.language.model import Expect, MeetsState, When
+from foresee_dsl.compile.polyline import XY, Points
+from foresee_dsl.language.model import Expect, MeetsState, Place, When
 
 if TYPE_CHECKING:
     from foresee_dsl.compile.geometry import RoadNetwork, RouteLine
@@ -98,7 +97,7 @@ class PlacedActor:
         lane: the lane it starts on ("" when on none).
         route: edge ids, the first being where it stands. line: the centreline of that route (ego and sumo; None
             otherwise).
-        path: [N, 2] (path actors; empty otherwise). along_m: how far along it.
+        path: its points, m (path actors; empty otherwise). along_m: how far along it.
         cruise_mps: desired speed. waits: it stands still until a trigger `starts` it. delay_s: it moves off that
             much later.
         timing: factor on its speed along its own path.
@@ -116,7 +115,7 @@ class PlacedActor:
     lane: str = ""
     route: tuple[str, ...] = ()
     line: RouteLine | None = None
-    path: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    path: Points = ()
     along_m: float = 0.0
     cruise_mps: float = 0.0
     waits: bool = False
@@ -154,6 +153,8 @@ class Scene:
     """Not to arrive before the end is a timeout; otherwise reaching the end without a failure is a pass."""
     notes: tuple[str, ...] = ()
     """What the author should know and is no mistake, such as background traffic that found no room."""
+    places: Mapping[Place, XY] = field(default_factory=dict)
+    """Where the places of conditions are that are not written as coordinates, m."""
 
     @property
     def ego(self) -> PlacedActor:

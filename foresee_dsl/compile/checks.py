@@ -5,42 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-import numpy as np
-import shapely
-
 from foresee_dsl.compile.bundle import PlacedActor, Signal
+from foresee_dsl.compile.codes import NO_MEETING, OFF_ROAD, OVERLAP, TOO_FAST, UNKNOWN
 from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.polyline import XY, Points
 from foresee_dsl.compile.starts import OFF_ROUTE_M, lane_kind
+from foresee_dsl.language.concrete import all_actions, word_of
 from foresee_dsl.language.document import Problem, TestCase
 from foresee_dsl.language.model import (
     Actor,
-    Both,
-    Comparison,
-    Condition,
     CruiseSpeed,
     Ego,
-    Either,
-    Expect,
-    Ignores,
     IgnoresRule,
     Item,
     Meets,
     MeetsState,
-    Not,
     SignalState,
     When,
 )
 from foresee_dsl.language.suggest import did_you_mean
-
-ROUTE = "FS250"
-UNKNOWN = "FS251"
-PLACE = "FS252"
-OFF_ROAD = "FS253"
-OVERLAP = "FS254"
-GOAL = "FS255"
-TOO_FAST = "FS256"
-NO_WAY = "FS257"
-NO_MEETING = "FS258"
 
 NEAR_ROAD_M = 30.0
 """Pedestrians, obstacles and path-followers must be this near to some lane: farther away they can only be a mistake."""
@@ -60,12 +43,11 @@ def of_place(actor: Ego | Actor, placed: PlacedActor, network: RoadNetwork) -> I
             message = f"{placed.id} is off the road: the nearest {what} is {_metres(away)} away"
             yield Problem(placed.id, said, OFF_ROAD, message, _nearest_road(placed.x, placed.y, network))
         return
-    points = np.vstack(([(placed.x, placed.y)], placed.path))
-    near = network.near_lanes(points, NEAR_ROAD_M)
-    if not near.all():
-        x, y = points[int(np.argmin(near))]
+    far = network.far_from_lanes(((placed.x, placed.y), *placed.path), NEAR_ROAD_M)
+    if far is not None:
+        x, y = far
         message = f"{placed.id} is off the road: ({x:.1f} m, {y:.1f} m) is over {NEAR_ROAD_M:.0f} m from every lane"
-        yield Problem(placed.id, said, OFF_ROAD, message, _nearest_road(float(x), float(y), network))
+        yield Problem(placed.id, said, OFF_ROAD, message, _nearest_road(x, y, network))
 
 
 def of_speed(actor: Ego | Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:
@@ -78,10 +60,12 @@ def of_speed(actor: Ego | Actor, placed: PlacedActor, slack: float) -> Iterator[
     speeds.append(("state" if actor.state is not None else "start_speed", placed.speed_mps))
     for at, speed in speeds:
         if speed > top:
-            found = f"{placed.id} is to go {speed * 3.6:.0f} km/h"
-            yield Problem(
-                placed.id, at, TOO_FAST, f"{found}, but {placed.model.name} can go only {top / slack * 3.6:.0f} km/h"
+            reaches = top / slack * 3.6
+            message = (
+                f"{placed.id} is to go {speed * 3.6:.0f} km/h, but {placed.model.name} can go only {reaches:.0f} km/h"
             )
+            help_ = f"use at most `{math.floor(reaches)} km/h`, or a faster model"
+            yield Problem(placed.id, at, TOO_FAST, message, help_)
             return
 
 
@@ -92,9 +76,11 @@ def of_overlaps(placed: Sequence[PlacedActor], *, clip: bool) -> Iterator[Proble
     where two of them touch is rebuilt as it was.
     """
     boxes = [footprint(actor) for actor in placed]
+    reach = [math.hypot(actor.model.length_m, actor.model.width_m) for actor in placed]
     for k, box in enumerate(boxes):
         for j in range(min(k, 1) if clip else k):
-            if box.intersects(boxes[j]) and box.intersection(boxes[j]).area > _TOUCH_M2:
+            apart = math.hypot(placed[k].x - placed[j].x, placed[k].y - placed[j].y)
+            if apart < reach[k] + reach[j] and common_area(box, boxes[j]) > _TOUCH_M2:
                 yield Problem(
                     placed[k].id,
                     "start_at",
@@ -105,22 +91,14 @@ def of_overlaps(placed: Sequence[PlacedActor], *, clip: bool) -> Iterator[Proble
 
 
 def of_names(case: TestCase, network: RoadNetwork, signals: Mapping[str, Signal]) -> Iterator[Problem]:
-    """Say which junctions, stages and actors are named that do not exist."""
+    """Say which junctions and stages actors and signals name that do not exist (for conditions, see `said`)."""
     scenario = case.scenario
     for actor in scenario.actors:
         for item in actor.body:
             if isinstance(item, IgnoresRule | MeetsState) and item.junction is not None:
-                yield from _junction(actor.name, item.kind, item.junction, network)
+                yield from _junction(actor.name, item.kind, word_of(item.junction), network)
     for state in scenario.all(SignalState):
         yield from _signal(state, signals)
-    actors = {actor.name for actor in scenario.actors}
-    for when in scenario.all(When):
-        yield from _condition(when, when.condition, actors, network)
-        for action in when.actions:
-            if isinstance(action, Meets | Ignores) and action.junction is not None:
-                yield from _junction("", when.kind, action.junction, network)
-    for expect in scenario.all(Expect):
-        yield from _condition(expect, expect.condition, actors, network)
 
 
 def of_meetings(case: TestCase, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
@@ -136,52 +114,56 @@ def of_meetings(case: TestCase, placed: Iterable[PlacedActor]) -> Iterator[Probl
             if isinstance(item, MeetsState):
                 yield from _meeting(actor.name, item.kind, actor.name, item, by_name)
     for when in case.scenario.all(When):
-        for action in when.actions:
+        for action in all_actions(when.actions):
             if isinstance(action, Meets):
                 yield from _meeting("", when.kind, action.actor, action, by_name)
 
 
-def footprint(actor: PlacedActor) -> shapely.Polygon:
-    """Return an actor's oriented box."""
+def footprint(actor: PlacedActor) -> Points:
+    """Return the corners of an actor's oriented box, counter-clockwise."""
     back = actor.model.length_m / 2 if actor.control in ("ego", "sumo") else 0.0
     c, s = math.cos(actor.heading_rad), math.sin(actor.heading_rad)
     x, y = actor.x - back * c, actor.y - back * s
     half_length, half_width = actor.model.length_m / 2, actor.model.width_m / 2
     corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    return shapely.Polygon(
-        [
-            (x + a * half_length * c - b * half_width * s, y + a * half_length * s + b * half_width * c)
-            for a, b in corners
-        ]
+    return tuple(
+        (x + a * half_length * c - b * half_width * s, y + a * half_length * s + b * half_width * c) for a, b in corners
     )
+
+
+def common_area(one: Points, other: Points) -> float:
+    """Return the area (m^2) that two convex outlines, both counter-clockwise, have in common (Sutherland-Hodgman)."""
+    left: list[XY] = list(one)
+    for k, (x0, y0) in enumerate(other):
+        x1, y1 = other[(k + 1) % len(other)]
+        sides = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
+        kept: list[XY] = []
+        for i, ((x, y), side) in enumerate(zip(left, sides, strict=True)):
+            (px, py), before = left[i - 1], sides[i - 1]
+            if (side < 0) != (before < 0):
+                share = before / (before - side)
+                kept.append((px + share * (x - px), py + share * (y - py)))
+            if side >= 0:
+                kept.append((x, y))
+        left = kept
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(left, left[1:] + left[:1], strict=True)) / 2
 
 
 def _junction(actor: str, at: str, junction: str, network: RoadNetwork) -> Iterator[Problem]:
     if junction not in network.junctions:
         message = f"there is no junction called {junction}"
-        yield Problem(actor, at, UNKNOWN, message, did_you_mean(junction, network.junctions))
+        yield Problem(actor, at, UNKNOWN, message, did_you_mean(junction, network.junctions), junction)
 
 
 def _signal(state: SignalState, signals: Mapping[str, Signal]) -> Iterator[Problem]:
-    signal = signals.get(state.junction)
+    junction, stage = word_of(state.junction), word_of(state.stage)
+    signal = signals.get(junction)
     if signal is None:
-        message = f"there is no signal at {state.junction}"
-        yield Problem("", state.kind, UNKNOWN, message, did_you_mean(state.junction, signals))
-    elif state.stage not in signal.stages:
-        message = f"the signal at {state.junction} has no stage called {state.stage}"
-        yield Problem("", state.kind, UNKNOWN, message, f"its stages are {', '.join(signal.stages)}")
-
-
-def _condition(owner: When | Expect, condition: Condition, actors: set[str], network: RoadNetwork) -> Iterator[Problem]:
-    if isinstance(condition, Both | Either):
-        for part in condition.conditions:
-            yield from _condition(owner, part, actors, network)
-    elif isinstance(condition, Not):
-        yield from _condition(owner, condition.condition, actors, network)
-    elif isinstance(condition, Comparison):
-        other = condition.left.other
-        if other is not None and other not in actors and not (condition.left.what == "distance" and other in actors):
-            yield from _junction("", owner.kind, other, network)
+        message = f"there is no signal at {junction}"
+        yield Problem("", state.kind, UNKNOWN, message, did_you_mean(junction, signals), junction)
+    elif stage not in signal.stages:
+        message = f"the signal at {junction} has no stage called {stage}"
+        yield Problem("", state.kind, UNKNOWN, message, f"its stages are {', '.join(signal.stages)}", stage)
 
 
 def _meeting(owner: str, at: str, name: str, item: Item, by_name: Mapping[str, PlacedActor]) -> Iterator[Problem]:
@@ -191,10 +173,11 @@ def _meeting(owner: str, at: str, name: str, item: Item, by_name: Mapping[str, P
         actor = by_name.get(one)
         if actor is None or actor.line is None:
             continue  # unknown, already wrong, or off the lanes: said elsewhere, or left to the simulator
-        if actor.line.passage(item.junction) is None:
+        junction = word_of(item.junction)
+        if actor.line.passage(junction) is None:
             over = ", ".join(p.junction for p in actor.line.passages) or "no junction"
-            message = f"{name} cannot meet {item.other} at {item.junction}: {one} does not go over it"
-            yield Problem(owner, at, NO_MEETING, message, f"{one} goes over {over}")
+            message = f"{name} cannot meet {item.other} at {junction}: {one} does not go over it"
+            yield Problem(owner, at, NO_MEETING, message, f"{one} goes over {over}", junction)
 
 
 def _nearest_road(x: float, y: float, network: RoadNetwork) -> str:
@@ -202,7 +185,7 @@ def _nearest_road(x: float, y: float, network: RoadNetwork) -> str:
     if near is None:
         return ""
     nx, ny, _ = near.lane.line.at(near.pos_m)
-    return f"{near.lane.edge} is at ({nx:.1f} m, {ny:.1f} m)"
+    return f"the nearest lane is at ({nx:.1f} m, {ny:.1f} m), on {near.lane.edge}"
 
 
 def _metres(distance: float) -> str:

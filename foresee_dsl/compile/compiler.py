@@ -11,16 +11,13 @@ from pathlib import Path
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
 from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.files import write_types
-from foresee_dsl.compile.foreign import foreign_net
 from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.network import build_network
-from foresee_dsl.compile.scene import build_scene
-from foresee_dsl.compile.signals import read_signals
+from foresee_dsl.compile.netcache import read_net_once
+from foresee_dsl.compile.scene import build_scene, check_scene
 from foresee_dsl.errors import CompileError
+from foresee_dsl.language.diagnose import diagnose
 from foresee_dsl.language.document import PlacementError, TestCase
 from foresee_dsl.language.model import Network
-from foresee_dsl.language.project import diagnose
 from foresee_dsl.resources import cache_folder
 
 _TYPES = "types.add.xml"
@@ -47,16 +44,38 @@ def compile_case(case: TestCase) -> SumoBundle:
     )
 
 
+def check_case(case: TestCase) -> None:
+    """Place the actors of a test case and say what is wrong; nothing is written but a network that is new.
+
+    Raises:
+        InputError, CompileError: as `compile_case`.
+    """
+    network, signals = _read(_net_of(case.network), case.network)
+    specs = {name: spec_of(model) for name, model in case.models.items()}
+    try:
+        check_scene(case, network, specs, signals)
+    except PlacementError as err:
+        raise diagnose(case, err.problems) from err
+
+
 def _net_of(network: Network | Path) -> Path:
     if isinstance(network, Path):
+        from foresee_dsl.compile.foreign import foreign_net  # reads XML: only where the network is somebody else's
+
         return foreign_net(network)
     known = _BUILT.get(id(network))
     if known is None or known[0] is not network or not known[1].exists():
-        net = cached_net(("network", network.model_dump_json()), lambda out: build_network(network, out))
+        net = cached_net(("network", network.model_dump_json()), lambda out: _build(network, out))
         while len(_BUILT) >= _MOST_READ:
             del _BUILT[next(iter(_BUILT))]
         known = _BUILT[id(network)] = (network, net)
     return known[1]
+
+
+def _build(network: Network, out: Path) -> None:
+    from foresee_dsl.compile.network import build_network  # templates, XML: only where a network is new
+
+    build_network(network, out)
 
 
 _BUILT: dict[int, tuple[Network, Path]] = {}
@@ -74,14 +93,16 @@ def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping
     if key not in _READ:
         while len(_READ) >= _MOST_READ:
             del _READ[next(iter(_READ))]
-        signals = read_signals(net_file, None if isinstance(network, Path) else network)
-        _READ[key] = RoadNetwork.from_net(net_file), signals
+        parts, signals = read_net_once(net_file, None if isinstance(network, Path) else network)
+        _READ[key] = RoadNetwork.of(parts), signals
     return _READ[key]
 
 
 @lru_cache(maxsize=32)
 def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
     """Write the vehicle types to the cache: all or nothing, under the hash of their content."""
+    from foresee_dsl.compile.files import write_types  # templates: checking does without
+
     try:
         base = cache_folder("types")
         fresh = base / f".{os.getpid()}.{_TYPES}"

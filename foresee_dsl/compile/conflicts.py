@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.polyline import FloatArray, Polyline, distinct
+from foresee_dsl.compile.polyline import Polyline, distinct
 from foresee_dsl.compile.roads import LaneKind, Movement
 from foresee_dsl.compile.routeline import approach
 
@@ -31,7 +33,7 @@ class Conflict:
         tls, link: the signal that it obeys ("" and -1 for none).
     """
 
-    path: FloatArray
+    path: NDArray[np.float64]
     entry_s: float
     own: tuple[float, float]
     other: tuple[float, float]
@@ -58,14 +60,13 @@ def conflicts_of(network: RoadNetwork, movement: Movement) -> tuple[Conflict, ..
         kind: LaneKind = "car" if "car" in other.kinds else "bicycle"
         lane = network.lanes[other.from_lane]
         line = lane.line
-        before = line.points[line.s >= line.length_m - APPROACH_M]
+        before = line.xy[bisect_left(line.marks, line.length_m - APPROACH_M) :]
         if line.length_m < APPROACH_M:
-            lead = approach(network, lane, APPROACH_M - line.length_m, kind)
-            before = np.concatenate((lead, before)) if len(lead) else before
+            before = (*approach(network, lane, APPROACH_M - line.length_m, kind), *before)
         entry = Polyline.of(before).length_m
         overlap = _overlap(own, way)
         if overlap is not None:
-            path = distinct(np.concatenate((before, way.points)))
+            path = np.array(distinct((*before, *way.xy)))
             mine, theirs = overlap
             found.append(
                 Conflict(
@@ -109,7 +110,7 @@ def _way(network: RoadNetwork, movement: Movement) -> Polyline | None:
     """The way through the junction; None where the net has no lanes inside junctions."""
     if not movement.via:
         return None
-    return Polyline.of(np.concatenate([network.lanes[lane].shape for lane in movement.via]))
+    return Polyline.of([point for lane in movement.via for point in network.lanes[lane].shape])
 
 
 def _overlap(
@@ -124,6 +125,6 @@ def _overlap(
     return _interval(own, corners), _interval(other, corners)
 
 
-def _interval(line: Polyline, corners: FloatArray) -> tuple[float, float]:
+def _interval(line: Polyline, corners: NDArray[np.float64]) -> tuple[float, float]:
     s, _ = line.project(corners[:, 0], corners[:, 1])
     return max(float(s.min()), 0.0), min(float(s.max()), line.length_m)

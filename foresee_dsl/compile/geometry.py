@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import shapely
-from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
-
 from foresee_dsl.compile import routeline, routing
-from foresee_dsl.compile.netparts import read_net
-from foresee_dsl.compile.polyline import FloatArray, wrap
+from foresee_dsl.compile.lanes import LaneIndex
+from foresee_dsl.compile.netparts import NetParts, read_net
+from foresee_dsl.compile.polyline import XY, Points, wrap
 from foresee_dsl.compile.roads import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
 from foresee_dsl.compile.routeline import Passage, RouteLine
 from foresee_dsl.compile.routing import RouteError
@@ -24,6 +20,9 @@ from foresee_dsl.language.model import EdgeRoute, Route
 
 if TYPE_CHECKING:
     import networkx as nx
+    from shapely.geometry.base import BaseGeometry
+
+    from foresee_dsl.compile.polyline import FloatArray
 
 __all__ = ["NearLane", "Passage", "RoadNetwork", "RouteError", "RouteLine"]
 
@@ -64,7 +63,11 @@ class RoadNetwork:
         Raises:
             CompileError: it cannot be read, or is no SUMO network.
         """
-        parts = read_net(net_file)
+        return cls.of(read_net(net_file))
+
+    @classmethod
+    def of(cls, parts: NetParts) -> RoadNetwork:
+        """Make one from what was read."""
         return cls(
             lanes=parts.lanes,
             edges=parts.edges,
@@ -170,10 +173,8 @@ class RoadNetwork:
             kind: whose lanes.
             within_m: no farther away than this.
         """
-        lanes, tree = self._trees(kind)
-        found = tree.query(shapely.Point(x, y), predicate="dwithin", distance=within_m)
         best: tuple[float, NearLane] | None = None
-        for lane in (lanes[int(k)] for k in sorted(found)):
+        for _, lane in self._index(kind).within(x, y, within_m):
             s, lateral = lane.line.project(x, y)
             inside = min(max(s, 0.0), lane.line.length_m)
             cost = math.hypot(s - inside, lateral)
@@ -188,18 +189,12 @@ class RoadNetwork:
 
     def distance_to_lanes(self, x: float, y: float, kind: LaneKind = "car") -> float:
         """Return the distance (m) to the edge of the nearest lane for a kind: 0 on one, infinite for none."""
-        lanes, tree = self._trees(kind)
-        if not lanes:
-            return math.inf
-        near, away = tree.query_nearest(shapely.Point(x, y), return_distance=True)
-        return max(float(away[0]) - max(lanes[int(k)].width_m for k in near) / 2, 0.0)
+        away, lanes = self._index(kind).nearest(x, y)
+        return max(away - max((lane.width_m for lane in lanes), default=0.0) / 2, 0.0)
 
-    def near_lanes(self, points: FloatArray, within_m: float) -> NDArray[np.bool_]:
-        """Return [K] bool: whether each of [K, 2] points has the centreline of any lane within a distance."""
-        found = np.zeros(len(points), dtype=np.bool_)
-        rows = self._all_lanes.query(shapely.points(points), predicate="dwithin", distance=within_m)[0]
-        found[rows] = True
-        return found
+    def far_from_lanes(self, points: Sequence[XY], beyond_m: float) -> XY | None:
+        """Return the first of some points that is farther than a distance from every lane's centreline, if any."""
+        return next((point for point in points if not self._all_lanes.within(*point, beyond_m)), None)
 
     def locate(self, edge: str, at_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
         """Return x, y, heading of a place along an edge.
@@ -215,7 +210,8 @@ class RoadNetwork:
         routing.check_edge(self, edge)
         line = self.edges[edge].drivable[0].line
         if abs(at_m) > line.length_m + 1e-6:
-            raise RouteError(f"{edge} is only {line.length_m:.1f} m long, there is no {at_m:g} m along it")
+            message = f"{edge} is only {line.length_m:.1f} m long, there is no {at_m:g} m along it"
+            raise RouteError(message, f"use at most {math.floor(line.length_m)} m")
         return line.at(at_m if at_m >= 0 else line.length_m + at_m, offset_m)
 
     @cached_property
@@ -224,6 +220,8 @@ class RoadNetwork:
 
         Crossings count as road. Prepared for point tests.
         """
+        import shapely  # here: it takes long to import, and placing actors does without
+
         walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()])
         junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()])
         lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds]
@@ -235,7 +233,10 @@ class RoadNetwork:
 
     def off_road_depth(self, points: FloatArray) -> FloatArray:
         """Return [K] m: how far each of [K, 2] points is outside the drivable area, 0 inside."""
-        inside: NDArray[np.bool_] = shapely.contains_xy(self.drivable, points[:, 0], points[:, 1])
+        import numpy as np
+        import shapely
+
+        inside = shapely.contains_xy(self.drivable, points[:, 0], points[:, 1])
         depth = np.zeros(len(points))
         if not inside.all():
             outside = ~inside
@@ -261,23 +262,25 @@ class RoadNetwork:
         return {}
 
     @cached_property
-    def _tree_of(self) -> dict[LaneKind, tuple[list[Lane], shapely.STRtree]]:
+    def _indices(self) -> dict[LaneKind, LaneIndex]:
         return {}
 
     @cached_property
-    def _all_lanes(self) -> shapely.STRtree:
-        return shapely.STRtree([shapely.LineString(lane.shape) for lane in self.lanes.values()])
+    def _all_lanes(self) -> LaneIndex:
+        return LaneIndex(self.lanes.values())
 
-    def _trees(self, kind: LaneKind) -> tuple[list[Lane], shapely.STRtree]:
-        """Lanes of a kind with a spatial index; walking areas have an outline, no centreline, and are left out."""
-        if kind not in self._tree_of:
-            lanes = [ln for ln in self.lanes.values() if kind in ln.kinds and ln.edge not in self.walking_areas]
-            self._tree_of[kind] = lanes, shapely.STRtree([shapely.LineString(lane.shape) for lane in lanes])
-        return self._tree_of[kind]
+    def _index(self, kind: LaneKind) -> LaneIndex:
+        """Lanes of a kind by place; walking areas have an outline, no centreline, and are left out."""
+        if kind not in self._indices:
+            lanes = (ln for ln in self.lanes.values() if kind in ln.kinds and ln.edge not in self.walking_areas)
+            self._indices[kind] = LaneIndex(lanes)
+        return self._indices[kind]
 
 
-def _polygon(points: FloatArray) -> BaseGeometry:
+def _polygon(points: Points) -> BaseGeometry:
     """A polygon from an open outline; SUMO's can touch themselves or be flat."""
+    import shapely
+
     if len(points) < 3:
         return shapely.Polygon()
     shape = shapely.make_valid(shapely.Polygon(points))

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import subprocess
 from collections.abc import Sequence
 from functools import cache
-from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -42,6 +39,8 @@ def tool_version() -> str:
     Raises:
         CompileError: the wheel is not installed.
     """
+    from importlib import metadata  # takes long to import, as `subprocess` does
+
     try:
         return metadata.version("eclipse-sumo")
     except metadata.PackageNotFoundError as err:
@@ -58,6 +57,9 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
     Raises:
         CompileError: the program is missing, fails (the message holds what it printed) or takes over 60 s.
     """
+    import shutil
+    import subprocess
+
     home = sumo_home()
     program = shutil.which("netconvert", path=str(home / "bin"))
     if program is None:

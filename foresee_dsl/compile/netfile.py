@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree.ElementTree import Element, ParseError  # the types only; files are parsed by defusedxml
-
-from defusedxml import DefusedXmlException
-from defusedxml.ElementTree import parse
+from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import CompileError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 
 def parse_net(path: Path) -> Element:
@@ -31,6 +31,11 @@ def parse_xml(path: Path, tag: str, what: str) -> Element:
     Raises:
         CompileError: it cannot be read, is no XML, uses entities, or has another root.
     """
+    from xml.etree.ElementTree import ParseError
+
+    from defusedxml import DefusedXmlException  # here: a net that was read before needs no XML
+    from defusedxml.ElementTree import parse
+
     try:
         root = parse(path).getroot()
     except OSError as err:

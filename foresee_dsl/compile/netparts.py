@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.netfile import parse_net
+from foresee_dsl.compile.polyline import Points
 from foresee_dsl.compile.roads import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
 from foresee_dsl.language.model import Turn
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 _SUMO_CLASS: dict[LaneKind, str] = {"car": "passenger", "bicycle": "bicycle", "pedestrian": "pedestrian"}
 _DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width: what a lane without `width` has
@@ -91,8 +92,9 @@ def _lane(element: Element, edge: str, function: str) -> Lane:
     )
 
 
-def _points(text: str) -> NDArray[np.float64]:
-    return np.array([[float(v) for v in pair.split(",")[:2]] for pair in text.split()], dtype=np.float64)
+def _points(text: str) -> Points:
+    pairs = (pair.split(",") for pair in text.split())
+    return tuple((float(pair[0]), float(pair[1])) for pair in pairs)
 
 
 def _kinds(allow: str | None, disallow: str | None) -> frozenset[LaneKind]:
@@ -120,7 +122,7 @@ def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
             type=get.get("type", ""),
             x=float(get["x"]),
             y=float(get["y"]),
-            polygon=_points(get["shape"]) if get.get("shape") else np.empty((0, 2)),
+            polygon=_points(get["shape"]) if get.get("shape") else (),
             requests=tuple((int(r["response"], 2), int(r["foes"], 2)) for _, r in requests),
         )
     return junctions, rows

@@ -1,17 +1,29 @@
-"""Polylines with a length along them: the arithmetic under lanes and routes."""
+"""Polylines with a length along them: the arithmetic under lanes and routes.
+
+Plain numbers, no numpy: `foresee check` places every actor with it, and importing numpy alone would take a third of the
+time that a check may have. Who computes with whole arrays (drivers, the simulator) asks for `points`, `s`, `heading`.
+"""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import overload
+from itertools import pairwise
+from typing import TYPE_CHECKING, overload
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+    FloatArray = NDArray[np.float64]
+
+XY = tuple[float, float]
+"""A point, m."""
+Points = tuple[XY, ...]
+"""Points of a line or an outline, m."""
 
 STEP_M = 1.0
 """Largest distance of neighbouring points (the driver protocol asks for it)."""
@@ -30,30 +42,53 @@ class Polyline:
     """A directed polyline.
 
     Attributes:
-        points: [N, 2] m, N >= 2, at most 1 m apart.
-        s: [N] m, length along it from 0.
-        heading: [N] rad, counter-clockwise from east, continuous (it may leave -pi..pi).
+        xy: N points, N >= 2, at most 1 m apart.
+        marks: N m, length along it from 0.
+        angles: N rad, counter-clockwise from east, continuous (they may leave -pi..pi).
     """
 
-    points: FloatArray
-    s: FloatArray
-    heading: FloatArray
+    xy: Points
+    marks: tuple[float, ...]
+    angles: tuple[float, ...]
 
     @classmethod
-    def of(cls, points: FloatArray) -> Polyline:
-        """Make one from [N, 2] points of any spacing."""
-        fine = subdivide(points)
+    def of(cls, points: Iterable[Sequence[float]] | FloatArray) -> Polyline:
+        """Make one from points (or an [N, 2] array) of any spacing."""
+        fine = subdivide(as_line(points))
         s = lengths(fine)
-        return cls(points=fine, s=s, heading=headings(fine, s))
+        return cls(fine, s, headings(fine, s))
 
     @property
     def length_m(self) -> float:
         """The whole length."""
-        return float(self.s[-1])
+        return self.marks[-1]
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """[N, 2] m: `xy` as an array."""
+        import numpy as np
+
+        return np.array(self.xy, dtype=np.float64)
+
+    @cached_property
+    def s(self) -> FloatArray:
+        """[N] m: `marks` as an array."""
+        import numpy as np
+
+        return np.array(self.marks, dtype=np.float64)
+
+    @cached_property
+    def heading(self) -> FloatArray:
+        """[N] rad: `angles` as an array."""
+        import numpy as np
+
+        return np.array(self.angles, dtype=np.float64)
 
     @cached_property
     def curvature(self) -> FloatArray:
         """[N] 1/m, left positive, over a span of 5 m."""
+        import numpy as np
+
         half = CURVATURE_SPAN_M / 2
         ahead, behind = np.minimum(self.s + half, self.s[-1]), np.maximum(self.s - half, 0.0)
         turned = np.interp(ahead, self.s, self.heading) - np.interp(behind, self.s, self.heading)
@@ -66,15 +101,15 @@ class Polyline:
             s: m along the line.
             offset_m: sideways, left positive.
         """
-        marks = self._marks
+        marks = self.marks
         k = min(max(bisect_right(marks, s) - 1, 0), len(marks) - 2)
         span = marks[k + 1] - marks[k]
         t = (s - marks[k]) / span
-        (x0, y0), (x1, y1) = self.points[k], self.points[k + 1]
+        (x0, y0), (x1, y1) = self.xy[k], self.xy[k + 1]
         inside = min(max(t, 0.0), 1.0)
-        heading = float(self.heading[k] + inside * (self.heading[k + 1] - self.heading[k]))
-        x, y = float(x0 + t * (x1 - x0)), float(y0 + t * (y1 - y0))
-        return x - offset_m * math.sin(heading), y + offset_m * math.cos(heading), wrap(heading)
+        heading = self.angles[k] + inside * (self.angles[k + 1] - self.angles[k])
+        x, y = x0 + t * (x1 - x0), y0 + t * (y1 - y0)
+        return float(x - offset_m * math.sin(heading)), float(y + offset_m * math.cos(heading)), wrap(heading)
 
     @overload
     def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]: ...
@@ -93,70 +128,69 @@ class Polyline:
             near_s: look only within 12 m of this length, which is faster and keeps to the right branch where the
                 line passes twice; everywhere when the point is not found there.
         """
-        if isinstance(x, np.ndarray):
-            return self._project_many(x, np.asarray(y))
+        if getattr(x, "ndim", 0):
+            return self._project_many(x, y)  # type: ignore[arg-type]  # an array, as the overload says
+        last = len(self._segments)
+        px, py = float(x), float(y)
         if near_s is not None:
-            found = self._project_one(float(x), float(y), near_s)
-            if found is not None:
-                return found
-        s, lateral = self._project_many(np.array([x], dtype=np.float64), np.array([y], dtype=np.float64))
-        return float(s[0]), float(lateral[0])
+            low = min(max(bisect_right(self.marks, near_s - _WINDOW_M) - 1, 0), last - 1)
+            high = min(max(bisect_right(self.marks, near_s + _WINDOW_M), low + 1), last)
+            k, t = self._nearest(px, py, low, high)
+            # at an end of the window, not of the line, something nearer may lie beyond
+            if not (k == low and t < 0.0 and low > 0) and not (k == high - 1 and t > 1.0 and high < last):
+                return self._result(k, t, px, py)
+        return self._result(*self._nearest(px, py, 0, last), px, py)
 
     @cached_property
-    def _marks(self) -> list[float]:
-        return [float(v) for v in self.s]
-
-    @cached_property
-    def _segments(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        step = np.diff(self.points, axis=0)
-        return (
-            np.ascontiguousarray(self.points[:-1, 0]),
-            np.ascontiguousarray(self.points[:-1, 1]),
-            np.ascontiguousarray(step[:, 0]),
-            np.ascontiguousarray(step[:, 1]),
-            1.0 / np.maximum(np.einsum("ij,ij->i", step, step), 1e-12),
+    def _segments(self) -> tuple[tuple[float, float, float, float, float], ...]:
+        """For each segment x and y of its beginning and of its extent, and one by its length squared."""
+        return tuple(
+            (x0, y0, x1 - x0, y1 - y0, 1.0 / max((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0), 1e-12))
+            for (x0, y0), (x1, y1) in pairwise(self.xy)
         )
 
-    def _project_one(self, x: float, y: float, near_s: float) -> tuple[float, float] | None:
-        marks, last = self._marks, len(self._marks) - 2
-        low = min(max(bisect_right(marks, near_s - _WINDOW_M) - 1, 0), last)
-        high = min(max(bisect_right(marks, near_s + _WINDOW_M), low + 1), last + 1)
-        x0, y0, dx, dy, inverse = (a[low:high] for a in self._segments)
-        px, py = x - x0, y - y0
-        t = (px * dx + py * dy) * inverse
-        inside = np.minimum(np.maximum(t, 0.0), 1.0)
-        ex, ey = px - inside * dx, py - inside * dy
-        k = int((ex * ex + ey * ey).argmin())
-        at_low, at_high = k == 0 and t[0] < 0.0, low + k == high - 1 and t[k] > 1.0
-        if (at_low and low > 0) or (at_high and high <= last):
-            return None
-        return self._result(low + k, float(t[k]), float(px[k]), float(py[k]))
+    def _nearest(self, x: float, y: float, low: int, high: int) -> tuple[int, float]:
+        """Return the segment of low..high (exclusive) nearest to a point, and the share of it where the foot is."""
+        best, at, share, k = math.inf, low, 0.0, low
+        for x0, y0, dx, dy, inverse in self._segments[low:high] if high - low < len(self._segments) else self._segments:
+            px, py = x - x0, y - y0
+            t = (px * dx + py * dy) * inverse
+            inside = 0.0 if t < 0.0 else (1.0 if t > 1.0 else t)
+            px -= inside * dx
+            py -= inside * dy
+            away = px * px + py * py
+            if away < best:
+                best, at, share = away, k, t
+            k += 1
+        return at, share
 
     def _project_many(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        x0, y0, dx, dy, inverse = self._segments
+        import numpy as np
+
+        x0, y0, dx, dy, inverse = self._columns
         px, py = x[:, None] - x0, y[:, None] - y0
         t = (px * dx + py * dy) * inverse
         inside = np.clip(t, 0.0, 1.0)
         best = ((px - inside * dx) ** 2 + (py - inside * dy) ** 2).argmin(axis=1)
-        rows = np.arange(len(x))
-        pairs = [
-            self._result(int(k), float(t[i, k]), float(px[i, k]), float(py[i, k]))
-            for i, k in zip(rows, best, strict=True)
-        ]
+        pairs = [self._result(int(k), float(t[i, k]), float(x[i]), float(y[i])) for i, k in enumerate(best)]
         out = np.array(pairs, dtype=np.float64).reshape(-1, 2)
         return out[:, 0], out[:, 1]
 
-    def _result(self, k: int, t: float, px: float, py: float) -> tuple[float, float]:
-        """Length and sideways distance for a point (relative to point k) whose foot is at share t of segment k."""
-        _, _, dx, dy, inverse = self._segments
-        last = len(self._marks) - 2
+    @cached_property
+    def _columns(self) -> tuple[FloatArray, ...]:
+        import numpy as np
+
+        return tuple(np.array(self._segments, dtype=np.float64).T.copy())
+
+    def _result(self, k: int, t: float, x: float, y: float) -> tuple[float, float]:
+        """Length and sideways distance for a point whose foot is at share t of segment k."""
+        x0, y0, sx, sy, inverse = self._segments[k]
         low = -math.inf if k == 0 else 0.0
-        high = math.inf if k == last else 1.0
+        high = math.inf if k == len(self._segments) - 1 else 1.0
         t = min(max(t, low), high)
-        sx, sy = float(dx[k]), float(dy[k])
-        side = sx * py - sy * px
+        px, py = x - x0, y - y0
         distance = math.hypot(px - t * sx, py - t * sy)
-        return self._marks[k] + t / math.sqrt(float(inverse[k])), math.copysign(distance, side)
+        return self.marks[k] + t / math.sqrt(inverse), math.copysign(distance, sx * py - sy * px)
 
 
 def wrap(angle_rad: float) -> float:
@@ -164,55 +198,88 @@ def wrap(angle_rad: float) -> float:
     return math.remainder(angle_rad, math.tau)
 
 
-def whole_millimetres(points: FloatArray) -> FloatArray:
+def as_line(points: Iterable[Sequence[float]] | FloatArray) -> Points:
+    """Return points (or an [N, 2] array) as plain numbers."""
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def whole_millimetres(points: Iterable[XY]) -> Points:
     """Return the points of a body's path as clips write them: a child's path is then exactly its parent's."""
-    return np.asarray(np.round(points, 3), dtype=np.float64)
+    return tuple((round(x * 1000.0) / 1000.0, round(y * 1000.0) / 1000.0) for x, y in points)
 
 
-def lengths(points: FloatArray) -> FloatArray:
-    """Return [N] m: the length along [N, 2] points."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    return np.concatenate(([0.0], np.cumsum(steps)))
+def distance(a: XY, b: XY) -> float:
+    """Return the distance of two points, m."""
+    return math.hypot(b[0] - a[0], b[1] - a[1])
 
 
-def headings(points: FloatArray, s: FloatArray) -> FloatArray:
-    """Return [N] rad, continuous: at a corner the mean of the two directions."""
-    step = np.diff(points, axis=0)
-    directions = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    if len(directions) == 1:
-        return np.repeat(directions, 2)
-    weights = np.diff(s)
-    before, after = weights[:-1], weights[1:]
-    # the nearer (shorter) segment says more about the direction at the corner
-    middle = (directions[:-1] * after + directions[1:] * before) / (before + after)
-    return np.concatenate((directions[:1], middle, directions[-1:]))
+def lengths(points: Sequence[XY]) -> tuple[float, ...]:
+    """Return for each point the length along the line, m."""
+    found, total = [0.0], 0.0
+    for a, b in pairwise(points):
+        total += distance(a, b)
+        found.append(total)
+    return tuple(found)
 
 
-def distinct(points: FloatArray) -> FloatArray:
+def interpolate(at: float, marks: Sequence[float], values: Sequence[float]) -> float:
+    """Return the value at a mark, between its neighbours; beyond the ends the first or last."""
+    if at <= marks[0]:
+        return values[0]
+    if at >= marks[-1]:
+        return values[-1]
+    k = bisect_right(marks, at) - 1
+    return (values[k + 1] - values[k]) / (marks[k + 1] - marks[k]) * (at - marks[k]) + values[k]
+
+
+def headings(points: Sequence[XY], s: Sequence[float]) -> tuple[float, ...]:
+    """Return for each point the direction, rad, continuous: at a corner the mean of the two directions."""
+    directions: list[float] = []
+    for (x0, y0), (x1, y1) in pairwise(points):
+        angle = math.atan2(y1 - y0, x1 - x0)
+        if directions and abs(angle - directions[-1]) >= math.pi:
+            angle = directions[-1] + wrap(angle - directions[-1])
+        directions.append(angle)
+    found = [directions[0]]
+    for k, (d0, d1) in enumerate(pairwise(directions)):
+        before, after = s[k + 1] - s[k], s[k + 2] - s[k + 1]
+        # the nearer (shorter) segment says more about the direction at the corner
+        found.append((d0 * after + d1 * before) / (before + after))
+    return (*found, directions[-1])
+
+
+def distinct(points: Sequence[XY]) -> Points:
     """Return the points without those that (nearly) repeat the one before, and without spikes; the ends stay."""
     kept = [points[0]]
     for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) >= MERGE_M:
+        if distance(kept[-1], point) >= MERGE_M:
             kept.append(point)
     if len(kept) == 1:
-        end = points[-1] if np.any(points[-1] != points[0]) else points[0] + (MERGE_M, 0.0)
-        return np.array([points[0], end])
+        (x, y), end = points[0], points[-1]
+        return points[0], end if end != points[0] else (x + MERGE_M, y)
     kept[-1] = points[-1]
-    return _without_spikes(np.array(kept))
+    return _without_spikes(kept)
 
 
-def _without_spikes(points: FloatArray) -> FloatArray:
-    step = np.diff(points, axis=0)
-    back = (step[:-1] * step[1:]).sum(axis=1) < 0
-    short = np.minimum(np.hypot(*step[:-1].T), np.hypot(*step[1:].T)) < SPIKE_M
-    return np.delete(points, 1 + np.flatnonzero(back & short), axis=0)
+def _without_spikes(points: Sequence[XY]) -> Points:
+    kept = [points[0]]
+    for a, b, c in zip(points, points[1:], points[2:], strict=False):
+        back = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0
+        if not (back and min(distance(a, b), distance(b, c)) < SPIKE_M):
+            kept.append(b)
+    return (*kept, points[-1])
 
 
-def subdivide(points: FloatArray, step_m: float = STEP_M) -> FloatArray:
+def subdivide(points: Sequence[XY], step_m: float = STEP_M) -> Points:
     """Return the same polyline with points at most `step_m` apart; its corners stay."""
-    corners = distinct(np.asarray(points, dtype=np.float64))
+    corners = distinct(points)
     s = lengths(corners)
-    counts = np.maximum(np.ceil(np.diff(s) / step_m - 1e-9), 1).astype(int)
-    marks = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(s[:-1], s[1:], counts, strict=True)]
-    fine = np.concatenate([*marks, s[-1:]])
-    return np.column_stack((np.interp(fine, s, corners[:, 0]), np.interp(fine, s, corners[:, 1])))
+    found: list[XY] = []
+    for k, ((x0, y0), (x1, y1)) in enumerate(pairwise(corners)):
+        span = s[k + 1] - s[k]
+        count = max(math.ceil(span / step_m - 1e-9), 1)
+        found.append((x0, y0))
+        for i in range(1, count):
+            along = s[k] + i * (span / count) - s[k]
+            found.append((x0 + (x1 - x0) / span * along, y0 + (y1 - y0) / span * along))
+    return (*found, corners[-1])

@@ -6,10 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from foresee_dsl.compile.polyline import Polyline
+from foresee_dsl.compile.polyline import Points, Polyline
 from foresee_dsl.language.model import Turn
 
 LaneKind = Literal["car", "bicycle", "pedestrian"]
@@ -21,7 +18,7 @@ class Lane:
     """One lane, from the right: index 0 is the rightmost (often the sidewalk).
 
     Attributes:
-        shape: [N, 2] m, the centreline as SUMO has it. length_m: as SUMO says; lengths in this package are measured
+        shape: the centreline's points, m, as SUMO has it. length_m: as SUMO says; lengths in this package are measured
             along `line`, which can differ by the rounding.
         internal: inside a junction.
     """
@@ -29,7 +26,7 @@ class Lane:
     id: str
     edge: str
     index: int
-    shape: NDArray[np.float64]
+    shape: Points
     length_m: float
     speed_mps: float
     width_m: float
@@ -73,7 +70,7 @@ class Junction:
     type: str
     x: float
     y: float
-    polygon: NDArray[np.float64]
+    polygon: Points
     requests: tuple[tuple[int, int], ...] = ()
 
     def yields(self, link: int, other: int) -> bool:
@@ -125,8 +122,8 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class WalkingArea:
-    """A corner where sidewalks and crossings meet. `polygon` is [N, 2] m, open."""
+    """A corner where sidewalks and crossings meet. `polygon` is open."""
 
     id: str
     junction: str
-    polygon: NDArray[np.float64]
+    polygon: Points

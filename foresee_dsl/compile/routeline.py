@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from foresee_dsl.compile.polyline import MERGE_M, STEP_M, FloatArray, Polyline, headings, lengths, subdivide
+from foresee_dsl.compile.polyline import (
+    MERGE_M,
+    STEP_M,
+    XY,
+    Points,
+    Polyline,
+    distance,
+    headings,
+    interpolate,
+    lengths,
+    subdivide,
+)
 from foresee_dsl.compile.roads import Edge, Lane, LaneKind, Movement
 from foresee_dsl.compile.routing import RouteError, onward
 
 if TYPE_CHECKING:
     from foresee_dsl.compile.geometry import RoadNetwork
+    from foresee_dsl.compile.polyline import FloatArray
 
 CHANGE_AFTER_M = 10.0
 """A lane change begins this far into its edge (ours: clear of the junction, and early, as drivers are taught)."""
@@ -52,7 +64,8 @@ class RouteLine(Polyline):
     """A polyline for a vehicle.
 
     Attributes:
-        speed_limit: [N] m/s. left_m, right_m: [N] m, from the line to the edge of the lanes of its direction.
+        limits: N m/s, the speed limit at each point. lefts, rights: N m, from the line to the edge of the lanes of its
+            direction.
         edges: those of the route, then those that `beyond_m` added.
         passages: junctions on the way, in order (none before the route's first edge).
         origin_s: where the first edge begins (over 0 with `behind_m`). end_s: where the route's last edge ends (less
@@ -60,9 +73,9 @@ class RouteLine(Polyline):
         pieces: (start s, lane id), in order.
     """
 
-    speed_limit: FloatArray
-    left_m: FloatArray
-    right_m: FloatArray
+    limits: tuple[float, ...]
+    lefts: tuple[float, ...]
+    rights: tuple[float, ...]
     edges: tuple[str, ...]
     passages: tuple[Passage, ...]
     origin_s: float
@@ -70,17 +83,32 @@ class RouteLine(Polyline):
     pieces: tuple[tuple[float, str], ...]
 
     @cached_property
-    def lane_id(self) -> tuple[str, ...]:
-        """[N] the lane at each point."""
-        return tuple(self.lane_at(float(s)) for s in self.s)
+    def speed_limit(self) -> FloatArray:
+        """[N] m/s: `limits` as an array."""
+        return _array(self.limits)
 
     @cached_property
-    def _piece_starts(self) -> FloatArray:
-        return np.array([s for s, _ in self.pieces])
+    def left_m(self) -> FloatArray:
+        """[N] m: `lefts` as an array."""
+        return _array(self.lefts)
+
+    @cached_property
+    def right_m(self) -> FloatArray:
+        """[N] m: `rights` as an array."""
+        return _array(self.rights)
+
+    @cached_property
+    def lane_id(self) -> tuple[str, ...]:
+        """[N] the lane at each point."""
+        return tuple(self.lane_at(s) for s in self.marks)
+
+    @cached_property
+    def _piece_starts(self) -> list[float]:
+        return [s for s, _ in self.pieces]
 
     def lane_at(self, s: float) -> str:
         """Return the lane at a length."""
-        k = int(np.searchsorted(self._piece_starts, s + 1e-9, side="right")) - 1
+        k = bisect_right(self._piece_starts, s + 1e-9) - 1
         return self.pieces[max(k, 0)][1]
 
     def passage(self, junction: str) -> Passage | None:
@@ -93,9 +121,9 @@ class _Piece:
     """A run of points on one lane (or between two, during a change)."""
 
     lane: Lane
-    points: FloatArray
-    left: FloatArray
-    right: FloatArray
+    points: Points
+    left: Sequence[float]
+    right: Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -194,15 +222,15 @@ def _ways(network: RoadNetwork, edge: str, kind: LaneKind) -> list[Movement]:
     return sorted(network.movements_from(edge, kind), key=lambda m: order[m.to_edge])
 
 
-def _behind(network: RoadNetwork, edge: str, lane_index: int, length_m: float, kind: LaneKind) -> FloatArray:
-    """Return the last `length_m` of the way into a lane (straight where possible), [N, 2], empty for none."""
+def _behind(network: RoadNetwork, edge: str, lane_index: int, length_m: float, kind: LaneKind) -> Points:
+    """Return the last `length_m` of the way into a lane (straight where possible), empty for none."""
     lane = network.edges[edge].lanes[lane_index]
-    return approach(network, lane, length_m, kind) if length_m > 0 else np.empty((0, 2))
+    return approach(network, lane, length_m, kind) if length_m > 0 else ()
 
 
-def approach(network: RoadNetwork, lane: Lane, length_m: float, kind: LaneKind = "car") -> FloatArray:
-    """Return the last `length_m` (or less, where the network ends) of the way into a lane's beginning, [N, 2]."""
-    parts: list[FloatArray] = []
+def approach(network: RoadNetwork, lane: Lane, length_m: float, kind: LaneKind = "car") -> Points:
+    """Return the last `length_m` (or less, where the network ends) of the way into a lane's beginning."""
+    parts: list[Points] = []
     missing = length_m
     while missing > 0:
         into = sorted(network.movements_into(lane.id, kind), key=lambda m: (m.turn != "straight", m.turn == "back"))
@@ -213,19 +241,20 @@ def approach(network: RoadNetwork, lane: Lane, length_m: float, kind: LaneKind =
             line = network.lanes[name].line
             if missing > 0:
                 cut = max(line.length_m - missing, 0.0)
-                parts.append(np.vstack((line.at(cut)[:2], line.points[line.s > cut])))
+                parts.append((line.at(cut)[:2], *line.xy[bisect_right(line.marks, cut) :]))
                 missing -= line.length_m
-    return subdivide(np.concatenate(parts[::-1])) if parts else np.empty((0, 2))
+    return subdivide([point for part in reversed(parts) for point in part]) if parts else ()
 
 
 def _assemble(
-    network: RoadNetwork, lead: FloatArray, plan: Sequence[_Stretch], *, count: int, after_m: float, kind: LaneKind
+    network: RoadNetwork, lead: Points, plan: Sequence[_Stretch], *, count: int, after_m: float, kind: LaneKind
 ) -> RouteLine:
     """Put the pieces together. `count`: how many stretches belong to the route."""
     joined = _Joined()
     if len(lead):
         lane = network.edges[plan[0].edge].lanes[plan[0].entry]
-        joined.add(_Piece(lane, lead, np.full(len(lead), lane.width_m / 2), np.full(len(lead), lane.width_m / 2)))
+        half = [lane.width_m / 2] * len(lead)
+        joined.add(_Piece(lane, lead, half, half))
     origin = len(joined)
     passages: list[tuple[Movement, int, int]] = []
     end = origin
@@ -246,80 +275,81 @@ def _assemble(
 
 
 class _Joined:
-    """Collects pieces into one array, leaving out points that repeat."""
+    """Collects pieces into one line, leaving out points that repeat."""
 
     def __init__(self) -> None:
-        self._points: list[FloatArray] = []
-        self._left: list[FloatArray] = []
-        self._right: list[FloatArray] = []
-        self._limit: list[FloatArray] = []
+        self._points: list[XY] = []
+        self._left: list[float] = []
+        self._right: list[float] = []
+        self._limit: list[float] = []
         self._pieces: list[tuple[int, str]] = []
-        self._count = 0
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._points)
 
     def add(self, piece: _Piece) -> None:
         """Add a piece, bridging a gap in front of it."""
         skip = 0
-        if self._count:
-            last = self._points[-1][-1]
-            steps = piece.points - last
-            gaps = np.hypot(*steps.T)
-            direction = piece.points[1] - piece.points[0] if len(piece.points) > 1 else steps[0]
-            # maps join lanes with small overlaps: never go back
-            onward = (gaps >= MERGE_M) & (steps @ direction > 0)
-            skip = int(np.argmax(onward)) if bool(onward.any()) else len(gaps)
-            if skip < len(gaps) and gaps[skip] > 1.5 * STEP_M:
+        if self._points:
+            skip = _first_onward(self._points[-1], piece.points)
+            if skip < len(piece.points) and distance(self._points[-1], piece.points[skip]) > 1.5 * STEP_M:
                 self.bridge(piece.points[skip], piece.lane)
                 skip += 1
-        self._pieces.append((max(self._count - 1, 0), piece.lane.id))
+        self._pieces.append((max(len(self._points) - 1, 0), piece.lane.id))
         self._append(piece.points[skip:], piece.left[skip:], piece.right[skip:], piece.lane.speed_mps)
 
-    def bridge(self, to: FloatArray, lane: Lane) -> None:
+    def bridge(self, to: XY, lane: Lane) -> None:
         """Go straight to a point, in steps of at most 1 m."""
-        last = self._points[-1][-1]
-        steps = max(int(np.ceil(np.hypot(*(to - last)) / STEP_M)), 1)
-        shares = np.linspace(0, 1, steps + 1)[1:, None]
-        half = np.full(steps, lane.width_m / 2)
-        self._append(last + shares * (to - last), half, half, lane.speed_mps)
+        x, y = self._points[-1]
+        dx, dy = to[0] - x, to[1] - y
+        steps = max(math.ceil(math.hypot(dx, dy) / STEP_M), 1)
+        half = [lane.width_m / 2] * steps
+        self._append([(x + t * dx, y + t * dy) for t in _shares(steps)[1:]], half, half, lane.speed_mps)
 
-    def _append(self, points: FloatArray, left: FloatArray, right: FloatArray, limit: float) -> None:
-        if len(points):
-            self._points.append(points)
-            self._left.append(left)
-            self._right.append(right)
-            self._limit.append(np.full(len(points), limit))
-            self._count += len(points)
+    def _append(self, points: Sequence[XY], left: Sequence[float], right: Sequence[float], limit: float) -> None:
+        self._points += points
+        self._left += left
+        self._right += right
+        self._limit += [limit] * len(points)
 
     def line(
         self, plan: Sequence[_Stretch], passages: Sequence[tuple[Movement, int, int]], origin: int, end: int
     ) -> RouteLine:
         """Return the finished line; marks are counts of points, the joint being the last point before."""
-        points = np.concatenate(self._points)
-        s = lengths(points)
+        s = lengths(self._points)
 
         def mark(count: int) -> float:
-            return float(s[max(count - 1, 0)])
+            return s[max(count - 1, 0)]
 
         return RouteLine(
-            points=points,
-            s=s,
-            heading=headings(points, s),
-            speed_limit=np.concatenate(self._limit),
-            left_m=np.concatenate(self._left),
-            right_m=np.concatenate(self._right),
+            xy=tuple(self._points),
+            marks=s,
+            angles=headings(self._points, s),
+            limits=tuple(self._limit),
+            lefts=tuple(self._left),
+            rights=tuple(self._right),
             edges=tuple(stretch.edge for stretch in plan),
             passages=tuple(Passage(m.junction, mark(a), mark(b), m) for m, a, b in passages),
             origin_s=mark(origin),
             end_s=mark(end),
-            pieces=tuple((float(s[k]), lane) for k, lane in self._pieces),
+            pieces=tuple((s[k], lane) for k, lane in self._pieces),
         )
 
 
+def _first_onward(last: XY, points: Sequence[XY]) -> int:
+    """Return the first point that leads on from the last one: maps join lanes with small overlaps, never go back."""
+    towards = points[1] if len(points) > 1 else None
+    for k, (x, y) in enumerate(points):
+        dx, dy = x - last[0], y - last[1]
+        ahead = (towards[0] - points[0][0], towards[1] - points[0][1]) if towards is not None else (dx, dy)
+        if math.hypot(dx, dy) >= MERGE_M and dx * ahead[0] + dy * ahead[1] > 0:
+            return k
+    return len(points)
+
+
 def _whole(lane: Lane) -> _Piece:
-    half = np.full(len(lane.line.points), lane.width_m / 2)
-    return _Piece(lane, lane.line.points, half, half)
+    half = [lane.width_m / 2] * len(lane.line.xy)
+    return _Piece(lane, lane.line.xy, half, half)
 
 
 def _edge_pieces(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[_Piece]:
@@ -327,28 +357,44 @@ def _edge_pieces(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) 
     before, after = edge.lanes[stretch.entry], edge.lanes[stretch.exit]
     left0, right0 = _free(edge, before, kind)
     if before is after:
-        n = len(before.line.points)
-        return [_Piece(before, before.line.points, np.full(n, left0), np.full(n, right0))]
+        n = len(before.line.xy)
+        return [_Piece(before, before.line.xy, [left0] * n, [right0] * n)]
     left1, right1 = _free(edge, after, kind)
     length = min(before.line.length_m, after.line.length_m)
-    count = int(np.ceil(max(before.line.length_m, after.line.length_m) / STEP_M)) + 1
-    share = np.linspace(0.0, 1.0, count)
+    shares = _shares(math.ceil(max(before.line.length_m, after.line.length_m) / STEP_M))
     wanted = max(CHANGE_MIN_M, CHANGE_TIME_S * before.speed_mps * abs(stretch.exit - stretch.entry))
     begin = min(max(CHANGE_AFTER_M, after_m), max(length - CHANGE_MIN_M, 0.0))
     span = max(min(wanted, length - begin), STEP_M)
-    weight = (1 - np.cos(np.pi * np.clip((share * length - begin) / span, 0.0, 1.0))) / 2
-    points = (1 - weight)[:, None] * _at_shares(before.line, share) + weight[:, None] * _at_shares(after.line, share)
-    left, right = left0 + weight * (left1 - left0), right0 + weight * (right1 - right0)
-    half = max(int(np.searchsorted(weight, 0.5)), 1)
+    weights = [(1 - math.cos(math.pi * min(max((t * length - begin) / span, 0.0), 1.0))) / 2 for t in shares]
+    points = tuple(
+        ((1 - w) * x0 + w * x1, (1 - w) * y0 + w * y1)
+        for w, (x0, y0), (x1, y1) in zip(
+            weights, _at_shares(before.line, shares), _at_shares(after.line, shares), strict=True
+        )
+    )
+    left, right = [left0 + w * (left1 - left0) for w in weights], [right0 + w * (right1 - right0) for w in weights]
+    half = max(bisect_left(weights, 0.5), 1)
     return [
         _Piece(before, points[:half], left[:half], right[:half]),
         _Piece(after, points[half:], left[half:], right[half:]),
     ]
 
 
-def _at_shares(line: Polyline, share: FloatArray) -> FloatArray:
-    s = share * line.length_m
-    return np.column_stack((np.interp(s, line.s, line.points[:, 0]), np.interp(s, line.s, line.points[:, 1])))
+def _shares(steps: int) -> list[float]:
+    """0 to 1 in equal steps, both included."""
+    return [k / steps for k in range(steps + 1)]
+
+
+def _at_shares(line: Polyline, shares: Sequence[float]) -> list[XY]:
+    xs, ys = [x for x, _ in line.xy], [y for _, y in line.xy]
+    at = [share * line.length_m for share in shares]
+    return [(interpolate(s, line.marks, xs), interpolate(s, line.marks, ys)) for s in at]
+
+
+def _array(values: Sequence[float]) -> FloatArray:
+    import numpy as np
+
+    return np.array(values, dtype=np.float64)
 
 
 def _free(edge: Edge, lane: Lane, kind: LaneKind) -> tuple[float, float]:

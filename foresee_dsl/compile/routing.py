@@ -41,7 +41,7 @@ def route_edges(network: RoadNetwork, route: Route | EdgeRoute, kind: LaneKind =
         raise RouteError(f"there is no road or edge called {start}", did_you_mean(start, roads))
     if not route.legs:
         return (choices[0],)
-    first = route.legs[0].junction
+    first = text(route.legs[0].junction)
     check_junction(network, first)
     edges = next((way for edge in choices if (way := _until(network, edge, first, kind))), None)
     if edges is None:
@@ -106,7 +106,7 @@ def _until(network: RoadNetwork, edge: str, junction: str, kind: LaneKind) -> tu
 
 def _over(network: RoadNetwork, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -> tuple[str, ...]:
     """Add one leg to a route."""
-    junction, turn = leg.junction, text(leg.turn)
+    junction, turn = text(leg.junction), text(leg.turn)
     check_junction(network, junction)
     way = _until(network, edges[-1], junction, kind)
     if not way:
@@ -117,8 +117,9 @@ def _over(network: RoadNetwork, edges: tuple[str, ...], leg: Leg, kind: LaneKind
     ways = onward(network, way[-1], kind)
     chosen = next((m for m in ways if m.turn == turn), None)
     if chosen is None:
-        can = " or ".join(t for t in _TURN_ORDER if any(m.turn == t for m in ways)) or "nowhere"
-        raise RouteError(f"from {way[-1]} one can go {can} over {junction}, not {turn}")
+        turns = [t for t in _TURN_ORDER if any(m.turn == t for m in ways)]
+        message = f"from {way[-1]} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
+        raise RouteError(message, f"write `{turns[0]} over {junction}`, for example" if turns else "")
     return (*edges, *way[1:], chosen.to_edge)
 
 

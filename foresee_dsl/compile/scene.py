@@ -6,15 +6,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from foresee_dsl.compile import checks
+from foresee_dsl.compile import checks, codes
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Scene, Signal, Steering
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.places import si
-from foresee_dsl.compile.routing import RouteError
+from foresee_dsl.compile.routing import RouteError, text
+from foresee_dsl.compile.said import Said
 from foresee_dsl.compile.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of
-from foresee_dsl.compile.traffic import background
 from foresee_dsl.compile.walkways import Walk, walkways
+from foresee_dsl.language.concrete import all_actions
 from foresee_dsl.language.document import PlacementError, Problem, TestCase
 from foresee_dsl.language.model import (
     Actor,
@@ -83,6 +84,17 @@ def build_scene(
     return _Builder(case, network, specs, signals).build()
 
 
+def check_scene(
+    case: TestCase, network: RoadNetwork, specs: Mapping[str, ModelSpec], signals: Mapping[str, Signal]
+) -> None:
+    """Place the actors of a test case as `build_scene` does, without the background traffic, which is never wrong.
+
+    Raises:
+        PlacementError: as `build_scene`.
+    """
+    _Builder(case, network, specs, signals).place()
+
+
 class _Builder:
     """Collects actors and problems; one use."""
 
@@ -100,28 +112,40 @@ class _Builder:
                 self._add(
                     actor.name,
                     "model",
-                    checks.UNKNOWN,
+                    codes.UNKNOWN,
                     f"there is no model {actor.model}",
                     did_you_mean(str(actor.model), specs),
                 )
         self._spec_of = {name: specs[str(actor.model)] for name, actor in self._actors.items()}
         self._starts = Starts(network, self._actors, self._spec_of)
         self._waiting = {
-            action.actor for when in scenario.all(When) for action in when.actions if isinstance(action, StartsAction)
+            action.actor
+            for when in scenario.all(When)
+            for action in all_actions(when.actions)
+            if isinstance(action, StartsAction)
         }
+        self._said = Said(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.one(End)) is not None else DEFAULT_END_S
 
-    def build(self) -> Scene:
-        scenario = self._case.scenario
+    def place(self) -> tuple[list[PlacedActor], float, float]:
+        """Return the actors, and where the ego's journey starts and ends."""
         placed = [p for name in self._actors if (p := self._place(name)) is not None]
         self._problems += checks.of_names(self._case, self._network, self._signals)
+        self._problems += self._said.problems({actor.id: actor for actor in placed})
         self._problems += checks.of_meetings(self._case, placed)
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
         if self._problems:
             raise PlacementError(tuple(dict.fromkeys(self._problems)))
+        return placed, start_s, goal_s
+
+    def build(self) -> Scene:
+        scenario = self._case.scenario
+        placed, start_s, goal_s = self.place()
         notes: list[str] = []
         for traffic in scenario.all(Traffic):
+            from foresee_dsl.compile.traffic import background  # numpy and shapely: placing actors does without
+
             more, note = background(traffic, network=self._network, specs=self._specs, placed=placed, end_s=self._end_s)
             placed += more
             notes += [note] if note else []
@@ -133,11 +157,12 @@ class _Builder:
             end_s=self._end_s,
             whens=scenario.all(When),
             expects=scenario.all(Expect),
-            signals=tuple((s.junction, s.stage, si(s.elapsed)) for s in scenario.all(SignalState)),
+            signals=tuple((text(s.junction), text(s.stage), si(s.elapsed)) for s in scenario.all(SignalState)),
             friction=friction_of(si(weather.wetness)) if weather is not None else DRY_FRICTION,
             clip=self._case.snapshot,
             must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(Expect)),
             notes=tuple(notes),
+            places=self._said.places,
         )
 
     def _add(self, actor: str, at: str, code: str, message: str, help: str = "") -> None:
@@ -148,16 +173,14 @@ class _Builder:
         try:
             return work()
         except RouteError as err:
-            code = checks.PLACE if at in ("start_at", "path", "goal") else checks.ROUTE
+            code = codes.PLACE if at in ("start_at", "path", "goal") else codes.ROUTE
             self._add(actor, at, code, str(err), err.help)
             return None
 
     def _place(self, name: str) -> PlacedActor | None:
         actor, spec = self._actors[name], self._spec_of[name]
         if isinstance(actor, Ego) and route_of(actor) is None:
-            self._add(
-                name, "", checks.NO_WAY, "the ego has no route", "add one: route from ROAD straight over JUNCTION"
-            )
+            self._add(name, "", codes.NO_WAY, "the ego has no route", "add one: route from ROAD straight over JUNCTION")
             return None
         if route_of(actor) is not None and spec.kind in WHEELS:
             at = "route" if item(actor, StartAt) is None or self._route_fails(name) else "start_at"
@@ -170,7 +193,7 @@ class _Builder:
             self._add(
                 name,
                 "route",
-                checks.NO_WAY,
+                codes.NO_WAY,
                 f"{name} cannot follow a route",
                 "a pedestrian follows a path: path [PLACE, PLACE]",
             )
@@ -262,7 +285,9 @@ class _Builder:
             delay_s=delay_s,
             timing=si(timing.factor) if timing is not None else 1.0,
             steering=_steering(item(actor, Steers)),
-            ignores=tuple((i.what, i.junction) for i in items(actor, IgnoresRule)),
+            ignores=tuple(
+                (i.what, None if i.junction is None else text(i.junction)) for i in items(actor, IgnoresRule)
+            ),
             meets=items(actor, MeetsState),
         )
 
@@ -286,9 +311,11 @@ class _Builder:
             return start, line.end_s
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
-            self._add("ego", "goal", checks.GOAL, f"the goal is {abs(lateral):.1f} m off the ego's route")
+            message = f"the goal is {abs(lateral):.1f} m off the ego's route"
+            self._add("ego", "goal", codes.GOAL, message, "write it like `40 m past JUNCTION on ego.route`")
         elif goal <= start and not self._case.snapshot:
-            self._add("ego", "goal", checks.GOAL, f"the goal is {start - goal:.1f} m behind the ego's start")
+            message = f"the goal is {start - goal:.1f} m behind the ego's start"
+            self._add("ego", "goal", codes.GOAL, message, "put it in front, or let the ego start earlier")
         return start, goal
 
 

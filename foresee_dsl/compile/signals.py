@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
+from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Phase, Signal
 from foresee_dsl.compile.netfile import parse_net
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Junction, Network, Quantity, Stage
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 AMBER_S = 3.0
 """SUMO's default (netconvert --tls.yellow.time) for 50 km/h; the same in Germany's RiLSA."""

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.places import Spot, si, spot
-from foresee_dsl.compile.polyline import FloatArray, Polyline, distinct, whole_millimetres, wrap
+from foresee_dsl.compile.polyline import Points, Polyline, distance, distinct, whole_millimetres, wrap
 from foresee_dsl.compile.roads import Lane, LaneKind
 from foresee_dsl.compile.routeline import RouteLine
 from foresee_dsl.compile.routing import RouteError, text
@@ -85,12 +83,12 @@ class OnRoute:
 
 @dataclass(frozen=True)
 class OnPath:
-    """A body on its path: centre of the footprint, [N, 2] points, how far along."""
+    """A body on its path: centre of the footprint, its points, how far along."""
 
     x: float
     y: float
     heading_rad: float
-    path: FloatArray
+    path: Points
     along_m: float
 
 
@@ -152,9 +150,8 @@ class Starts:
         if statement is None:
             raise RouteError(f"{name} has no path")
         spots = [self.spot(place) for place in statement.points]
-        raw = whole_millimetres(np.array([(p.x, p.y) for p in spots], dtype=np.float64))
-        path = distinct(raw)
-        if float(np.hypot(*(path[-1] - path[0]))) < 0.1 and len(path) == 2:
+        path = distinct(whole_millimetres((p.x, p.y) for p in spots))
+        if len(path) == 2 and distance(*path) < 0.1:
             raise RouteError(f"the path of {name} has no length")
         line = Polyline.of(path)
         walked, start = item(actor, Walked), item(actor, StartAt)

@@ -14,7 +14,7 @@ from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.checks import footprint
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.places import si
-from foresee_dsl.compile.polyline import FloatArray, Polyline
+from foresee_dsl.compile.polyline import XY, Polyline
 from foresee_dsl.compile.roads import Lane, LaneKind
 from foresee_dsl.compile.routeline import RouteLine
 from foresee_dsl.compile.routing import onward
@@ -97,7 +97,7 @@ class _Road:
         self._network = network
         self._near = shapely.LineString(line.points).buffer(within_m)
         shapely.prepare(self._near)
-        self._boxes = [footprint(actor) for actor in placed]
+        self._boxes = [shapely.Polygon(footprint(actor)) for actor in placed]
         self._slots: dict[str, list[_Slot]] = {}
         self._candidates: dict[LaneKind, list[tuple[Lane, float]]] = {}
         for actor in placed:
@@ -129,7 +129,7 @@ class _Road:
                 line=self._network.line(route, start_lane=lane.id, after_m=round(front, 3), kind=kind),
                 cruise_mps=cruise,
             )
-            box = footprint(actor)
+            box = shapely.Polygon(footprint(actor))
             if any(box.distance(other) < PEDESTRIAN_GAP_M for other in self._boxes):
                 continue
             self._boxes.append(box)
@@ -214,7 +214,7 @@ class _Paths:
         self._ways = walkways(network)
         self._near = shapely.LineString(line.points).buffer(within_m)
         shapely.prepare(self._near)
-        self._boxes = [footprint(actor) for actor in placed]
+        self._boxes = [shapely.Polygon(footprint(actor)) for actor in placed]
         self._candidates: list[tuple[float, float]] | None = None
 
     def draw(self, name: str, spec: ModelSpec, end_s: float, rng: np.random.Generator) -> PlacedActor | None:
@@ -238,7 +238,7 @@ class _Paths:
                 cruise_mps=cruise,
                 walk_stops=walk.stops,
             )
-            box = footprint(actor)
+            box = shapely.Polygon(footprint(actor))
             if all(box.distance(other) >= PEDESTRIAN_GAP_M for other in self._boxes):
                 self._boxes.append(box)
                 return actor
@@ -246,8 +246,8 @@ class _Paths:
 
     def _places(self) -> list[tuple[float, float]]:
         if self._candidates is None:
-            parts: list[FloatArray] = [Polyline.of(self._ways.shapes[way]).points for way in self._ways.sidewalks]
-            points = np.concatenate(parts) if parts else np.empty((0, 2))
+            found: list[XY] = [xy for way in self._ways.sidewalks for xy in Polyline.of(self._ways.shapes[way]).xy]
+            points = np.array(found, dtype=np.float64).reshape(-1, 2)
             near = shapely.contains_xy(self._near, points[:, 0], points[:, 1])
             self._candidates = [(float(x), float(y)) for x, y in points[near]]
         return self._candidates

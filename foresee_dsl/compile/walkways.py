@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from foresee_dsl.compile.polyline import FloatArray, distinct, lengths, whole_millimetres
+from foresee_dsl.compile.lanes import distance_to
+from foresee_dsl.compile.polyline import XY, Points, distance, distinct, lengths, whole_millimetres
 from foresee_dsl.compile.roads import Crossing
 
 if TYPE_CHECKING:
     import networkx as nx
+    import numpy as np
 
     from foresee_dsl.compile.geometry import RoadNetwork
 
@@ -36,9 +38,9 @@ class CrossingPart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A pedestrian's path, [N, 2] m, and its crossings in order."""
+    """A pedestrian's path, m, and its crossings in order."""
 
-    points: FloatArray
+    points: Points
     crossings: tuple[CrossingPart, ...]
 
     @property
@@ -53,20 +55,31 @@ class Walkways:
 
     Attributes:
         shapes: the centreline of each sidewalk and crossing by lane id. crossings: the crossings among them.
-        graph: nodes are ends of footways and walking areas; edges with the attribute `way` are footways, the others
-            join what touches.
+        joints: pairs of what touches: ends of footways, and walking areas.
     """
 
-    shapes: dict[str, FloatArray]
+    shapes: dict[str, Points]
     crossings: dict[str, Crossing]
-    graph: nx.Graph[_End]
+    joints: tuple[tuple[_End, _End], ...]
+
+    @cached_property
+    def graph(self) -> nx.Graph[_End]:
+        """Nodes are ends of footways and walking areas; edges with the attribute `way` are footways, the others join
+        what touches."""
+        import networkx as nx  # here: it takes long to import, and only background traffic needs it
+
+        graph: nx.Graph[_End] = nx.Graph()
+        for way in self.shapes:
+            graph.add_edge((way, 0), (way, 1), way=way)
+        graph.add_edges_from(self.joints)
+        return graph
 
     @property
     def sidewalks(self) -> tuple[str, ...]:
         """Lanes that are no crossings, in the net's order."""
         return tuple(way for way in self.shapes if way not in self.crossings)
 
-    def walk(self, from_xy: tuple[float, float], length_m: float, rng: np.random.Generator) -> Walk | None:
+    def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Walk | None:
         """Walk at random from the sidewalk nearest to a point, over crossings too, turning round only at dead ends.
 
         Args:
@@ -82,53 +95,42 @@ class Walkways:
             return None
         way, start = best
         forward = bool(rng.integers(2))
-        points = [start, *_rest(self.shapes[way], start, forward)]
+        points: list[XY] = [start, *_rest(self.shapes[way], start, forward)]
         end: _End = (way, 1 if forward else 0)
-        walked = float(lengths(np.array(points))[-1])
+        walked = lengths(points)[-1]
         while walked < length_m:
             choices = self._onward(end) or [end]
             begin = choices[int(rng.integers(len(choices)))]
             way, at = begin
             shape = self.shapes[way] if at == 0 else self.shapes[way][::-1]
-            points += list(shape)
+            points += shape
             end = (way, 1 - at)
-            walked = float(lengths(np.array(points))[-1])
-        path = distinct(whole_millimetres(np.array(points)))
+            walked = lengths(points)[-1]
+        path = distinct(whole_millimetres(points))
         return Walk(path, self.crossings_on(path))
 
-    def crossings_on(self, path: FloatArray) -> tuple[CrossingPart, ...]:
+    def crossings_on(self, path: Points) -> tuple[CrossingPart, ...]:
         """Return the stretches of a path that run along the centreline of a crossing."""
         s = lengths(path)
-        begin, step, owner = self._crossing_segments
-        near = np.asarray(_away(path, begin, step) <= ON_CROSSING_M)
         found: list[CrossingPart] = []
-        for n, crossing in enumerate(self.crossings.values()):
-            on = np.asarray(near[:, owner == n].any(axis=1))
+        for way, crossing in self.crossings.items():
+            shape = self.shapes[way]
+            on = [distance_to(x, y, shape) <= ON_CROSSING_M for x, y in path]
             first = len(found)
-            for k in np.flatnonzero(on[:-1] & on[1:]):
-                if len(found) > first and found[-1].exit_s == float(s[k]):
-                    found[-1] = found[-1]._replace(exit_s=float(s[k + 1]))
+            for k in (k for k in range(len(path) - 1) if on[k] and on[k + 1]):
+                if len(found) > first and found[-1].exit_s == s[k]:
+                    found[-1] = found[-1]._replace(exit_s=s[k + 1])
                 else:
-                    found.append(CrossingPart(float(s[k]), float(s[k + 1]), crossing.tls or "", crossing.link))
+                    found.append(CrossingPart(s[k], s[k + 1], crossing.tls or "", crossing.link))
         return tuple(sorted(found))
 
-    @cached_property
-    def _crossing_segments(self) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
-        """Beginning and extent of each segment of each crossing's centreline, and whose it is."""
-        shapes = [self.shapes[way] for way in self.crossings]
-        if not shapes:
-            return np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=np.int64)
-        begin = np.concatenate([shape[:-1] for shape in shapes])
-        step = np.concatenate([np.diff(shape, axis=0) for shape in shapes])
-        return begin, step, np.repeat(np.arange(len(shapes)), [len(shape) - 1 for shape in shapes])
-
-    def _nearest(self, xy: tuple[float, float]) -> tuple[str, FloatArray] | None:
-        best: tuple[float, str, FloatArray] | None = None
+    def _nearest(self, xy: XY) -> tuple[str, XY] | None:
+        best: tuple[float, str, XY] | None = None
         for way in self.sidewalks:
-            foot = _foot(np.array(xy, dtype=np.float64), self.shapes[way])
-            distance = float(np.hypot(foot[0] - xy[0], foot[1] - xy[1]))
-            if best is None or distance < best[0]:
-                best = distance, way, foot
+            foot, _ = _foot(xy, self.shapes[way])
+            away = distance(foot, xy)
+            if best is None or away < best[0]:
+                best = away, way, foot
         return (best[1], best[2]) if best is not None else None
 
     def _onward(self, end: _End) -> list[_End]:
@@ -147,52 +149,38 @@ class Walkways:
 @lru_cache(maxsize=32)
 def walkways(network: RoadNetwork) -> Walkways:
     """Return the footways of a network."""
-    import networkx as nx  # here: it takes long to import, and few need it
-
-    shapes: dict[str, FloatArray] = {}
-    for lane in network.lanes.values():
-        if lane.kinds == {"pedestrian"} and lane.edge not in network.walking_areas:
-            shapes[lane.id] = distinct(lane.shape)
-    graph: nx.Graph[_End] = nx.Graph()
-    for way in shapes:
-        graph.add_edge((way, 0), (way, 1), way=way)
-    for first, second in network.footways:
-        graph.add_edge(
+    shapes = {
+        lane.id: distinct(lane.shape)
+        for lane in network.lanes.values()
+        if lane.kinds == {"pedestrian"} and lane.edge not in network.walking_areas
+    }
+    joints = tuple(
+        (
             (first, -1) if first in network.walking_areas else (first, 1),
             (second, -1) if second in network.walking_areas else (second, 0),
         )
-    return Walkways(shapes, {c.lane.id: c for c in network.crossings.values()}, graph)
+        for first, second in network.footways
+    )
+    return Walkways(shapes, {c.lane.id: c for c in network.crossings.values()}, joints)
 
 
-def _rest(shape: FloatArray, start: FloatArray, forward: bool) -> list[FloatArray]:
+def _rest(shape: Points, start: XY, forward: bool) -> Iterator[XY]:
     """The corners of a polyline after a point on it."""
-    s = lengths(shape)
-    here = _along(start, shape)
-    return list(shape[s > here]) if forward else list(shape[s < here][::-1])
+    _, here = _foot(start, shape)
+    corners = list(zip(lengths(shape), shape, strict=True))
+    if forward:
+        return (point for s, point in corners if s > here)
+    return (point for s, point in reversed(corners) if s < here)
 
 
-def _segments(point: FloatArray, shape: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """For each segment the share where a point's foot is, and the foot."""
-    begin, step = shape[:-1], np.diff(shape, axis=0)
-    share = np.clip(((point - begin) * step).sum(axis=1) / (step * step).sum(axis=1), 0.0, 1.0)
-    return share, begin + share[:, None] * step
-
-
-def _foot(point: FloatArray, shape: FloatArray) -> FloatArray:
-    _, feet = _segments(point, shape)
-    return np.asarray(feet[int(np.hypot(*(feet - point).T).argmin())])
-
-
-def _along(point: FloatArray, shape: FloatArray) -> float:
-    share, feet = _segments(point, shape)
-    k = int(np.hypot(*(feet - point).T).argmin())
-    s = lengths(shape)
-    return float(s[k] + share[k] * (s[k + 1] - s[k]))
-
-
-def _away(points: FloatArray, begin: FloatArray, step: FloatArray) -> FloatArray:
-    """[K, S] m from [K, 2] points to segments."""
-    relative = points[:, None] - begin
-    share = (relative * step).sum(axis=2) / (step * step).sum(axis=1)
-    away = relative - np.clip(share, 0.0, 1.0)[..., None] * step
-    return np.asarray(np.hypot(away[..., 0], away[..., 1]))
+def _foot(point: XY, shape: Points) -> tuple[XY, float]:
+    """The point of a polyline that is nearest to a point, and the length along it there."""
+    s, best = lengths(shape), (math.inf, shape[0], 0.0)
+    for k, ((x0, y0), (x1, y1)) in enumerate(pairwise(shape)):
+        dx, dy = x1 - x0, y1 - y0
+        share = min(max(((point[0] - x0) * dx + (point[1] - y0) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+        foot = (x0 + share * dx, y0 + share * dy)
+        away = distance(point, foot)
+        if away < best[0]:
+            best = away, foot, s[k] + share * (s[k + 1] - s[k])
+    return best[1], best[2]

@@ -7,23 +7,17 @@ deviated by over 0.5 m after 10 s, because who follows whom reaches far along a 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from foresee_dsl.derive.snapshot import (
-    Script,
-    Told,
-    authored,
-    front,
-    has_passed,
-    present,
-    remaining_route,
-    script_at,
-    shifted,
-)
+from foresee_dsl.derive.script import Script, Told, held_back, script_at
+from foresee_dsl.derive.snapshot import authored, front, has_passed, present, remaining_route
+from foresee_dsl.derive.steps import at_once, rest_of, still_to_change, under_way
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
+from foresee_dsl.language.concrete import all_actions, word_of
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import (
@@ -48,6 +42,7 @@ from foresee_dsl.language.model import (
     Quantity,
     Risk,
     SignalState,
+    Starts,
     State,
     Steers,
     Stops,
@@ -58,7 +53,6 @@ from foresee_dsl.language.model import (
     Window,
 )
 from foresee_dsl.language.units import Dimension
-from foresee_dsl.simulate.actors import STANDS_MPS
 from foresee_dsl.simulate.behaviours import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
 
@@ -128,10 +122,13 @@ def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int
     gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
     script = script_at(case.scenario, trace, first)
     written = authored(case.scenario)
-    actors = [_actor(trace, k, first, written, script) for k in here if k]
-    resumed = [when for k in here if k for when in _resumed(trace, k, first, script.of(trace.actors[k].id))]
+    running, taken = under_way(script, trace)
+    later = [*running, *script.pending]
+    later += held_back(script, later)
+    waiting = frozenset(a.actor for when in later for a in all_actions(when.actions) if isinstance(a, Starts))
+    resumed = [when for k in here if k for when in _resumed(trace, k, first, script, waiting, taken)]
     resumed += [when for k in here if k for when in _kept(trace.actors[k], written, script)]
-    pending = [w for when in script.pending if (w := shifted(when, by_s=start_s, gone=gone)) is not None]
+    actors = [_actor(trace, k, first, written, script, waiting, taken) for k in here if k]
     return (
         Window(start=_seconds(start_s), end=_seconds(float(trace.time_s[last]))),
         Risk(
@@ -144,7 +141,7 @@ def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int
         *actors,
         *_signals(trace, first),
         *resumed,
-        *pending,
+        *later,
     )
 
 
@@ -160,7 +157,15 @@ def _ego(case: TestCase, trace: Trace, frame: int) -> Ego:
     return Ego(model=info.model, state=_state(trace, 0, frame), body=(*body, *kept))
 
 
-def _actor(trace: Trace, actor: int, frame: int, written: dict[str, Actor], script: Script) -> Actor:
+def _actor(
+    trace: Trace,
+    actor: int,
+    frame: int,
+    written: dict[str, Actor],
+    script: Script,
+    waiting: frozenset[str],
+    taken: frozenset[tuple[str, str]],
+) -> Actor:
     info, now_s = trace.actors[actor], float(trace.time_s[frame])
     source, told = written.get(info.id), script.of(info.id)
     return Actor(
@@ -171,8 +176,8 @@ def _actor(trace: Trace, actor: int, frame: int, written: dict[str, Actor], scri
         body=(
             *_way(trace, actor, frame),
             *_speed(info, source, told),
-            *_rules(trace, actor, frame, source, told),
-            *_offsets(source, told, now_s, waits=script.waits(info.id)),
+            *_rules(trace, actor, frame, source, replace(told, command=None) if (info.id, "speed") in taken else told),
+            *_offsets(source, told, now_s, waits=info.id in waiting),
         ),
     )
 
@@ -239,7 +244,7 @@ def _rules(
     items += [IgnoresRule(what=i.what, junction=i.junction) for i in told.ignores]
     if told.command and isinstance(m := told.command[0], Meets) and told.keeps_mps is None:
         items.append(MeetsState(other=m.other, junction=m.junction, gap=m.gap, order=m.order))
-    in_force = [i for i in items if i.junction is None or not has_passed(trace, actor, i.junction, frame)]
+    in_force = [i for i in items if i.junction is None or not has_passed(trace, actor, word_of(i.junction), frame)]
     return tuple(dict.fromkeys(in_force))
 
 
@@ -280,21 +285,30 @@ def _steers_left(item: Steers, now_s: float) -> list[ActorItem]:
 # --- script and signals ----------------------------------------------------------------------------------------------
 
 
-def _resumed(trace: Trace, actor: int, frame: int, told: Told) -> tuple[When, ...]:
-    """Return a trigger that takes up at once what an actor is in the middle of: a stop, a change of speed or lane."""
+def _resumed(
+    trace: Trace,
+    actor: int,
+    frame: int,
+    script: Script,
+    waiting: frozenset[str],
+    taken: frozenset[tuple[str, str]],
+) -> tuple[When, ...]:
+    """Return a trigger that takes up at once what an actor is in the middle of: a stop, a change of speed or lane.
+
+    What a sequence waits for is `taken` up there.
+    """
     again: list[Action] = []
-    name, now_s = trace.actors[actor].id, float(trace.time_s[frame])
+    name = trace.actors[actor].id
+    told = script.of(name)
     action, since_s = told.command or (None, 0.0)
-    if isinstance(action, ChangesSpeed):
-        left_s = since_s + (action.over.si if isinstance(action.over, Quantity) else 0.0) - now_s
-        again.append(ChangesSpeed(actor=name, to=action.to, over=_seconds(left_s)))
-    if isinstance(action, Stops):
-        left = _stop_left(trace, actor, frame, action, since_s)
+    if isinstance(action, ChangesSpeed | Stops) and (name, "speed") not in taken:
+        left = rest_of(trace, actor, frame, action, since_s)
         again += [left] if left else []
-    if told.lane and _still_to_change(trace, actor, frame, told.lane[1]):
+    elif action is None and told.cruise is not None and name in waiting:
+        again.append(ChangesSpeed(actor=name, to=told.cruise))  # it moves, although nobody has started it yet
+    if told.lane and (name, "lane") not in taken and still_to_change(trace, actor, frame, told.lane[1]):
         again.append(told.lane[0])
-    at_once = Comparison(left=Measure(what="time"), op=">=", right=_seconds(0.0))
-    return (When(condition=at_once, actions=tuple(again)),) if again else ()
+    return (at_once(*again),) if again else ()
 
 
 def _kept(info: ActorInfo, written: dict[str, Actor], script: Script) -> tuple[When, ...]:
@@ -308,23 +322,6 @@ def _kept(info: ActorInfo, written: dict[str, Actor], script: Script) -> tuple[W
         left=Measure(what="distance", actor=info.id, other=meets.junction), op="<=", right=_quantity(-MET_M, "length")
     )
     return (When(condition=inside, actions=(ChangesSpeed(actor=info.id, to=cruise),)),)
-
-
-def _stop_left(trace: Trace, actor: int, frame: int, action: Stops, since_s: float) -> Stops | None:
-    """Return what is left of a stop, None where it is over: its time counts from when the actor stands."""
-    if not isinstance(action.duration, Quantity):
-        return action
-    began = trace.frame_at(since_s)
-    stands = np.flatnonzero(trace.states[began : frame + 1, actor, SPEED] < STANDS_MPS)
-    stood_s = float(trace.time_s[frame] - trace.time_s[began + stands[0]]) if stands.size else 0.0
-    left_s = action.duration.si - stood_s
-    return Stops(actor=action.actor, duration=_seconds(left_s)) if left_s > 1e-6 else None
-
-
-def _still_to_change(trace: Trace, actor: int, frame: int, since_s: float) -> bool:
-    """Say whether an actor is still on the lane on which it was asked to change."""
-    lanes = trace.lanes[trace.frame_at(since_s) : frame + 1, actor]
-    return bool(lanes.size and lanes[0] >= 0 and (lanes == lanes[0]).all())
 
 
 def _signals(trace: Trace, frame: int) -> tuple[SignalState, ...]:

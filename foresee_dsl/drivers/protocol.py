@@ -163,3 +163,12 @@ class Driver(Protocol):
     def step(self, observation: Observation) -> Control:
         """Answer one observation (20 a second)."""
         ...
+
+
+@runtime_checkable
+class Closing(Protocol):
+    """A driver that holds something beyond a run, such as a process: it is told when the run is over."""
+
+    def close(self) -> None:
+        """Give it back; called once after each run, however that ended."""
+        ...

@@ -1,15 +1,26 @@
-"""The drivers that are installed: found through the entry-point group `foresee_dsl.drivers`."""
+"""The drivers that are installed: found through the entry-point group `foresee_dsl.drivers`.
+
+A driver is addressed by its name (`pdm`), one that is made from a text by its name, a colon and the text
+(`external:python3 my_driver.py`).
+"""
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import re
+import shlex
 from importlib.metadata import EntryPoint, entry_points
-from typing import NamedTuple
+from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import DriverError
 
 GROUP = "foresee_dsl.drivers"
+_ADDRESS = re.compile(r"(.*? via )?(?P<address>\w+:.*)", re.S)
+_ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
+"""What a text of the language cannot hold, and what it is written as."""
 
 
 class DriverInfo(NamedTuple):
@@ -26,16 +37,27 @@ def driver_names() -> tuple[str, ...]:
     return tuple(sorted({e.name for e in entry_points(group=GROUP)}))
 
 
-def load_driver(name: str) -> Driver:
+def load_driver(address: str) -> Driver:
     """Import and create a driver.
 
+    Args:
+        address: its name, or its name, a colon, and the text that it is made from.
+
     Raises:
-        DriverError: no such driver (the message has close names and the list), or its package is broken.
+        DriverError: no such driver (the message has close names and the list), its package is broken, or it wants a
+            text and there is none (or the other way round).
     """
+    name, colon, argument = address.partition(":")
     entry = _find(name)
     package = _package(entry)
     try:
-        driver = entry.load()()
+        made = entry.load()
+        from_text = getattr(made, "from_argument", None)
+        if colon and from_text is None:
+            raise DriverError(f"driver {name!r} takes nothing after its name, so {address!r} means no driver")
+        driver = made() if from_text is None else from_text(argument)
+    except DriverError:
+        raise
     except Exception as err:  # a plug-in may fail in any way; whose fault it is must be said
         raise DriverError(
             f"driver {name!r} of package {package} cannot be loaded: {type(err).__name__}: {err}"
@@ -48,19 +70,52 @@ def load_driver(name: str) -> Driver:
     return driver
 
 
+def recorded_driver(address: str, version: str) -> str:
+    """Return how a mutant's file says what drove: `pdm 1`, `keeper 2 via external:python3 keeper.py`.
+
+    A text in the language holds no double quotes: a command's words are quoted with single ones, and what is left is
+    written as in a web address (`%22`).
+    """
+    name, colon, argument = address.partition(":")
+    if not colon:
+        return f"{name} {version}".strip()
+    with contextlib.suppress(ValueError):  # no command line: recorded as it is
+        argument = shlex.join(shlex.split(argument))
+    for sign, written in _ESCAPES:
+        argument = argument.replace(sign, written)
+    return f"{version or 'unknown'} via {name}:{argument}"
+
+
+def recorded_address(recorded: str) -> str:
+    """Return the address in what `recorded_driver` wrote: it loads the same driver again."""
+    found = _ADDRESS.fullmatch(recorded.strip())
+    return unquote(found["address"]) if found else (recorded.split() or [""])[0]
+
+
 def describe_drivers() -> list[DriverInfo]:
     """Return name, version, first line of the documentation and package of all installed drivers, sorted by name."""
     return [_describe(name) for name in driver_names()]
 
 
 def _describe(name: str) -> DriverInfo:
-    package = _package(_find(name))
+    entry = _find(name)
+    package = _package(entry)
     try:
-        driver = load_driver(name)
+        driver = _made_from_text(entry) or load_driver(name)
     except DriverError as err:
         return DriverInfo(name, "", str(err), package)
-    doc = (type(driver).__doc__ or "").strip().splitlines()
+    kind = driver if isinstance(driver, type) else type(driver)
+    doc = (kind.__doc__ or "").strip().splitlines()
     return DriverInfo(name, driver.version, doc[0] if doc else "", package)
+
+
+def _made_from_text(entry: EntryPoint) -> Any:  # noqa: ANN401  a driver's class, or None
+    """Return the class of a driver that is made from a text, which cannot be made to be described."""
+    try:
+        made = entry.load()
+    except Exception:  # load_driver says why
+        return None
+    return made if hasattr(made, "from_argument") else None
 
 
 def _find(name: str) -> EntryPoint:

@@ -15,6 +15,8 @@ from foresee_dsl.language.suggest import closest
 SUFFIX = ".foresee"
 FOREIGN_NETWORKS = (".net.xml", ".xodr")
 
+_MARKERS = (".git", ".hg", "pyproject.toml")
+"""What lies in the topmost folder of a project."""
 _FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models)\b")
 _HEADER = re.compile(r"foresee\s+\d+$")
 _SNIFFED_BYTES = 65_536
@@ -49,6 +51,11 @@ def kind_of(path: Path) -> str:
             text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
     except OSError:  # whoever then reads it says why it cannot
         return ""
+    return kind_of_text(text)
+
+
+def kind_of_text(text: str) -> str:
+    """Return what a text defines by its first keyword; "" when unclear."""
     for line in text.lstrip("\ufeff").splitlines():
         statement = line.partition("#")[0].strip()
         if statement and not _HEADER.match(statement):
@@ -113,16 +120,33 @@ def missing(path: Path) -> InputError:
 
 def near_files(path: Path) -> str:
     """Return a hint at files in the same folder whose names are close to a missing one."""
+    folder = shown(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
     if not is_folder(path.parent):
-        return f"there is no folder '{shown(path.parent)}'"
+        return f"there is no folder '{folder}'"
     try:
         names = sorted(
             entry.name for entry in path.parent.iterdir() if entry.name.endswith((SUFFIX, *FOREIGN_NETWORKS))
         )
     except OSError:
         return ""
-    near = closest(path.name, (name for name in names if name.endswith((SUFFIX, *FOREIGN_NETWORKS))))
-    return f"did you mean '{near}'?" if near else f"there is none of that name in '{shown(path.parent)}'"
+    stems = {name.partition(".")[0]: name for name in names}
+    near = stems.get(closest(path.name.partition(".")[0], stems) or "")
+    return f"did you mean '{near}'?" if near else f"there is none of that name in '{folder}'"
+
+
+def project_folder(folder: Path) -> Path:
+    """Return the project that a folder belongs to: the nearest folder above with a marker, or else the folder itself.
+
+    `folder` is absolute.
+    """
+    marked = (above for above in (folder, *folder.parents) if any((above / name).exists() for name in _MARKERS))
+    return next(marked, folder)
+
+
+def is_inside(path: Path, folders: Iterable[Path]) -> bool:
+    """Return whether a path lies in one of some folders, also once links are followed."""
+    real = path.resolve()
+    return any(real.is_relative_to(folder.resolve()) for folder in folders)
 
 
 def _under(folder: Path) -> list[Path]:

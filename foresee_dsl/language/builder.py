@@ -71,6 +71,8 @@ class Builder:
 
     def _explain(self, node: Node, error: ValidationError, failed: set[str]) -> None:
         """Turn the errors of one item into mistakes, one for each field."""
+        if not node.fields:
+            return  # nested too deeply, which was said where it was seen
         seen: set[str] = set()
         for detail in error.errors(include_url=False):
             field = str(detail["loc"][0]) if detail["loc"] else ""
@@ -100,12 +102,17 @@ def _mistake(node: Node, field: str, detail: ErrorDetails, place: Span) -> Mista
         case "too_short":
             found = Mistake("FS014", f"{_what(node)} needs more in `{field}`", _at_least(detail), place)
         case "string_too_long" | "string_too_short":
-            found = Mistake("FS017", "this text is empty or too long", "", place)
+            found = Mistake("FS017", "this text is empty or too long", _length(detail), place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
             found = Mistake("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
         case _:
             found = Mistake("FS010", f"`{shown}` cannot stand here", _asked_for(node.kind, field), place)
     return found
+
+
+def _length(detail: ErrorDetails) -> str:
+    most = detail.get("ctx", {}).get("max_length")
+    return f"use at most {most} characters" if most else "write something between the quotes"
 
 
 def _at_least(detail: ErrorDetails) -> str:

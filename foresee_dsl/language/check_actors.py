@@ -19,6 +19,8 @@ _ABOUT_ONE = (
     m.ChangesLane,
     m.Stops,
     m.Ignores,
+    m.InJunction,
+    m.Within,
 )
 _MAY_REPEAT = ("ignores", "meets_state")
 
@@ -106,7 +108,7 @@ def _models(
     if isinstance(parameter.default, str) and "." in parameter.default:
         yield parameter, "default", parameter.default
     for k, option in enumerate(parameter.options or ()):
-        if "." in option:
+        if isinstance(option, str) and "." in option:
             yield parameter, f"options.{k}", option
     for case in cases:
         for assignment in case.values:
@@ -150,5 +152,7 @@ def _mentions(item: m.Item) -> Iterator[tuple[str, str]]:
         yield "actor", item.actor
     elif isinstance(item, m.Measure) and item.actor is not None:
         yield "actor", item.actor
-        if item.what == "ttc" and item.other is not None:
+        if item.what in ("ttc", "headway") and isinstance(item.other, str):
             yield "other", item.other
+    elif isinstance(item, m.Shows) and item.actor is not None:
+        yield "actor", item.actor

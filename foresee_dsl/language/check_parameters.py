@@ -5,14 +5,18 @@ from __future__ import annotations
 import re
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.check_drawing import check_drawing, check_requirements
 from foresee_dsl.language.checking import Findings
 from foresee_dsl.language.codes import NOUNS
+from foresee_dsl.language.meaning import same_value
+from foresee_dsl.language.nodes import RESERVED
 from foresee_dsl.language.phrases import value as written
 from foresee_dsl.language.suggest import did_you_mean
 from foresee_dsl.language.units import Dimension
 
 _TURNS = ("straight", "left", "right", "back")
-_WORDS = ("arm", "turn", "model")
+_SIDES = ("left", "right")
+_WORDS = ("arm", "turn", "model", "junction", "stage", "side")
 _MODEL = re.compile(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*")
 _ON_STEP = 1e-6
 """How far from a whole number of steps a value may be (ours: far above rounding, far below any step)."""
@@ -22,9 +26,9 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
     """Check the parameters and cases of a scenario."""
     parameters = scenario.all(m.Param)
     findings.unique(((p, "name", p.name) for p in parameters), "parameters")
-    findings.unique(((c, "name", c.name) for c in scenario.all(m.Case)), "cases")
     for parameter in parameters:
         _check_parameter(findings, parameter)
+    check_drawing(findings, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
         findings.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
@@ -35,11 +39,13 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
                 findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
             else:
                 _check_value(findings, known, assignment, "value", assignment.value)
+    check_requirements(findings, scenario)
 
 
 def _check_parameter(findings: Findings, parameter: m.Param) -> None:
-    if parameter.name in _TURNS:
-        findings.add(parameter, "name", "FS049", f"'{parameter.name}' is a turn", "give the parameter another name")
+    if parameter.name in RESERVED:
+        message = f"'{parameter.name}' is a word of the language"
+        findings.add(parameter, "name", "FS049", message, "give the parameter another name")
     limits, sound = parameter.range, True
     if limits is not None:
         sound = all(_fits_type(findings, parameter, limits, end) for end in ("low", "high", "step"))
@@ -47,7 +53,7 @@ def _check_parameter(findings: Findings, parameter: m.Param) -> None:
             findings.add(limits, "", "FS039", "this range ends before it begins", _turned_round(limits))
             sound = False
         elif sound and limits.step is not None and limits.step.si <= 0:
-            findings.add(limits, "step", "FS050", "a step is more than zero", "")
+            findings.add(limits, "step", "FS050", "a step is more than zero", "use a positive step, or none")
             sound = False
     for k, option in enumerate(parameter.options or ()):
         sound &= _check_type(findings, parameter, parameter, f"options.{k}", option)
@@ -71,7 +77,13 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
     if isinstance(value, str):
         if parameter.options is not None and value not in parameter.options:
             message = f"'{value}' is not among the options of '{parameter.name}'"
-            findings.add(item, field, "FS033", message, did_you_mean(value, parameter.options))
+            words = [option for option in parameter.options if isinstance(option, str)]
+            findings.add(item, field, "FS033", message, did_you_mean(value, words))
+        return
+    if parameter.options is not None and not any(same_value(value, option) for option in parameter.options):
+        message = f"`{written(value)}` is not among the options of '{parameter.name}'"
+        known = ", ".join(written(option) for option in parameter.options if isinstance(option, m.Quantity))
+        findings.add(item, field, "FS033", message, f"options are {known}")
         return
     limits = parameter.range
     if limits is None:
@@ -99,6 +111,8 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
     if type_ not in _WORDS:
         message = f"'{parameter.name}' is of type {type_}, but `{value}` is a word"
         findings.add(item, field, "FS034", message, f"write {findings.example(_dimension(type_))}")
+    elif type_ == "side" and value not in _SIDES:
+        findings.add(item, field, "FS034", f"unknown side '{value}'", did_you_mean(value, _SIDES))
     elif type_ == "turn" and value not in _TURNS:
         findings.add(item, field, "FS034", f"unknown turn '{value}'", did_you_mean(value, _TURNS))
     elif type_ == "model" and _MODEL.fullmatch(value) is None:
@@ -112,7 +126,13 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
 def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.Quantity) -> bool:
     type_ = parameter.type
     if type_ in _WORDS:
-        help = {"arm": "write the name of a road", "turn": f"turns are {', '.join(_TURNS)}"}
+        help = {
+            "arm": "write the name of a road",
+            "turn": f"turns are {', '.join(_TURNS)}",
+            "junction": "write the name of a junction",
+            "stage": "write the name of a stage",
+            "side": "write `left` or `right`",
+        }
         message = f"'{parameter.name}' is of type {type_}, not a number"
         findings.add(item, field, "FS034", message, help.get(type_, "write the name of a model, such as `car.compact`"))
         return False

@@ -10,6 +10,7 @@ from typing import Any, get_args
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checking import Findings, fields_of, walk
 from foresee_dsl.language.codes import NOUNS
+from foresee_dsl.language.phrases import condition
 from foresee_dsl.language.phrases import value as written
 from foresee_dsl.language.suggest import did_you_mean
 from foresee_dsl.language.units import Dimension
@@ -26,7 +27,15 @@ _ALIASES: tuple[tuple[Any, Dimension], ...] = (
     (m.Count, "count"),
 )
 _MEASURED: MappingProxyType[str, Dimension] = MappingProxyType(
-    {"time": "time", "eta": "time", "ttc": "time", "speed": "speed", "distance": "length"}
+    {
+        "time": "time",
+        "eta": "time",
+        "ttc": "time",
+        "headway": "time",
+        "speed": "speed",
+        "acceleration": "acceleration",
+        "distance": "length",
+    }
 )
 _WORDS = MappingProxyType(
     {
@@ -34,8 +43,26 @@ _WORDS = MappingProxyType(
         (m.Actor, "model"): "model",
         (m.Route, "start"): "arm",
         (m.AlongEdge, "edge"): "arm",
-        (m.PastJunction, "junction"): "arm",
         (m.Leg, "turn"): "turn",
+        (m.ChangesLane, "side"): "side",
+        (m.SignalState, "stage"): "stage",
+        (m.Shows, "state"): "stage",
+        (m.Measure, "other"): "junction",
+        (m.Named, "name"): "junction",
+    }
+    | {
+        (kind, "junction"): "junction"
+        for kind in (
+            m.Leg,
+            m.PastJunction,
+            m.Meets,
+            m.MeetsState,
+            m.Ignores,
+            m.IgnoresRule,
+            m.InJunction,
+            m.Shows,
+            m.SignalState,
+        )
     }
 )
 """Which type of parameter may stand for a word."""
@@ -71,9 +98,13 @@ def check_values(findings: Findings, model: m.Definition) -> None:
     """Check every value of a definition."""
     body = model.body if isinstance(model, m.Scenario) else ()
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
+    required = {id(part) for item in body if isinstance(item, m.Require) for part in walk(item)}
     for item in walk(model):
-        if isinstance(item, m.Comparison):
-            _check_comparison(findings, item)
+        if isinstance(item, m.Comparison | m.Equals) and isinstance(item.left, m.Ref) and id(item) not in required:
+            _not_about_the_world(findings, item)
+            continue
+        if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure):
+            _check_comparison(findings, item, item.left)
         for field, value in fields_of(item):
             if isinstance(value, m.Ref):
                 _check_reference(findings, parameters, item, field, value)
@@ -81,8 +112,15 @@ def check_values(findings: Findings, model: m.Definition) -> None:
                 _check_limits(findings, item, field, value)
 
 
-def _check_comparison(findings: Findings, item: m.Comparison) -> None:
-    needed = _MEASURED[item.left.what]
+def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
+    """Triggers and expectations are about the running world, in which a parameter never changes."""
+    name = item.left.name if isinstance(item.left, m.Ref) else ""
+    help = f"compare something of the world, such as `ego.speed`; or write `require {condition(item)}` in the scenario"
+    findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
+
+
+def _check_comparison(findings: Findings, item: m.Comparison, measure: m.Measure) -> None:
+    needed = _MEASURED[measure.what]
     if isinstance(item.right, m.Quantity) and item.right.dimension != needed:
         findings.wrong_dimension(item, "right", item.right, needed)
 
@@ -111,6 +149,8 @@ def _check_reference(
         help = did_you_mean(reference.name, parameters)
         if not parameters and _is_model(item, field):
             help = "models are called class.variant, such as `car.compact`"
+        if not help and (dimension := _dimensions(type(item)).get(field)) is not None:
+            help = f"write {findings.example(dimension)}"
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
         return
     word = _WORDS.get((type(item), field))
@@ -122,6 +162,8 @@ def _check_reference(
         return
     needed: Dimension | None = _dimensions(type(item)).get(field)
     if isinstance(item, m.Comparison):
+        if not isinstance(item.left, m.Measure):
+            return  # a requirement: `check_parameters` looks at both sides
         needed = _MEASURED[item.left.what]
     if needed is None or parameter.type == needed or (needed == "ratio" and parameter.type == "count"):
         return

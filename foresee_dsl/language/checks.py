@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
+from foresee_dsl.language.changes import OF_A_MUTANT, OWNERS
 from foresee_dsl.language.check_actors import check_actors
 from foresee_dsl.language.check_network import check_catalogue, check_network
 from foresee_dsl.language.check_parameters import check_parameters
@@ -23,6 +26,9 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
         _check_clip(findings, model)
     elif isinstance(model, m.Mutant):
         _check_mutant(findings, model)
+    elif isinstance(model, m.Extension):
+        _check_extension(findings, model)
+        return findings.sorted()  # values and names: once it is joined with the other
     elif isinstance(model, m.Network):
         check_network(findings, model)
     else:
@@ -48,6 +54,8 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
         findings.add(network, "", "FS036", "a second network", "a scenario has exactly one", head_only=True)
     for kind, word in ((m.End, "end"), (m.Weather, "weather"), (m.Tags, "tags")):
         findings.only_once(scenario.all(kind), f"`{word}`")
+    for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
+        findings.unique(((item, "name", item.name) for item in named if item.name is not None), what)
     for block in scenario.all(m.Network):
         check_network(findings, block)
     check_parameters(findings, scenario)
@@ -86,6 +94,7 @@ def _ends_early(window: m.Window) -> bool:
 # ---- mutants --------------------------------------------------------------------------------------------------------
 
 _CHANGED: dict[str, Dimension] = {"steer": "ratio", "timing": "ratio", "speed": "speed", "delay": "time"}
+_CHANGED_IN: dict[str, Dimension] = {"weather": "ratio", "end": "time"}
 
 
 def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
@@ -93,23 +102,52 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
         help = "add a line such as `change runner.timing: 1.00 => 0.80`"
         findings.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
     findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)], "`origin`")
-    seen: set[tuple[str, str]] = set()
+    _check_changes(findings, mutant.changes, parameters=False)
     for change in mutant.changes:
+        if change.actor in OWNERS and change.actor not in OF_A_MUTANT:
+            what = "has no parameters" if change.actor == "param" else "ends with its window"
+            help = f"a mutant changes actors, {' and '.join(f'`{owner}`' for owner in OF_A_MUTANT)}"
+            findings.add(change, "property", "FS006", f"a clip {what}, so nothing of that can change", help)
+
+
+def _check_extension(findings: Findings, extension: m.Extension) -> None:
+    """What shows before it is joined with what it extends."""
+    findings.only_once([item for item in extension.body if isinstance(item, m.Tags)], "`tags`")
+    _check_changes(findings, [item for item in extension.body if isinstance(item, m.Change)], parameters=True)
+
+
+def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameters: bool) -> None:
+    """Check `change` lines; `parameters`: whether their values may be names of parameters."""
+    seen: set[tuple[str, str]] = set()
+    for change in changes:
         path = (change.actor, change.property)
         if path in seen:
             findings.add(change, "property", "FS013", f"'{'.'.join(path)}' is changed twice", "keep one of the two")
         seen.add(path)
         for side in ("was", "now"):
-            _check_changed(findings, change, side)
+            _check_changed(findings, change, side, parameters=parameters)
+        if change.property != "steer" or change.actor in OWNERS:
+            for field in ("start", "duration"):
+                if getattr(change, field) is not None:
+                    help = "only `steer` takes times, such as `from 4.00 s for 1.00 s`"
+                    findings.add(change, field, "FS124", f"'{'.'.join(path)}' has no times", help)
 
 
-def _check_changed(findings: Findings, change: m.Change, side: str) -> None:
+def _check_changed(findings: Findings, change: m.Change, side: str, *, parameters: bool) -> None:
     value: m.Quantity | str = getattr(change, side)
-    needed = _CHANGED.get(change.property)
-    if needed is None:
+    if change.actor in OWNERS:
+        needed = _CHANGED_IN.get(change.actor)
+    elif change.property == "model":
         if not isinstance(value, str):
             findings.add(change, side, "FS046", "the model of an actor is a name", "such as `car.compact`")
-    elif isinstance(value, str):
+        return
+    else:
+        needed = _CHANGED.get(change.property)
+    if needed is None:
+        return  # of any kind: it is compared with what there is when the files are joined
+    if isinstance(value, str):
+        if parameters:
+            return  # the name of one, or else the joined scenario is refused
         help = f"write {findings.example(needed)}"
         findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
     elif value.dimension != needed:

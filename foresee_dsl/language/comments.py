@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -23,7 +24,7 @@ BARE = " "
 
 @dataclass
 class _Entry:
-    """One statement: where it is, what is inside it, and the comments found so far."""
+    """One statement: where it is, what is inside it (in the order of the file), and the comments found so far."""
 
     key: Key
     start: _Place
@@ -74,21 +75,24 @@ def _entry(key: Key, span: Span, node: Node | None) -> _Entry:
     block = _places(node.block) if node is not None and node.block is not None else None
     entry = _Entry(key, *_places(span), block)
     if node is not None:
-        entry.children = [_entry((*key, *inner), at, child) for inner, at, child in node.lines]
+        entry.children = sorted((_entry((*key, *inner), at, child) for inner, at, child in node.lines), key=_start)
     return entry
+
+
+def _start(entry: _Entry) -> _Place:
+    return entry.start
 
 
 def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
     """Give one comment to the statement that it belongs to."""
-    for child in container.children:
-        if child.block is not None and child.block[0] <= at < child.block[1]:
-            return _place(child, at, text, own_line)
-    earlier = [child for child in container.children if child.start < at]
-    last = earlier[-1] if earlier else None
+    k = bisect_left(container.children, at, key=_start)
+    last = container.children[k - 1] if k else None
+    if last is not None and last.block is not None and last.block[0] <= at < last.block[1]:
+        return _place(last, at, text, own_line)
     if last is not None and at < last.end:
         _inside(last, at, text)
     elif own_line:
-        following = next((child for child in container.children if child.start > at), None)
+        following = container.children[k] if k < len(container.children) else None
         (following.before if following is not None else container.at_end).append((at[0], text))
     elif last is None or last.end[0] < at[0]:
         _behind(container, text)
@@ -142,17 +146,15 @@ def _with_gaps(
     """Return comment texts with an empty string for each gap, and whether a gap stands before the first."""
     texts: list[str] = []
     blank = False
-    for line, text in comments:
-        if line and line > previous + 1:
+    placed = [(line, text) for line, text in comments if line]
+    for line, text in (*placed, *([(following, None)] if following is not None else [])):
+        if line > previous + 1:
             if texts:
                 texts.append("")
             else:
                 blank = True
-        texts.append(text)
+        if text is not None:
+            texts.append(text)
         previous = max(previous, line)
-    if following is not None and following > previous + 1:
-        if texts:
-            texts.append("")
-        else:
-            blank = True
+    texts += [text for line, text in comments if not line]  # from inside the statement: right above it
     return tuple(texts), blank

@@ -9,21 +9,41 @@ from pydantic import ValidationError
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.document import Document
-from foresee_dsl.language.model import Assignment, Case, Item, Param, ParamValue, Quantity, Ref, Scenario
+from foresee_dsl.language.model import (
+    Assignment,
+    Case,
+    Cases,
+    Item,
+    Param,
+    ParamValue,
+    Quantity,
+    Ref,
+    Require,
+    Scenario,
+)
 from foresee_dsl.language.project_codes import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
+from foresee_dsl.language.sampling import case_names, draw
 from foresee_dsl.language.suggest import did_you_mean
 from foresee_dsl.language.units import UNITS
 
 _ItemT = TypeVar("_ItemT", bound=Item)
+_SETTLED = (Param, Require, Case, Cases)
 
 
 def cases(document: Document) -> tuple[str, ...]:
     """Return the names of a scenario's cases, in the author's order.
 
-    Empty for a scenario without cases (it is one test case itself) and for every other kind of file.
+    The written ones, and those that `cases ... from seed` draws. Empty for a scenario without cases (it is one test
+    case itself) and for every other kind of file.
     """
     model = document.model
-    return tuple(case.name for case in model.all(Case)) if isinstance(model, Scenario) else ()
+    names: list[str] = []
+    for item in model.body if isinstance(model, Scenario) else ():
+        if isinstance(item, Case):
+            names.append(item.name)
+        elif isinstance(item, Cases):
+            names += case_names(item)
+    return tuple(names)
 
 
 def concretise(scenario: Scenario, case: str | None, *, document: Document | None = None) -> Scenario:
@@ -35,7 +55,7 @@ def concretise(scenario: Scenario, case: str | None, *, document: Document | Non
         document: gives the errors their places.
 
     Returns:
-        The scenario without `param` and `case` statements.
+        The scenario without what is settled then: parameters, requirements and cases.
 
     Raises:
         InputError: no such case, a case or a reference that names no parameter, or a value that does not fit where
@@ -43,7 +63,7 @@ def concretise(scenario: Scenario, case: str | None, *, document: Document | Non
     """
     reporter = Reporter(document)
     values = _values(scenario, case, reporter)
-    body = tuple(_substituted(item, values, reporter) for item in scenario.body if not isinstance(item, Param | Case))
+    body = tuple(_substituted(item, values, reporter) for item in scenario.body if not isinstance(item, _SETTLED))
     reporter.raise_if_any()
     return Scenario(name=scenario.name, body=body)
 
@@ -97,6 +117,9 @@ def _values(scenario: Scenario, case: str | None, reporter: Reporter) -> dict[st
     if case is None:
         return values
     known = {found.name: found for found in scenario.all(Case)}
+    drawn = next((item for item in scenario.all(Cases) if case in case_names(item)), None)
+    if drawn is not None:
+        known |= {found.name: found for found in draw(scenario, drawn)}
     if case not in known:
         message = f"no case '{case}' in scenario '{scenario.name}'"
         reporter.add(

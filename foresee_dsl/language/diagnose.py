@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.checking import walk
 from foresee_dsl.language.document import Document, Problem, TestCase
 from foresee_dsl.language.model import Actor, Change, Ego, Item, Mutant, Traffic
 
@@ -14,14 +15,23 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
     `change` line for the actor; a problem of the scenario at its statement of that kind. What is written elsewhere (in
     the clip that a mutant changes) is said to be so.
     """
-    return InputError(tuple(_diagnostic(case, problem) for problem in problems))
+    named: set[tuple[int, str]] = set()
+    found = [_diagnostic(case, problem, named) for problem in problems]
+    return InputError(tuple(sorted(found, key=_where)))
 
 
-def _diagnostic(case: TestCase, problem: Problem) -> Diagnostic:
+def _where(diagnostic: Diagnostic) -> tuple[int, int]:
+    span = diagnostic.span
+    return (span.line, span.column) if span is not None else (0, 0)
+
+
+def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:
     document = case.document
     if document is None:
         return Diagnostic(code=problem.code, message=problem.message, help=problem.help, path=case.id)
     item, field = _place(document, problem)
+    if item is not None and problem.about:
+        item, field = _named(document, item, problem, named) or (item, field)
     message = problem.message
     if item is None and problem.actor and isinstance(document.model, Mutant):
         message = f"{message} (as written in '{document.model.parent}')"
@@ -53,6 +63,17 @@ def _within(actor: Ego | Actor, kind: str) -> tuple[Item, str]:
     if kind == "state" and actor.state is not None:
         return actor.state, ""
     return actor, kind if kind in ("model", "state") else "name"
+
+
+def _named(document: Document, first: Item, problem: Problem, named: set[tuple[int, str]]) -> tuple[Item, str] | None:
+    """Return where the name at fault stands: at its first place that no other problem has been shown at."""
+    alike = [item for item in document.model.body if _kind(item) == problem.item] if not problem.actor else [first]
+    for item in (part for statement in alike for part in walk(statement)):
+        for field in type(item).model_fields:
+            if getattr(item, field) == problem.about and (id(item), field) not in named:
+                named.add((id(item), field))
+                return item, field
+    return None
 
 
 def _kind(item: Item) -> str:

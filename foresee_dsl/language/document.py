@@ -43,17 +43,35 @@ class Document:
     model: Definition
     spans: Mapping[tuple[int, str], Span] = field(default_factory=dict)
     comments: Mapping[tuple[str | int, ...], Comments] = field(default_factory=dict)
+    base: Document | None = None
+    """Of a scenario that extends another and was joined with it: the other. `model` is the two as one then, and
+    `written` what the file says."""
+    written: Definition | None = None
+    kept: tuple[Item, ...] = ()
+    """Items that `spans` knows and `model` does not hold; an id is a name only as long as its item lives."""
 
     def span(self, item: Item, name: str = "") -> Span | None:
         """Return where an item (or one of its fields) stands, falling back to the whole item."""
         return self.spans.get((id(item), name)) or self.spans.get((id(item), ""))
 
     def diagnostic(self, item: Item | None, name: str, code: str, message: str, help: str = "") -> Diagnostic:
-        """Make an error about an item of this file (None: about the file)."""
+        """Make an error about an item of this file (None: about the file).
+
+        About an item that a scenario has from the one that it extends: at `extends`, and with the other's line.
+        """
+        if item is not None and self.base is not None and (holder := self._holder(item)) is not self:
+            place = holder.span(item, name)
+            line = f", line {place.line}" if place is not None else ""
+            message = f"{message} (in '{holder.path}'{line})"
+            item, name = self.written, "parent"
         span = self.span(item, name) if item is not None else None
         lines = self.text.split("\n")
         line = lines[span.line - 1] if span is not None and span.line <= len(lines) else ""
         return Diagnostic(code=code, message=message, help=help, path=self.path, span=span, source_line=line)
+
+    def _holder(self, item: Item) -> Document:
+        """Return the document, this or one that it extends, whose file says an item."""
+        return self if self.base is None or (id(item), "") in self.spans else self.base._holder(item)
 
 
 @dataclass(frozen=True)
@@ -101,8 +119,8 @@ class Problem:
     """A mistake that shows only once the network is known (off the road, on top of another actor, unreachable).
 
     `actor`: its name, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
-    (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `project.diagnose` turns it into a
-    `Diagnostic` with its place.
+    (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `about`: the name in that statement that is at
+    fault, if it is one. `diagnose.diagnose` turns it into a `Diagnostic` with its place.
     """
 
     actor: str
@@ -110,6 +128,7 @@ class Problem:
     code: str
     message: str
     help: str = ""
+    about: str = ""
 
 
 class PlacementError(Exception):

@@ -7,26 +7,25 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.language.catalogues import check_models
-from foresee_dsl.language.changes import changed
+from foresee_dsl.language.changes import changed_body, weakened
 from foresee_dsl.language.concretise import Reporter, concretise, value_text
+from foresee_dsl.language.conditions import mentioned, parts
 from foresee_dsl.language.document import Document, TestCase
+from foresee_dsl.language.lint_codes import WEAKENED
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.model import (
     Actor,
-    Both,
+    AlongRoute,
     Clip,
-    Comparison,
     Condition,
     Ego,
-    Either,
     End,
     Expect,
     Goal,
     GoalAt,
-    Measure,
     Mutant,
     Network,
-    Not,
+    PastJunction,
     Quantity,
     Scenario,
     ScenarioItem,
@@ -37,9 +36,9 @@ from foresee_dsl.language.model import (
     Weather,
     When,
     Window,
+    Within,
 )
-from foresee_dsl.language.project_codes import EMPTY_WINDOW, INCOMPLETE_CLIP, UNKNOWN_ACTOR
-from foresee_dsl.language.suggest import did_you_mean
+from foresee_dsl.language.project_codes import EMPTY_WINDOW, INCOMPLETE_CLIP
 
 _T = TypeVar("_T")
 _Participant = Ego | Actor
@@ -50,7 +49,8 @@ def expand_clip(clip: Clip, parent: TestCase, *, source: Path, document: Documen
 
     Network, models, tags, weather and expectations are the parent's; everything that moves is the clip's. Left out are
     expectations that something happens `eventually` (a window cannot judge them: it may have happened before, and the
-    clip ends with its window) and those about actors that the clip does not have.
+    clip ends with its window), those about actors that the clip does not have, and those about places along a route
+    (which begins elsewhere in the clip).
 
     Args:
         clip: as written.
@@ -68,7 +68,7 @@ def expand_clip(clip: Clip, parent: TestCase, *, source: Path, document: Documen
     actors = tuple(item for item in clip.body if isinstance(item, Actor))
     body: tuple[ScenarioItem, ...] = (
         *parent.scenario.all(Tags),
-        *_surroundings(parent, source.parent),
+        *surroundings(parent, source.parent),
         *parent.scenario.all(Weather),
         _with_goal(ego, _first(clip, Goal)),
         *actors,
@@ -104,24 +104,22 @@ def expand_mutant(mutant: Mutant, clip_case: TestCase, *, source: Path, document
         document: gives the errors their places, and the test case its document.
 
     Raises:
-        InputError: an unknown actor or model, a WAS that is not what the clip has, or a NOW that does not fit.
+        InputError: an unknown actor or model, a WAS that is not what the clip has, a NOW that does not fit, or an
+            expectation that is easier to meet than the clip's.
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
     reporter = Reporter(document, name)
-    actors = {actor.name: actor for actor in clip_case.scenario.actors}
+    changed: tuple[ScenarioItem, ...] = clip_case.scenario.body
     for change in mutant.changes:
-        if change.actor not in actors:
-            reporter.add(
-                change, "actor", UNKNOWN_ACTOR, f"no actor '{change.actor}'", did_you_mean(change.actor, actors)
-            )
-            continue
-        actors[change.actor] = changed(change, actors[change.actor], clip_case.models, reporter)
+        before, changed = changed, changed_body(change, changed, reporter, models=clip_case.models)
+        if (softer := weakened(before, changed)) is not None:
+            message = f"this makes '{softer}' easier to meet than in the clip, so that a failure would not show"
+            reporter.add(change, "now", WEAKENED, message, "leave the expectation as it is, or make it stricter")
     reporter.raise_if_any()
-    shared = tuple(item for item in clip_case.scenario.body if not isinstance(item, UseNetwork | UseModels | Network))
-    body: list[ScenarioItem] = [actors[item.name] if isinstance(item, Ego | Actor) else item for item in shared]
+    body: list[ScenarioItem] = [item for item in changed if not isinstance(item, UseNetwork | UseModels | Network)]
     at = sum(isinstance(item, Tags) for item in body)
-    body[at:at] = _surroundings(clip_case, source.parent)
+    body[at:at] = surroundings(clip_case, source.parent)
     scenario = Scenario(name=mutant.name, body=tuple(body))
     return TestCase(
         id=name,
@@ -198,7 +196,7 @@ def _with_goal(ego: Ego, goal: Goal | None) -> Ego:
     return ego.model_copy(update={"body": (*kept, GoalAt(place=goal.at))})
 
 
-def _surroundings(parent: TestCase, folder: Path) -> tuple[ScenarioItem, ...]:
+def surroundings(parent: TestCase, folder: Path) -> tuple[ScenarioItem, ...]:
     """Return the parent's network and catalogues as a file in `folder` names them."""
     items: list[ScenarioItem] = []
     for item in parent.scenario.body:
@@ -222,16 +220,14 @@ def _expectations(scenario: Scenario, actors: frozenset[str]) -> tuple[Expect, .
     known = actors | {"ego"}
     gone = frozenset(actor.name for actor in scenario.actors) - known
     return tuple(
-        expect for expect in scenario.all(Expect) if expect.mode != "eventually" and not _names(expect.condition) & gone
+        expect
+        for expect in scenario.all(Expect)
+        if expect.mode != "eventually"
+        and not mentioned(expect.condition) & gone
+        and not _along_a_route(expect.condition)
     )
 
 
-def _names(condition: Condition) -> frozenset[str]:
-    """Return every name (of an actor or a junction) that a condition mentions."""
-    if isinstance(condition, Both | Either):
-        return frozenset().union(*(_names(part) for part in condition.conditions))
-    if isinstance(condition, Not):
-        return _names(condition.condition)
-    measure = condition.left if isinstance(condition, Comparison) else condition
-    found = (measure.actor, measure.other if isinstance(measure, Measure) else None)
-    return frozenset(name for name in found if name is not None)
+def _along_a_route(condition: Condition) -> bool:
+    """Whether a place in it is counted along a route, which begins elsewhere in a clip."""
+    return any(isinstance(part, Within) and isinstance(part.of, AlongRoute | PastJunction) for part in parts(condition))

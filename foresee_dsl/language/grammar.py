@@ -18,6 +18,7 @@ from foresee_dsl.resources import cache_folder, data_folder
 
 STARTS = (
     "scenario_item",
+    "extension_item",
     "clip_item",
     "mutant_item",
     "network_item",
@@ -32,6 +33,7 @@ STARTS = (
     "origin_item",
     "header",
     "scenario",
+    "extension",
     "clip",
     "mutant",
     "network",
@@ -112,5 +114,7 @@ def _make(grammar: str, starts: tuple[str, ...], cache: Path | None) -> Lark:
 
 
 def _collect(token: Token) -> Token:
-    _comments.get().append(token)
+    found = _comments.get(None)  # None: an explanation goes on from a mistake, and wants no comments
+    if found is not None:
+        found.append(token)
     return token

@@ -80,6 +80,34 @@ def _scenario(item: m.Scenario, _: Parameters) -> Layout:
     return Layout(f"scenario {item.name}", _body(item.body))
 
 
+@_block(m.Extension)
+def _extension(item: m.Extension, _: Parameters) -> Layout:
+    return Layout(f"scenario {item.name} extends {p.string(item.parent)}", _body(item.body))
+
+
+def _held(word: str, item: m.Item, parameters: Parameters) -> Layout:
+    """A statement with a word in front of it."""
+    shape = layout(item, parameters)
+    head = "network" if isinstance(item, m.Network) and item.name == "here" else shape.head
+    inside = None if shape.inside is None else [(("item", *key), inner) for key, inner in shape.inside]
+    return Layout(f"{word} {head}", inside, shape.inline)
+
+
+@_block(m.Add)
+def _add(item: m.Add, parameters: Parameters) -> Layout:
+    return _held("add", item.item, parameters)
+
+
+@_block(m.Replace)
+def _replace(item: m.Replace, parameters: Parameters) -> Layout:
+    return _held("change", item.item, parameters)
+
+
+@_line(m.Drop)
+def _drop(item: m.Drop, _: Parameters) -> str:
+    return f"drop {item.what}" + (f" {p.identifier(item.name)}" if item.name is not None else "")
+
+
 @_block(m.Clip)
 def _clip(item: m.Clip, _: Parameters) -> Layout:
     case = f" case {item.case}" if item.case is not None else ""
@@ -131,7 +159,25 @@ def _param(item: m.Param, _: Parameters) -> str:
         text += f" in {p.value(item.range.low)}..{p.value(item.range.high)}{p.optional('step', item.range.step)}"
     elif item.options is not None:
         text += f" in {p.listing(p.word(option) for option in item.options)}"
-    return text
+    return text if item.distribution is None else f"{text} as {_distribution(item.distribution)}"
+
+
+def _distribution(item: m.Distribution) -> str:
+    if isinstance(item, m.Normal):
+        return f"normal({p.value(item.mean)}, {p.value(item.deviation)})"
+    if isinstance(item, m.Choice):
+        return f"choice({', '.join(p.value(weight) for weight in item.weights)})"
+    return item.kind
+
+
+@_line(m.Require)
+def _require(item: m.Require, parameters: Parameters) -> str:
+    return f"require {p.condition(item.condition, parameters)}"
+
+
+@_line(m.Cases)
+def _cases(item: m.Cases, _: Parameters) -> str:
+    return f"cases {p.value(item.count)} from seed {p.value(item.seed)}"
 
 
 @_line(m.Weather)
@@ -141,8 +187,13 @@ def _weather(item: m.Weather, _: Parameters) -> str:
 
 
 @_line(m.Expect)
-def _expect(item: m.Expect, _: Parameters) -> str:
-    return f"expect {item.mode}{p.optional('within', item.within)} {p.condition(item.condition)}"
+def _expect(item: m.Expect, parameters: Parameters) -> str:
+    within = p.optional("within", item.within)
+    return f"expect {_label(item.name)}{item.mode}{within} {p.condition(item.condition, parameters)}"
+
+
+def _label(name: str | None) -> str:
+    return f"{name}: " if name is not None else ""
 
 
 @_line(m.End)
@@ -151,8 +202,9 @@ def _end(item: m.End, _: Parameters) -> str:
 
 
 @_line(m.SignalState)
-def _signal(item: m.SignalState, _: Parameters) -> str:
-    return f"signal {p.identifier(item.junction)} stage {item.stage} elapsed {p.value(item.elapsed)}"
+def _signal(item: m.SignalState, parameters: Parameters) -> str:
+    junction, stage = p.identifier(item.junction, parameters), p.identifier(item.stage, parameters)
+    return f"signal {junction} stage {stage} elapsed {p.value(item.elapsed)}"
 
 
 @_block(m.Case)
@@ -202,7 +254,7 @@ def _traffic(item: m.Traffic, _: Parameters) -> Layout:
 
 @_line(m.Route)
 def _route(item: m.Route, parameters: Parameters) -> str:
-    legs = "".join(f" {p.identifier(leg.turn)} over {p.identifier(leg.junction)}" for leg in item.legs)
+    legs = "".join(f" {p.identifier(leg.turn)} over {p.identifier(leg.junction, parameters)}" for leg in item.legs)
     return f"route from {p.identifier(item.start, parameters)}{legs}"
 
 
@@ -240,13 +292,13 @@ def _goal_at(item: m.GoalAt, parameters: Parameters) -> str:
 
 
 @_line(m.IgnoresRule)
-def _ignores_rule(item: m.IgnoresRule, _: Parameters) -> str:
-    return f"ignores {item.what}{_at(item.junction)}"
+def _ignores_rule(item: m.IgnoresRule, parameters: Parameters) -> str:
+    return f"ignores {item.what}{_at(item.junction, parameters)}"
 
 
 @_line(m.MeetsState)
-def _meets_state(item: m.MeetsState, _: Parameters) -> str:
-    return f"meets {item.other} at {p.identifier(item.junction)} {item.order} {p.value(item.gap)}"
+def _meets_state(item: m.MeetsState, parameters: Parameters) -> str:
+    return f"meets {item.other}{_at(item.junction, parameters)} {item.order} {p.value(item.gap)}"
 
 
 @_line(m.Walked)
@@ -269,26 +321,39 @@ def _delay(item: m.Delay, _: Parameters) -> str:
     return f"delay {p.value(item.time)}"
 
 
-def _at(junction: str | None) -> str:
-    return f" at {p.identifier(junction)}" if junction is not None else ""
+def _at(junction: str | m.Ref | None, parameters: Parameters) -> str:
+    return f" at {p.identifier(junction, parameters)}" if junction is not None else ""
 
 
 # ---- triggers ------------------------------------------------------------------------------------------------------
 
 
 @_block(m.When)
-def _when(item: m.When, _: Parameters) -> Layout:
-    return Layout(f"when {p.condition(item.condition)}", _body(item.actions, "actions"))
+def _when(item: m.When, parameters: Parameters) -> Layout:
+    repeat = f"{item.repeat} " if item.repeat is not None else ""
+    head = f"when {repeat}{_label(item.name)}{p.condition(item.condition, parameters)}"
+    return Layout(head, _body(item.actions, "actions"))
+
+
+@_block(m.Then)
+def _then(item: m.Then, parameters: Parameters) -> Layout:
+    when = f" when {p.condition(item.condition, parameters)}" if item.condition is not None else ""
+    return Layout(f"then{when}", _body(item.actions, "actions"))
+
+
+@_line(m.Wait)
+def _wait(item: m.Wait, _: Parameters) -> str:
+    return f"wait {p.value(item.duration)}"
 
 
 @_line(m.Meets)
-def _meets(item: m.Meets, _: Parameters) -> str:
-    return f"{item.actor} meets {item.other} at {p.identifier(item.junction)} {item.order} {p.value(item.gap)}"
+def _meets(item: m.Meets, parameters: Parameters) -> str:
+    return f"{item.actor} meets {item.other}{_at(item.junction, parameters)} {item.order} {p.value(item.gap)}"
 
 
 @_line(m.Ignores)
-def _ignores(item: m.Ignores, _: Parameters) -> str:
-    return f"{item.actor} ignores {item.what}{_at(item.junction)}"
+def _ignores(item: m.Ignores, parameters: Parameters) -> str:
+    return f"{item.actor} ignores {item.what}{_at(item.junction, parameters)}"
 
 
 @_line(m.Starts)
@@ -303,7 +368,7 @@ def _changes_speed(item: m.ChangesSpeed, _: Parameters) -> str:
 
 @_line(m.ChangesLane)
 def _changes_lane(item: m.ChangesLane, _: Parameters) -> str:
-    return f"{item.actor} changes lane {item.side}"
+    return f"{item.actor} changes lane {p.identifier(item.side)}"
 
 
 @_line(m.Stops)
@@ -316,7 +381,8 @@ def _stops(item: m.Stops, _: Parameters) -> str:
 
 @_block(m.Junction)
 def _junction(item: m.Junction, _: Parameters) -> Layout:
-    control = f" {item.control}" if item.control != "priority" else ""
+    said = item.control != "priority" or "control" in item.model_fields_set  # the default, where the author wrote it
+    control = f" {item.control}" if said else ""
     inside: list[tuple[Key, m.Item | str]] = [(("crossings",), "crossings")] if item.crossings else []
     inside += _body(item.stages, "stages")
     return Layout(f"junction {item.name} at {p.point(item.at)}{control}", inside or None, inline=not item.stages)

@@ -12,14 +12,17 @@ from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import (
     Actor,
     Case,
+    Cases,
     Clip,
     Doc,
     Ego,
+    Expect,
     Fidelity,
     Item,
     Network,
     Param,
     Quantity,
+    Require,
     Risk,
     Scenario,
     Tags,
@@ -38,7 +41,7 @@ SIGNIFICANT_DIGITS = 9
 a conversion (`50 km/h` is 13.888888888... m/s)."""
 
 _HASH_DIGITS = 12
-_NO_MEANING = (Doc, Tags, Risk, Fidelity, UseNetwork, UseModels, Network, Param, Case)
+_NO_MEANING = (Doc, Tags, Risk, Fidelity, UseNetwork, UseModels, Network, Param, Case, Cases, Require)
 """Statements of a scenario or clip that its own part of the hash leaves out (the network and models enter apart)."""
 
 _GROUPS: tuple[tuple[str, tuple[type[Item], ...]], ...] = (
@@ -120,11 +123,22 @@ def _canonical(value: object) -> _Json:
     if isinstance(value, Ego | Actor):
         fields = _fields(value)
         return fields | {"body": sorted((_canonical(item) for item in value.body), key=_sort_key)}
+    if isinstance(value, When | Expect):
+        return _unlabelled(value)
     if isinstance(value, Item):
         return _fields(value)
     if isinstance(value, tuple):
         return [_canonical(part) for part in value if not isinstance(part, Doc)]
     return value
+
+
+def _unlabelled(item: When | Expect) -> dict[str, _Json]:
+    """A label is for people, and `once` is what a trigger does anyway."""
+    fields = _fields(item)
+    fields.pop("name", None)
+    if fields.get("repeat") == "once":
+        del fields["repeat"]
+    return fields
 
 
 def _fields(item: Item) -> dict[str, _Json]:

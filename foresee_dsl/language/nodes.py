@@ -43,6 +43,20 @@ class Node:
     block: Span | None = None
 
 
+class _AnyName(frozenset[str]):
+    """A set that holds every name."""
+
+    def __contains__(self, name: object) -> bool:
+        return True
+
+
+ANY_NAME: frozenset[str] = _AnyName()
+"""The parameters of a scenario that extends another: a word may be one of the other's, which this file does not say.
+
+A word that turns out to be none becomes a name again when the two are joined (`extend.extended`).
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Mistake:
     """Something wrong that was seen on the way; the parser adds the file and the source line."""
@@ -57,16 +71,24 @@ class Mistake:
 # `name!` is one unless it has a dot.
 _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
     "scenario": (m.Scenario, ("name", "body")),
+    "extension": (m.Extension, ("name", "parent", "body")),
+    "drop": (m.Drop, ("what", "name")),
     "doc": (m.Doc, ("text",)),
     "tags": (m.Tags, ("names",)),
     "use_network": (m.UseNetwork, ("path",)),
     "use_models": (m.UseModels, ("path",)),
     "range": (m.Range, ("low", "high", "step")),
+    "uniform": (m.Uniform, ()),
+    "normal": (m.Normal, ("mean", "deviation")),
+    "choice": (m.Choice, ("weights*",)),
+    "grid": (m.Grid, ()),
+    "require": (m.Require, ("condition",)),
+    "cases": (m.Cases, ("count", "seed")),
     "case": (m.Case, ("name", "values")),
     "assignment": (m.Assignment, ("name", "value")),
-    "expect": (m.Expect, ("mode", "within", "condition")),
+    "expect": (m.Expect, ("name", "mode", "within", "condition")),
     "end": (m.End, ("after",)),
-    "signal": (m.SignalState, ("junction", "stage", "elapsed")),
+    "signal": (m.SignalState, ("junction?", "stage?", "elapsed")),
     "ego": (m.Ego, ("model!", "state", "body")),
     "actor": (m.Actor, ("kind", "name", "model!", "state", "body")),
     "state": (m.State, ("at", "heading", "speed", "acceleration", "steer")),
@@ -76,24 +98,31 @@ _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
     "start_speed": (m.StartSpeed, ("speed",)),
     "cruise_speed": (m.CruiseSpeed, ("speed",)),
     "goal_at": (m.GoalAt, ("place",)),
-    "ignores_rule": (m.IgnoresRule, ("what", "junction")),
-    "meets_state": (m.MeetsState, ("other", "junction", "order", "gap")),
+    "ignores_rule": (m.IgnoresRule, ("what", "junction?")),
+    "meets_state": (m.MeetsState, ("other", "junction?", "order", "gap")),
     "walked": (m.Walked, ("along",)),
     "steers": (m.Steers, ("value", "start", "duration")),
     "timing": (m.Timing, ("factor",)),
     "delay": (m.Delay, ("time",)),
-    "when": (m.When, ("condition", "actions")),
-    "meets": (m.Meets, ("actor", "other", "junction", "order", "gap")),
-    "ignores": (m.Ignores, ("actor", "what", "junction")),
+    "when": (m.When, ("repeat", "name", "condition", "actions")),
+    "meets": (m.Meets, ("actor", "other", "junction?", "order", "gap")),
+    "ignores": (m.Ignores, ("actor", "what", "junction?")),
     "starts": (m.Starts, ("actor",)),
     "changes_speed": (m.ChangesSpeed, ("actor", "to", "over")),
-    "changes_lane": (m.ChangesLane, ("actor", "side")),
+    "changes_lane": (m.ChangesLane, ("actor", "side?")),
     "stops": (m.Stops, ("actor", "duration")),
+    "wait": (m.Wait, ("duration",)),
+    "then": (m.Then, ("condition", "actions")),
     "either": (m.Either, ("conditions*",)),
     "both": (m.Both, ("conditions*",)),
     "negation": (m.Not, ("condition",)),
     "comparison": (m.Comparison, ("left", "op", "right")),
+    "equals": (m.Equals, ("left?", "right")),
     "predicate": (m.Predicate, ("what", "actor")),
+    "in_junction": (m.InJunction, ("actor", "junction?")),
+    "within": (m.Within, ("actor", "distance", "of")),
+    "named": (m.Named, ("name?",)),
+    "sustained": (m.Sustained, ("condition", "duration")),
     "stage": (m.Stage, ("name", "duration", "green")),
     "models": (m.Catalogue, ("name", "body")),
     "clip": (m.Clip, ("name", "parent", "case", "pin", "body")),
@@ -107,6 +136,17 @@ _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
 }
 
 _TURNS = ("straight", "left", "right", "back")
+RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
+"""Words that mean themselves wherever they stand, so that no parameter may be called so."""
+
+_CHANGEABLE: dict[str, tuple[str, ...]] = {
+    "ego": ("model", "steer", "timing", "speed", "delay"),
+    "weather": ("rain", "fog", "wetness", "sun"),
+    "end": ("after",),
+    "expect": (),
+    "param": (),
+}
+"""What `change` may name behind the dot: of an actor (any name that is not below), and of the rest; empty: any name."""
 
 
 def span_of(thing: _Tree | Token) -> Span:
@@ -120,7 +160,8 @@ class NodeMaker:
 
     def __init__(self, tree: _Tree) -> None:
         self.mistakes: list[Mistake] = []
-        self._parameters = frozenset(_parameter_names(tree))
+        extends = any(part.data == "extension" for part in _trees(tree.children))
+        self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
         self._depth = 0
         self._special: dict[str, Callable[[_Tree], Node]] = {
             "quantity": self._quantity,
@@ -138,6 +179,9 @@ class NodeMaker:
             "along": self._along,
             "past": self._past,
             "change": self._change,
+            "add": lambda t: self._holding(t, m.Add),
+            "replace": lambda t: self._holding(t, m.Replace),
+            "shows": self._shows,
         }
 
     def make(self, tree: _Tree) -> Node:
@@ -147,10 +191,10 @@ class NodeMaker:
             return special(tree)
         kind, names = _SHAPES[tree.data]
         node = Node(kind, span_of(tree))
-        nested = tree.data in ("either", "both", "negation")
+        nested = tree.data in ("either", "both", "negation", "sustained", "then")
         self._depth += nested
         if self._depth > MAX_DEPTH:
-            self._mistake("FS018", "this condition is nested too deeply", "split it into several statements", node.span)
+            self._mistake("FS018", "this is nested too deeply", "split it into several statements", node.span)
         else:
             self._fill(node, tree.children, names)
         self._depth -= nested
@@ -205,7 +249,7 @@ class NodeMaker:
         """A word that is the name of a parameter, if there is one of that name, else an id."""
         child = _token(child)
         node.places[name] = span_of(child)
-        is_parameter = child.type == "NAME" and str(child) in self._parameters
+        is_parameter = child.type == "NAME" and str(child) in self._parameters and str(child) not in RESERVED
         node.fields[name] = Node(m.Ref, span_of(child), {"name": str(child)}) if is_parameter else _text(child)
 
     def _mistake(self, code: str, message: str, help: str, span: Span) -> None:
@@ -228,7 +272,7 @@ class NodeMaker:
         whole = span_of(token)
         dot = whole.column + len(actor)
         node.places[name] = Span(whole.line, whole.column, whole.line, dot)
-        if found not in properties:
+        if properties and found not in properties:
             place = Span(whole.line, dot + 1, whole.line, whole.end_column)
             self._mistake("FS006", f"unknown property '{found}' of '{actor}'", did_you_mean(found, properties), place)
         return found
@@ -257,25 +301,40 @@ class NodeMaker:
         first = _token(tree.children[0])
         if first.type == "DOTTED":
             argument = tree.children[1]
-            what = self._dotted(first, node, "actor", ("speed", "eta"))
+            what = self._dotted(first, node, "actor", ("speed", "acceleration", "eta"))
             if argument is None and what == "eta":
                 self._mistake("FS003", "'eta' needs a junction", "write it like `ego.eta(j4)`", node.span)
-            elif argument is not None and what == "speed":
-                self._mistake("FS003", "'speed' takes no argument", "write it like `ego.speed`", node.span)
-            self._fill(node, (argument,), ("other",))
-            node.fields["what"] = what if what in ("speed", "eta") else "speed"
+            elif argument is not None and what in ("speed", "acceleration"):
+                self._mistake("FS003", f"'{what}' takes no argument", f"write it like `ego.{what}`", node.span)
+            self._fill(node, (argument,), ("other?",))
+            node.fields["what"] = what if what in ("speed", "acceleration", "eta") else "speed"
         else:
-            self._fill(node, tree.children, ("what", "actor", "other"))
+            self._fill(node, tree.children, ("what", "actor", "other?"))
+        return node
+
+    def _shows(self, tree: _Tree) -> Node:
+        whose, junction, state = tree.children
+        node = Node(m.Shows, span_of(tree))
+        self._fill(node, (junction, state), ("junction?", "state?"))
+        if _token(whose).type == "DOTTED":
+            self._dotted(_token(whose), node, "actor", ("signal",))
+        return node
+
+    def _holding(self, tree: _Tree, kind: type[m.Item]) -> Node:
+        """A statement in front of which a word says what is done with it: its lines count as the holder's own."""
+        held = self.make(next(_trees(tree.children)))
+        node = Node(kind, span_of(tree), {"item": held}, {"item": held.span}, block=held.block)
+        node.lines = [(("item", *key), span, inner) for key, span, inner in held.lines]
         return node
 
     def _leg(self, tree: _Tree) -> Node:
         node = Node(m.Leg, span_of(tree))
         turn = _token(tree.children[0])
-        self._put(node, "junction", _token(tree.children[1]))
+        self._put_word(node, "junction", _token(tree.children[1]))
         self._put_word(node, "turn", turn)
         if str(turn) in _TURNS:
             node.fields["turn"] = str(turn)
-        elif str(turn) not in self._parameters:
+        elif turn.type != "NAME" or str(turn) not in self._parameters:
             help = did_you_mean(str(turn), (*_TURNS, *sorted(self._parameters)))
             self._mistake("FS004", f"unknown turn '{turn}'", help or f"turns are {', '.join(_TURNS)}", span_of(turn))
         return node
@@ -285,8 +344,9 @@ class NodeMaker:
         node = Node(m.Change, span_of(tree))
         self._fill(node, rest, ("was", "now", "start", "duration"))
         token = _token(what)
-        property_ = self._dotted(token, node, "actor", ("model", "steer", "timing", "speed", "delay"))
-        node.fields["property"] = property_ if property_ in ("steer", "timing", "speed", "delay") else "model"
+        owner = str(token).partition(".")[0]
+        known = _CHANGEABLE.get(owner, _CHANGEABLE["ego"])
+        node.fields["property"] = self._dotted(token, node, "actor", known)
         node.places["property"] = span_of(token)
         return node
 
@@ -300,11 +360,9 @@ class NodeMaker:
 
     def _param(self, tree: _Tree) -> Node:
         node = Node(m.Param, span_of(tree))
-        name, type_, default, limits = tree.children
-        is_range = isinstance(limits, Tree) and limits.data == "range"
-        self._fill(
-            node, (name, type_, default, limits), ("name", "type", "default", "range" if is_range else "options")
-        )
+        is_range = isinstance(tree.children[3], Tree) and tree.children[3].data == "range"
+        names = ("name", "type", "default", "range" if is_range else "options", "distribution")
+        self._fill(node, tree.children, names)
         return node
 
     def _weather(self, tree: _Tree) -> Node:

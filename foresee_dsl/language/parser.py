@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pydantic
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
+from foresee_dsl import kept
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.builder import Builder
+from foresee_dsl.language.checking import walk
 from foresee_dsl.language.comments import attach
 from foresee_dsl.language.document import Document
 from foresee_dsl.language.grammar import parse_tree
-from foresee_dsl.language.model import Catalogue, Clip, Mutant, Network, Scenario
+from foresee_dsl.language.model import Catalogue, Clip, Extension, Item, Mutant, Network, Scenario
 from foresee_dsl.language.nodes import Mistake, Node, NodeMaker, span_of
 
 if TYPE_CHECKING:
@@ -60,9 +64,11 @@ def parse(text: str, path: str) -> Document:
     models = [builder.build(node) for node in nodes]
     mistakes += [*maker.mistakes, *builder.mistakes, *_nameless(nodes)]
     if mistakes:
-        raise InputError(_diagnostics(mistakes, text, path))
+        from foresee_dsl.language.partial import with_certain
+
+        raise InputError(with_certain(_diagnostics(mistakes, text, path), nodes, text, path))
     model = models[0]
-    if header is None or not isinstance(model, (Scenario, Clip, Mutant, Network, Catalogue)):
+    if header is None or not isinstance(model, (Scenario, Extension, Clip, Mutant, Network, Catalogue)):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
     around = attach(nodes[0], span_of(header), comments, text)
     return Document(path=path, text=text, model=model, spans=builder.spans, comments=around)
@@ -79,6 +85,34 @@ def load(path: Path, shown_as: str | None = None) -> Document:
         InputError: the file is missing, is a folder, too large, no UTF-8 text, or has mistakes.
     """
     name = shown_as if shown_as is not None else str(path)
+    text = read_text(path, name)
+    place = kept.place_of("documents", (name, text, pydantic.VERSION))
+    known = kept.take(place)
+    if known is not None:
+        return _with_spans(*known)
+    document = parse(text, name)
+    if isinstance(document.model, (Network, Catalogue)):  # many files use them, and they are seldom edited
+        items = {id(item): item for item in walk(document.model)}
+        spans = [(items[key], field, at) for (key, field), at in document.spans.items()]
+        kept.put(place, (replace(document, spans={}), spans))
+    return document
+
+
+def _with_spans(document: Document, spans: Iterable[tuple[Item, str, Span]]) -> Document:
+    """Give a kept document its spans back, which are by the items' identity."""
+    return replace(document, spans={(id(item), field): at for item, field, at in spans})
+
+
+def read_text(path: Path, name: str) -> str:
+    """Return a file's text, byte order mark and newlines as they are.
+
+    Args:
+        path: the file.
+        name: how it is called in messages.
+
+    Raises:
+        InputError: the file is missing, is a folder, too large, or no UTF-8 text.
+    """
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
             raise InputError((Diagnostic("FS001", "this is not an ordinary file", "name a text file", name),))
@@ -86,18 +120,26 @@ def load(path: Path, shown_as: str | None = None) -> Document:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise InputError((_unreadable(path, name, error),)) from None
+    return decode(content, name)
+
+
+def decode(content: bytes, name: str) -> str:
+    """Return the text that a file's bytes are; `name` is how it is called in messages.
+
+    Raises:
+        InputError: it is too large, or no UTF-8 text.
+    """
     if len(content) > MAX_BYTES:
         help = f"files of the language have at most {MAX_BYTES // 1_000_000} MB"
         raise InputError((Diagnostic("FS002", "the file is too large", help, name),))
     if b"\0" in content:
         raise InputError((Diagnostic("FS002", "this is a binary file", "a text file is needed", name),))
     try:
-        text = content.decode("utf-8")
+        return content.decode("utf-8")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         message = f"the file is not UTF-8 text (line {line}, byte 0x{content[error.start]:02x})"
         raise InputError((Diagnostic("FS002", message, "save it as UTF-8", name),)) from None
-    return parse(text, name)
 
 
 def format_text(text: str, path: str) -> str:

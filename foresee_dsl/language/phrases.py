@@ -66,30 +66,64 @@ def optional(keyword: str, item: m.Value | None) -> str:
     return f" {keyword} {value(item)}" if item is not None else ""
 
 
-def condition(item: m.Condition) -> str:
+def condition(item: m.Condition, parameters: frozenset[str] = frozenset()) -> str:
     """Return a condition with no more brackets than it needs."""
-    if isinstance(item, m.Comparison):
-        return f"{measure(item.left)} {item.op} {value(item.right)}"
-    if isinstance(item, m.Predicate):
-        return f"{item.what}({item.actor})"
-    if isinstance(item, m.Not):
-        return f"not {_inner(item.condition, (m.Both, m.Either))}"
-    if isinstance(item, m.Both):
-        return " and ".join(_inner(part, (m.Both, m.Either)) for part in item.conditions)
-    return " or ".join(_inner(part, (m.Either,)) for part in item.conditions)
+    match item:
+        case m.Sustained():
+            inner = _inner(item.condition, (m.Not, m.Both, m.Either, m.Sustained), parameters)
+            text = f"{inner} for {value(item.duration)}"
+        case m.Not():
+            text = f"not {_inner(item.condition, (m.Both, m.Either), parameters)}"
+        case m.Both():
+            text = " and ".join(_inner(part, (m.Both, m.Either), parameters) for part in item.conditions)
+        case m.Either():
+            text = " or ".join(_inner(part, (m.Either,), parameters) for part in item.conditions)
+        case _:
+            text = _fact(item, parameters)
+    return text
 
 
-def _inner(item: m.Condition, in_brackets: tuple[type[m.Item], ...]) -> str:
-    return f"({condition(item)})" if isinstance(item, in_brackets) else condition(item)
+_Fact = m.Comparison | m.Equals | m.Predicate | m.InJunction | m.Within | m.Shows
 
 
-def measure(item: m.Measure) -> str:
-    """Return `time`, `ego.speed`, `ego.eta(j4)`, `distance(a, b)` or `ttc(a, b)`."""
+def _fact(item: _Fact, parameters: frozenset[str]) -> str:
+    match item:
+        case m.Comparison():
+            left = measure(item.left, parameters) if isinstance(item.left, m.Measure) else value(item.left)
+            text = f"{left} {item.op} {value(item.right)}"
+        case m.Equals():
+            text = f"{value(item.left)} is {word(item.right)}"
+        case m.Predicate():
+            text = f"{item.what}({item.actor})"
+        case m.InJunction():
+            which = f" {_not_going_on(item.junction, parameters)}" if item.junction is not None else ""
+            text = f"{item.actor} in junction{which}"
+        case m.Within():
+            of = identifier(item.of.name, parameters) if isinstance(item.of, m.Named) else place(item.of, parameters)
+            text = f"{item.actor} within {value(item.distance)} of {of}"
+        case m.Shows():
+            whose = f"{item.actor}." if item.actor is not None else ""
+            text = f"{whose}signal({identifier(item.junction, parameters)}) is {identifier(item.state, parameters)}"
+    return text
+
+
+def _inner(item: m.Condition, in_brackets: tuple[type[m.Item], ...], parameters: frozenset[str]) -> str:
+    text = condition(item, parameters)
+    return f"({text})" if isinstance(item, in_brackets) else text
+
+
+def _not_going_on(item: str | m.Ref, parameters: frozenset[str]) -> str:
+    """Return an id that may be left out: in quotes where the condition would seem to go on without it."""
+    return string(item) if item in ("and", "or", "for") else identifier(item, parameters)
+
+
+def measure(item: m.Measure, parameters: frozenset[str] = frozenset()) -> str:
+    """Return `time`, `ego.speed`, `ego.eta(j4)`, `distance(a, b)` and the like."""
     if item.what == "time":
         return "time"
-    if item.what == "speed":
-        return f"{item.actor}.speed"
-    other = identifier(item.other or "")
+    if item.what in ("speed", "acceleration"):
+        return f"{item.actor}.{item.what}"
+    other = identifier(item.other if item.other is not None else "", parameters)
     if item.what == "eta":
         return f"{item.actor}.eta({other})"
     return f"{item.what}({item.actor}, {other})"

@@ -11,7 +11,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.comments import END, HEADER
 from foresee_dsl.language.document import Comments
 from foresee_dsl.language.layout import Layout, layout
-from foresee_dsl.language.nodes import Key
+from foresee_dsl.language.nodes import ANY_NAME, Key
 
 _INDENT = "  "
 _NONE = Comments()
@@ -46,7 +46,7 @@ def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = N
 
 def print_item(item: m.Item) -> str:
     """Return one statement (with its block) as text, for messages and diffs."""
-    writer = _Writer(item, None)
+    writer = _Writer(item, {})  # no comments and no blank lines
     writer.statement(item, (), 0)
     return "\n".join(writer.lines)
 
@@ -55,9 +55,9 @@ class _Writer:
     def __init__(self, model: m.Item, comments: Mapping[Key, Comments] | None) -> None:
         self.lines: list[str] = []
         self._comments = comments
-        self._parameters = frozenset(
-            item.name for item in (model.body if isinstance(model, m.Scenario) else ()) if isinstance(item, m.Param)
-        )
+        body = model.body if isinstance(model, m.Scenario) else ()
+        named = frozenset(item.name for item in body if isinstance(item, m.Param))
+        self._parameters = ANY_NAME if isinstance(model, m.Extension) else named
 
     def file(self, model: m.Definition) -> str:
         around = self._around(HEADER)
@@ -80,9 +80,10 @@ class _Writer:
         shape = Layout(item) if isinstance(item, str) else layout(item, self._parameters)
         if key and isinstance(item, m.Network) and item.name == "here":
             shape = Layout("network", shape.inside)
-        if shape.inside is None and not around.at_end:
+        at_brace = around.at_end or around.after_end is not None  # a comment that needs the closing brace's own line
+        if shape.inside is None and not at_brace:
             self._add(shape.head, depth, around.after)
-        elif not shape.inside and not around.at_end:
+        elif not shape.inside and not at_brace:
             self._add(f"{shape.head} {{}}", depth, around.after)
         elif shape.inline and not self._remarked(key, shape, around):
             texts = [

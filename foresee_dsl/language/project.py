@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -13,10 +13,12 @@ from foresee_dsl.language.addresses import (
     FOREIGN_NETWORKS,
     is_file,
     is_folder,
+    is_inside,
     kind_of,
     missing,
     near_files,
     parse_address,
+    project_folder,
     recorded_children,
     scenario_files,
     shown,
@@ -26,11 +28,13 @@ from foresee_dsl.language.concretise import cases, concretise
 from foresee_dsl.language.diagnose import diagnose
 from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.expand import absolute, expand_clip, expand_mutant
+from foresee_dsl.language.extend import extended, softened
 from foresee_dsl.language.meaning import meaning_hash, pin_of
 from foresee_dsl.language.model import (
     Catalogue,
     Clip,
     Definition,
+    Extension,
     Item,
     Mutant,
     Network,
@@ -51,6 +55,7 @@ from foresee_dsl.language.project_codes import (
     WHICH_CASE,
     WRONG_KIND,
 )
+from foresee_dsl.language.sampling import with_drawn_cases
 from foresee_dsl.language.suggest import did_you_mean
 
 __all__ = [
@@ -75,8 +80,8 @@ def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin
 
     Args:
         address: a scenario, clip or mutant file, or `file.foresee::case`.
-        allow_outside: whether the files that it uses may lie outside the working folder (or, where the addressed file
-            does itself, outside that file's folder).
+        allow_outside: whether the files that it uses may lie outside the project folder: of the working folder, or of
+            the addressed file (`addresses.project_folder`).
         check_pin: whether a child whose parent has changed is an error (code `STALE_PIN`).
 
     Raises:
@@ -143,19 +148,27 @@ class Project:
     It does not notice when files change: make a new one then.
     """
 
-    def __init__(self, *, allow_outside: bool = True, check_pin: bool = True) -> None:
+    def __init__(
+        self, *, allow_outside: bool = True, check_pin: bool = True, overlay: Mapping[Path, str] | None = None
+    ) -> None:
+        """Make a project; `overlay` holds texts that stand for those on the disk, by absolute path (an editor's)."""
+        self._overlay = overlay or {}
         self._allow_outside = allow_outside
         self._check_pin = check_pin
         self._files: dict[Path, _File] = {}
+        self._wholes: dict[Path, _File] = {}
+        self._undrawn: dict[Path, Document] = {}
         self._cases: dict[tuple[Path, str | None], TestCase] = {}
+        self._roots: tuple[Path, ...] = ()
         self.warnings: list[Diagnostic] = []
         """What was found in the files read so far that is no error."""
 
     def test_case(self, address: str | Path) -> TestCase:
         """Load one test case; see `load_test_case`."""
         path, case = parse_address(str(address))
-        if not is_file(path):
+        if not self._is_file(path):
             raise missing(path)
+        self._allow_near(path)
         return self._load(absolute(path), shown(path), case, None, ())
 
     def test_cases(self, paths: Iterable[str | Path]) -> tuple[TestCase, ...]:
@@ -176,7 +189,7 @@ class Project:
     def definition(self, file: str | Path) -> Definition:
         """Load and check one file as it stands, whatever it holds."""
         path = Path(file)
-        if not is_file(path):
+        if not self._is_file(path):
             raise missing(path)
         return self._read(absolute(path), shown(path)).document.model
 
@@ -191,6 +204,7 @@ class Project:
     def _addresses(self, paths: Iterable[str | Path]) -> Iterable[tuple[Path, str | None]]:
         for address in map(str, paths):
             path, case = parse_address(address)
+            self._allow_near(path)
             if not is_folder(path):
                 yield path, case
                 continue
@@ -200,34 +214,103 @@ class Project:
                 raise InputError((Diagnostic(code=MISSING_FILE, message=message, path=shown(path)),))
             yield from ((file, None) for file in scenarios)
 
+    def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> Scenario:
+        """Load a file that holds a scenario, joined with what it extends, and its drawn cases beside the written ones.
+
+        Args:
+            file: the file. drawn: whether `cases N from seed S` becomes N cases, or stays as it is.
+
+        Raises:
+            InputError: a mistake in one of the files, or it holds something else.
+        """
+        path = Path(file)
+        if not self._is_file(path):
+            raise missing(path)
+        self._allow_near(path)
+        found = self._whole(self._read(absolute(path), shown(path)), ())
+        document = found.document if drawn else self._undrawn.get(absolute(path), found.document)
+        if isinstance(document.model, Scenario):
+            return document.model
+        message = f"this holds {_a(found.document.model)}, not a scenario"
+        raise InputError((Diagnostic(code=WRONG_KIND, message=message, path=shown(path)),))
+
     def _case_names(self, file: Path) -> tuple[str | None, ...]:
-        if not is_file(file):
+        if not self._is_file(file):
             raise missing(file)
-        return cases(self._read(absolute(file), shown(file)).document) or (None,)
+        return cases(self._whole(self._read(absolute(file), shown(file)), ()).document) or (None,)
+
+    def _whole(self, file: _File, chain: tuple[_File, ...]) -> _File:
+        """Return a scenario's file with what it extends and its drawn cases; every other file as it is."""
+        if not isinstance(file.document.model, Scenario | Extension):
+            return file
+        if file.path not in self._wholes:
+            self._undrawn[file.path] = self._joined(file, chain)
+            self._wholes[file.path] = replace(file, document=with_drawn_cases(self._undrawn[file.path]))
+        return self._wholes[file.path]
+
+    def _joined(self, file: _File, chain: tuple[_File, ...]) -> Document:
+        extension = file.document.model
+        if not isinstance(extension, Extension):
+            return file.document
+        from foresee_dsl.language.checks import check_document
+
+        above = _Use(file, extension, "parent", extension.parent)
+        chain = chain if chain and chain[-1] is file else (*chain, file)
+        self._check_parent(above, chain)
+        parent = self._whole(self._read(above.path, above.shown), chain)
+        if not isinstance(parent.document.model, Scenario):
+            above.fail(WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
+        # The other's drawn cases are drawn anew: parameters and requirements may be others here.
+        base = self._undrawn[parent.path]
+        joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
+        found = check_document(joined)
+        self._raise_mistakes(found)
+        place = joined.span(extension, "parent")  # there stands what is odd about the other, which is said of itself
+        self.warnings.extend(d for d in (*found, *softened(joined)) if d.severity != "error" and d.span != place)
+        return joined
+
+    def _check_parent(self, use: _Use, chain: tuple[_File, ...]) -> None:
+        _check_cycle(use, chain)
+        if len(chain) > DEPTH_LIMIT:
+            use.fail(TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
+        self._check_reachable(use, chain)
+
+    @staticmethod
+    def _raise_mistakes(found: Iterable[Diagnostic]) -> None:
+        mistakes = tuple(d for d in found if d.severity == "error")
+        if mistakes:
+            raise InputError(mistakes)
 
     def _read(self, path: Path, shown_as: str) -> _File:
         if path not in self._files:
             from foresee_dsl.language.checks import check_document
-            from foresee_dsl.language.parser import load
+            from foresee_dsl.language.parser import load, parse
 
-            document = load(path, shown_as=shown_as)
+            text = self._overlay.get(path)
+            document = load(path, shown_as=shown_as) if text is None else parse(text, shown_as)
             found = check_document(document)
             self.warnings.extend(d for d in found if d.severity != "error")
-            mistakes = tuple(d for d in found if d.severity == "error")
-            if mistakes:
-                raise InputError(mistakes)
+            self._raise_mistakes(found)
             self._files[path] = _File(path, document)
         return self._files[path]
 
-    def _read_used(self, use: _Use, root: Path) -> _File:
-        self._check_reachable(use, root)
-        return self._read(use.path, use.shown)
-
-    def _check_reachable(self, use: _Use, root: Path) -> None:
-        if not self._allow_outside and not use.path.is_relative_to(root):
-            use.fail(OUTSIDE, f"'{use.written}' lies outside '{root.as_posix()}'", "move the file there")
-        if not is_file(use.path):
+    def _check_reachable(self, use: _Use, chain: tuple[_File, ...]) -> None:
+        if not self._allow_outside and not is_inside(use.path, self._roots or (chain[0].path.parent,)):
+            root = project_folder(absolute(Path()))
+            message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
+            use.fail(OUTSIDE, message, "move the file there, or allow it with `--allow-outside`")
+        if not self._is_file(use.path):
             use.fail(MISSING_FILE, f"no file '{use.written}'", near_files(use.path))
+
+    def _allow_near(self, path: Path) -> None:
+        """Let what the user names use files of its own project folder, and of the working folder's."""
+        if not self._allow_outside:
+            here = absolute(path) if is_folder(path) else absolute(path).parent
+            roots = (*self._roots, project_folder(absolute(Path())), project_folder(here))
+            self._roots = tuple(dict.fromkeys(roots))
+
+    def _is_file(self, path: Path) -> bool:
+        return absolute(path) in self._overlay or is_file(path)
 
     def _load(
         self, path: Path, shown_as: str, case: str | None, use: _Use | None, chain: tuple[_File, ...]
@@ -239,8 +322,8 @@ class Project:
 
     def _build(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
         model = file.document.model
-        if isinstance(model, Scenario):
-            return self._seed(file, model, case, use, chain)
+        if isinstance(model, Scenario | Extension):
+            return self._seed(self._whole(file, chain), case, use, chain)
         if case is not None:
             _fail_case(file, use, UNKNOWN_CASE, f"a {model.kind} has no cases", "leave out the case")
         if isinstance(model, Clip):
@@ -258,9 +341,10 @@ class Project:
         help = "name a scenario, clip or mutant"
         raise InputError((file.document.diagnostic(model, "", WRONG_KIND, f"{message}, no test case", help),))
 
-    def _seed(
-        self, file: _File, scenario: Scenario, case: str | None, use: _Use | None, chain: tuple[_File, ...]
-    ) -> TestCase:
+    def _seed(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
+        scenario = file.document.model
+        if not isinstance(scenario, Scenario):
+            raise TypeError("a file is whole before its test cases are built")
         known = cases(file.document)
         if case is not None and case not in known:
             message = f"no case '{case}' in '{file.document.path}'"
@@ -286,10 +370,7 @@ class Project:
         )
 
     def _parent(self, use: _Use, case: str | None, pin: str, chain: tuple[_File, ...]) -> TestCase:
-        _check_cycle(use, chain)
-        if len(chain) > DEPTH_LIMIT:
-            use.fail(TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
-        self._check_reachable(use, _root(chain))
+        self._check_parent(use, chain)
         parent = self._load(use.path, use.shown, case, use, chain)
         now = pin_of(parent)
         if self._check_pin and now != pin:
@@ -307,13 +388,13 @@ class Project:
             raise InputError((file.document.diagnostic(file.document.model, "name", NO_NETWORK, message, help),))
         use = _Use(file, used, "path", used.path)
         if used.path.endswith(FOREIGN_NETWORKS):
-            self._check_reachable(use, _root(chain))
+            self._check_reachable(use, chain)
             if not os.access(use.path, os.R_OK):
                 use.fail(MISSING_FILE, f"'{used.path}' cannot be read", "check its permissions")
             return use.path
         model = self._used_model(use, chain)
         if not isinstance(model, Network):
-            use.fail(WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network")
+            use.fail(WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", "name a file with `network ...`")
         return model
 
     def _models(self, file: _File, scenario: Scenario, chain: tuple[_File, ...]) -> dict[str, VehicleModel]:
@@ -322,7 +403,7 @@ class Project:
             use = _Use(file, item, "path", item.path)
             model = self._used_model(use, chain)
             if not isinstance(model, Catalogue):
-                use.fail(WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models")
+                use.fail(WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", "name a file with `models ...`")
             models |= entries(model)
         return models
 
@@ -332,20 +413,14 @@ class Project:
             network = isinstance(use.item, UseNetwork)
             known = ".foresee, .net.xml or .xodr" if network else ".foresee"
             use.fail(UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", f"write a file that ends in {known}")
-        return self._read_used(use, _root(chain)).document.model
+        self._check_reachable(use, chain)
+        return self._read(use.path, use.shown).document.model
 
 
 def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
     if any(file.path == use.path for file in chain):
         names = [file.document.path for file in chain]
         use.fail(USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", "name another file")
-
-
-def _root(chain: tuple[_File, ...]) -> Path:
-    """Return the folder that a test case may use files of, where it must not leave it."""
-    here = absolute(Path())
-    first = chain[0].path
-    return here if first.is_relative_to(here) else first.parent
 
 
 def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str) -> NoReturn:
@@ -356,4 +431,6 @@ def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str
 
 
 def _a(model: Item) -> str:
+    if isinstance(model, Extension):
+        return "a scenario"
     return "models" if isinstance(model, Catalogue) else f"a {getattr(model, 'kind', 'definition')}"

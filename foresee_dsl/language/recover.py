@@ -16,18 +16,22 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language.codes import USAGE
 from foresee_dsl.language.explain import PLACES, Refusal
 from foresee_dsl.language.grammar import parse_tree
-from foresee_dsl.language.nodes import Mistake
+from foresee_dsl.language.nodes import MAX_DEPTH, Mistake
 from foresee_dsl.language.scan import MOST, Lines, Raw, scan
 from foresee_dsl.language.suggest import closest
 
 _Tree = Tree[Token]
+_EXTENDS = re.compile(r"\bextends\b")
+_NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remove the braces"
 
 _DEFINITIONS = ("scenario", "clip", "mutant", "network", "models")
 _ACTORS = ("ego", "vehicle", "bicycle", "pedestrian", "obstacle")
+_HOLDERS = ("add", "change")
+"""Words in front of a whole statement, in a scenario that extends another."""
 _BLOCKS = MappingProxyType(
     {word: f"{word}_item" for word in (*_DEFINITIONS, "traffic", "junction", "road", "model", "origin")}
     | dict.fromkeys(_ACTORS, "actor_item")
-    | {"when": "action", "case": "assignment"}
+    | {"when": "action", "then": "action", "case": "assignment"}
 )
 """The rule of the statements inside the braces of a statement, by its first word."""
 
@@ -42,6 +46,7 @@ class _Recovery:
         self._text = text
         self._lines = Lines(text)
         self._mistakes: list[Mistake] = []
+        self._depth = 0
 
     def run(self) -> tuple[_Tree, list[Mistake]]:
         statements, self._mistakes = scan(self._text, self._lines)
@@ -77,7 +82,7 @@ class _Recovery:
             return None
         if not word:
             place = self._lines.span(raw.open, raw.open + 1)
-            self._mistakes.append(Mistake("FS003", "a block without a statement in front of it", "", place))
+            self._mistakes.append(Mistake("FS003", "a block without a statement in front of it", _NO_HEAD, place))
             return None
         meant = word if word in _DEFINITIONS else closest(word, _DEFINITIONS)
         if not is_first:
@@ -94,34 +99,55 @@ class _Recovery:
             self._mistakes.append(Mistake("FS004", what, _one_of_the_definitions(), self._span(raw)))
             return None
         if word != meant:
-            at = self._lines.span(raw.start, raw.start + len(word))
-            self._mistakes.append(Mistake("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
-            self._block(raw, f"{meant}_item")
+            self._misspelt(raw, word, meant)
             return None
-        return self._statement(raw, meant)
+        extends = meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end)
+        return self._statement(raw, "extension", "extension_item") if extends else self._statement(raw, meant)
 
-    def _statement(self, raw: Raw, rule: str) -> _Tree | None:
-        """Parse one statement; its block's statements one by one."""
+    def _misspelt(self, raw: Raw, word: str, meant: str) -> None:
+        at = self._lines.span(raw.start, raw.start + len(word))
+        self._mistakes.append(Mistake("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
+        self._block(raw, f"{meant}_item")
+
+    def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
+        """Parse one statement; its block's statements (of the rule `inner`) one by one."""
         if len(self._mistakes) >= MOST:
             return None
-        word = self._first_word(raw)
-        inner = _BLOCKS.get(word) or _BLOCKS.get(closest(word, _BLOCKS) or "")
-        if rule == "action":
-            inner = None
+        inner = inner or self._inner(raw, rule)
         tree = self._parse(raw, rule)
         children = self._block(raw, inner) if raw.block is not None and inner is not None else []
         if tree is None:
             return None
-        block = next((c for c in tree.children if isinstance(c, Tree) and c.data == "block"), None)
+        holder = tree
+        if tree.data in ("add", "replace"):
+            holder = next(c for c in tree.children if isinstance(c, Tree))
+        block = next((c for c in holder.children if isinstance(c, Tree) and c.data == "block"), None)
         if block is not None:
             block.children = list(children)
             block.meta.line, block.meta.column = self._lines.place(raw.open)
             block.meta.end_line, block.meta.end_column = self._lines.place(raw.close)
-            tree.meta.end_line, tree.meta.end_column = block.meta.end_line, block.meta.end_column
+            for at in (tree.meta, holder.meta):
+                at.end_line, at.end_column = block.meta.end_line, block.meta.end_column
         return tree
 
+    def _inner(self, raw: Raw, rule: str) -> str | None:
+        """Return the rule of the statements in a statement's braces, by its first word."""
+        word = self._first_word(raw)
+        if rule == "extension_item" and word in _HOLDERS:
+            word = self._word(raw, 1)
+        if rule == "action" and word != "then":
+            return None
+        near = closest(word, _BLOCKS) if word not in _BLOCKS and raw.block is not None else word
+        return _BLOCKS.get(near or "")
+
     def _block(self, raw: Raw, rule: str) -> list[_Tree]:
+        if self._depth > MAX_DEPTH:
+            message = "this is nested too deeply"
+            self._mistakes.append(Mistake("FS018", message, "split it into several statements", self._span(raw)))
+            return []
+        self._depth += 1
         trees = [self._statement(inner, rule) for inner in raw.block or ()]
+        self._depth -= 1
         return [tree for tree in trees if tree is not None]
 
     def _parse(self, raw: Raw, rule: str) -> _Tree | None:
@@ -147,14 +173,17 @@ class _Recovery:
         place = self._lines.span(raw.open, raw.open + 1)
         word = self._first_word(raw)
         if raw.start == raw.end:
-            return Mistake("FS003", "a block without a statement in front of it", "", place)
+            return Mistake("FS003", "a block without a statement in front of it", _NO_HEAD, place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
             return Mistake("FS003", f"`{word}` has no block", f"write it like `{USAGE[word]}`", place)
         return Mistake(refusal.code, refusal.message, refusal.help, place)
 
     def _first_word(self, raw: Raw) -> str:
-        found = re.compile(r"[^ \t\n]*").match(self._text, raw.start, raw.end)
-        return found[0].rstrip(":") if found is not None else ""
+        return self._word(raw, 0)
+
+    def _word(self, raw: Raw, index: int) -> str:
+        words = self._text[raw.start : raw.end].split(maxsplit=index + 1)
+        return words[index].rstrip(":") if index < len(words) else ""
 
     def _span(self, raw: Raw) -> Span:
         return self._lines.span(raw.start, max(raw.end, raw.start + 1))

@@ -42,6 +42,10 @@ class Lines:
         line = bisect_right(self._starts, offset)
         return line, offset - self._starts[line - 1] + 1
 
+    def offset(self, line: int, column: int) -> int:
+        """Return the offset of a 1-based line and column."""
+        return min(self._starts[min(line, len(self._starts)) - 1] + column - 1, self._length)
+
     def span(self, start: int, end: int) -> Span:
         """Return the span between two offsets."""
         return Span(*self.place(start), *self.place(end))
@@ -127,7 +131,9 @@ class _Scanner:
                 self._unclosed(start)
             if self._after_brace and len(self.mistakes) < MOST:
                 place = self._lines.span(start, end)
-                self.mistakes.append(Mistake("FS003", "expected a new line or `;` before this statement", "", place))
+                self.mistakes.append(
+                    Mistake("FS003", "two statements on one line", "begin a new line, or write `;` between them", place)
+                )
                 self._after_brace = False
             self._current = Raw(start, end)
             self._stack[-1].found.append(self._current)

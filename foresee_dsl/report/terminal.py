@@ -24,7 +24,7 @@ from foresee_dsl.campaign.results import FAILURES, CampaignResult, ClipOutcome, 
 from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.resources import write_whole
-from foresee_dsl.simulate.verdict import RunResult, Verdict
+from foresee_dsl.simulate.verdict import ExpectationResult, RunResult, Verdict
 
 FAMILY_TITLES = {
     "3": "crossing actor",
@@ -250,13 +250,20 @@ def print_run(console: Console, name: str, result: RunResult, trace: Path | None
     line.append(f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)")
     console.print(line)
     for expectation in result.expectations:
-        mark = Text("  held    ", style="green") if expectation.held else Text("  BROKEN  ", style="red")
-        mark.append(expectation.text, style="default")
-        if expectation.margin is not None:
-            mark.append(f"  (by {expectation.margin:.2f})", style="dim")
-        console.print(mark)
+        console.print(_expectation_line(expectation))
     if trace is not None:
         console.print(f"  trace {trace}", style="dim")
+
+
+def _expectation_line(expectation: ExpectationResult) -> Text:
+    """Return whether it held, as written (its label is part of that), by how much, and what decided."""
+    mark = Text("  held    ", style="green") if expectation.held else Text("  BROKEN  ", style="red")
+    mark.append(expectation.text, style="default")
+    if expectation.margin is not None:
+        margin = f"{expectation.margin:.2f} {expectation.unit}".rstrip()
+        alone = expectation.text.endswith(f" {expectation.decides}")  # then it need not be said twice
+        mark.append(f"  (by {margin})" if alone else f"  (by {margin}: {expectation.decides})", style="dim")
+    return mark
 
 
 def print_points(console: Console, points: tuple[RiskyPoint, ...]) -> None:

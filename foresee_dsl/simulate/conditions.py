@@ -1,57 +1,87 @@
-"""Evaluates conditions against the running world; their definitions are those of `language.model.conditions`."""
+"""Evaluates conditions against the running world; their definitions are those of `language.model.conditions`.
+
+What cannot be said, because an actor is not there or does not come to the junction, has no outcome and does not hold.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-from foresee_dsl.language.model import Both, Comparison, Condition, Either, Measure, Not, Predicate, Ref
+from foresee_dsl.compile.bundle import Signal
+from foresee_dsl.language.concrete import si_of, word_of
+from foresee_dsl.language.model import (
+    Comparison,
+    Condition,
+    Equals,
+    InJunction,
+    Measure,
+    Named,
+    Point,
+    Predicate,
+    Quantity,
+    Ref,
+    Shows,
+    Within,
+)
 from foresee_dsl.simulate.actors import Walker
 from foresee_dsl.simulate.cast import Cast
 from foresee_dsl.simulate.collision import box_distance, overlaps
-from foresee_dsl.simulate.metrics import eta, ttc
+from foresee_dsl.simulate.margins import Outcome
+from foresee_dsl.simulate.metrics import SLOWEST_MPS, eta, ttc
+from foresee_dsl.simulate.outlines import Outlines, point_distance
 from foresee_dsl.simulate.state import Mobile
-
-Outcome = tuple[bool, float] | None
-"""Whether a condition holds and by how much (NaN where there is no number); None where it cannot be said, because an
-actor is not there or does not come to the junction."""
 
 
 class Conditions:
-    """Answers conditions about a cast at the frame that it is at."""
+    """Answers what can be said of a single frame about a cast; `watch` makes whole conditions of it.
 
-    def __init__(self, cast: Cast) -> None:
-        """Watch a cast."""
-        self._cast = cast
+    Args:
+        cast: at the frame that is asked about.
+        signals: the bundle's, by junction.
+    """
+
+    def __init__(self, cast: Cast, signals: Mapping[str, Signal]) -> None:
+        self._cast, self._signals = cast, signals
+        self._outlines = Outlines(cast.network)
+        self.ego_hit: bool | None = None
+        """Whether the ego touches anything at this frame, where that is known already."""
         self._measures: dict[str, Callable[[Measure], float]] = {
             "time": lambda _: cast.time_s,
             "speed": self._speed,
+            "acceleration": self._acceleration,
             "eta": self._eta,
             "distance": self._distance,
             "ttc": self._ttc,
+            "headway": self._headway,
+        }
+        self._facts: dict[type, Callable[..., Outcome | None]] = {
+            Comparison: self._compare,
+            Predicate: self._predicate,
+            InJunction: self._in_junction,
+            Within: self._within,
+            Shows: self._shows,
         }
 
-    def holds(self, condition: Condition) -> bool:
-        """Whether a condition holds now; False where it cannot be said."""
-        outcome = self.outcome(condition)
-        return outcome is not None and outcome[0]
+    @property
+    def frame(self) -> int:
+        """The frame that the cast is at."""
+        return self._cast.frame
 
-    def outcome(self, condition: Condition) -> Outcome:
-        """Return whether a condition holds now and by how much, in its own unit."""
-        match condition:
-            case Comparison():
-                return self._compare(condition)
-            case Predicate(what="collision"):
-                return self._touches(condition.actor), math.nan
-            case Predicate():
-                return self.arrived(condition.actor), math.nan
-            case Not():
-                inner = self.outcome(condition.condition)
-                return None if inner is None else (not inner[0], -inner[1])
-            case Both():
-                return self._join(condition.conditions, all, min)
-            case Either():
-                return self._join(condition.conditions, any, max)
+    @property
+    def time_s(self) -> float:
+        """Its time."""
+        return self._cast.time_s
+
+    def outcome(self, condition: Condition) -> Outcome | None:
+        """Return whether an innermost condition holds now and by how much; None where it cannot be said.
+
+        Raises:
+            TypeError: it is one of a `require`, about parameters.
+        """
+        if isinstance(condition, Equals):
+            raise TypeError("a condition about a parameter says nothing about a run")
+        return self._facts[type(condition)](condition)
 
     def value(self, measure: Measure) -> float:
         """Return a measure's value now, NaN where there is none."""
@@ -59,36 +89,94 @@ class Conditions:
 
     def arrived(self, name: str) -> bool:
         """Whether an actor has reached its goal: the ego's point, a path's end, the end of a route."""
-        actor = self._cast.by_id[name]
+        actor = self._cast.by_id.get(name)
+        if actor is None:
+            return False
         if actor is self._cast.ego:
             return self._cast.progress.of(actor, self._cast.frame)[0] >= self._cast.scene.goal_s
         if isinstance(actor, Walker):
             return actor.follower.arrived
         return not actor.present
 
-    def _compare(self, comparison: Comparison) -> Outcome:
-        right = comparison.right
-        if isinstance(right, Ref):  # a concrete scenario has none left
-            raise TypeError(f"the parameter {right.name} has no value")
-        left = self.value(comparison.left)
+    # --- facts -----------------------------------------------------------------------------------------------------
+
+    def _compare(self, comparison: Comparison) -> Outcome | None:
+        if isinstance(comparison.left, Ref):
+            raise TypeError(f"the parameter {comparison.left.name} says nothing about a run")
+        left, right = self.value(comparison.left), si_of(comparison.right)
         if math.isnan(left):
             return None
-        slack = left - right.si if comparison.op[0] == ">" else right.si - left
-        return (slack >= 0 if comparison.op[-1] == "=" else slack > 0), slack
+        slack = left - right if comparison.op[0] == ">" else right - left
+        return _judged(comparison, slack >= 0 if comparison.op[-1] == "=" else slack > 0, slack, comparison.right)
 
-    def _join(
-        self,
-        conditions: tuple[Condition, ...],
-        decide: Callable[[list[bool]], bool],
-        bound: Callable[[list[float]], float],
-    ) -> Outcome:
-        outcomes = [self.outcome(c) for c in conditions]
-        known = [o for o in outcomes if o is not None]
-        if len(known) < len(outcomes):  # what cannot be said does not hold
-            known.extend([(False, math.nan)] * (len(outcomes) - len(known)))
-        margins = [margin for _, margin in known]
-        margin = math.nan if any(math.isnan(m) for m in margins) else bound(margins)
-        return decide([held for held, _ in known]), margin
+    def _predicate(self, predicate: Predicate) -> Outcome:
+        if predicate.what == "arrived":
+            return Outcome(self.arrived(predicate.actor), decides=predicate)
+        if predicate.actor == "ego" and self.ego_hit is not None:
+            return Outcome(self.ego_hit, decides=predicate)
+        actor = self._actor(predicate.actor)
+        hit = actor is not None and any(overlaps(actor.box, other.box) for other in self._cast.others(actor))
+        return Outcome(hit, decides=predicate)
+
+    def _in_junction(self, condition: InJunction) -> Outcome | None:
+        actor = self._actor(condition.actor)
+        if actor is None:
+            return None
+        if condition.junction is None:
+            away = self._outlines.nearest(actor.box)
+        else:
+            away = self._outlines.distance(actor.box, word_of(condition.junction))
+        if math.isnan(away):
+            return None
+        if away > 0:
+            return Outcome(False, -away, "m", condition, "length")
+        return Outcome(True, decides=condition)  # how deep it is inside means nothing
+
+    def _within(self, condition: Within) -> Outcome | None:
+        actor = self._actor(condition.actor)
+        away = math.nan if actor is None else self._away(actor, condition)
+        if math.isnan(away):
+            return None
+        slack = si_of(condition.distance) - away
+        return _judged(condition, slack >= 0, slack, condition.distance)
+
+    def _away(self, actor: Mobile, condition: Within) -> float:
+        of = condition.of
+        if isinstance(of, Named):
+            name = word_of(of.name)
+            if name not in self._cast.by_id and name in self._cast.network.junctions:
+                return self._outlines.distance(actor.box, name)
+            other = self._actor(name)
+            return math.nan if other is None else box_distance(actor.box, other.box)
+        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, Point) else self._cast.scene.places[of]
+        return point_distance(actor.box, x, y)
+
+    def _shows(self, condition: Shows) -> Outcome | None:
+        junction, state = word_of(condition.junction), word_of(condition.state)
+        signal = self._signals.get(junction)
+        if signal is None:
+            return None
+        if condition.actor is None:
+            stage, _ = self._cast.world.stage(signal.tls)
+            return Outcome(signal.stages[stage] == state, decides=condition)
+        actor = self._actor(condition.actor)
+        link = None if actor is None else self._link(actor, junction, signal.tls)
+        if link is None:
+            return None
+        return Outcome(self._cast.world.colour(*link) == state, decides=condition)
+
+    def _link(self, actor: Mobile, junction: str, tls: str) -> tuple[str, int] | None:
+        """Return which signal, and which of its links, an actor has to look at until it has left a junction."""
+        if isinstance(actor, Walker):
+            stops = actor.placed.walk_stops
+            return next(((name, link) for _, leaves, name, link in stops if name == tls and leaves > actor.along), None)
+        for passage, _ in self._cast.progress.ahead(actor, self._cast.frame, math.inf):
+            movement = passage.movement
+            if passage.junction == junction:
+                return (movement.tls, movement.link) if movement.tls is not None and movement.link >= 0 else None
+        return None
+
+    # --- measures --------------------------------------------------------------------------------------------------
 
     def _actor(self, name: str | None) -> Mobile | None:
         actor = self._cast.by_id.get(name or "")
@@ -98,26 +186,39 @@ class Conditions:
         actor = self._actor(measure.actor)
         return math.nan if actor is None else actor.speed
 
+    def _acceleration(self, measure: Measure) -> float:
+        actor = self._actor(measure.actor)
+        return math.nan if actor is None else actor.acceleration
+
     def _eta(self, measure: Measure) -> float:
         actor = self._actor(measure.actor)
         if actor is None:
             return math.nan
-        room = self._cast.progress.to_junction(actor, measure.other or "", self._cast.frame)
+        room = self._cast.progress.to_junction(actor, word_of(measure.other or ""), self._cast.frame)
         return math.inf if math.isnan(room) else eta(room, actor.speed)
 
     def _distance(self, measure: Measure) -> float:
-        actor = self._actor(measure.actor)
+        actor, name = self._actor(measure.actor), word_of(measure.other or "")
         if actor is None:
             return math.nan
-        if measure.other not in self._cast.by_id:
-            return self._cast.progress.to_junction(actor, measure.other or "", self._cast.frame)
-        other = self._actor(measure.other)
+        if name not in self._cast.by_id and name in self._cast.network.junctions:
+            return self._cast.progress.to_junction(actor, name, self._cast.frame)
+        other = self._actor(name)  # one of the traffic may have found no room
         return math.nan if other is None else box_distance(actor.box, other.box)
 
     def _ttc(self, measure: Measure) -> float:
-        actor, other = self._actor(measure.actor), self._actor(measure.other)
+        actor, other = self._actor(measure.actor), self._actor(word_of(measure.other or ""))
         return math.nan if actor is None or other is None else ttc(actor.mover, other.mover)
 
-    def _touches(self, name: str) -> bool:
-        actor = self._actor(name)
-        return actor is not None and any(overlaps(actor.box, other.box) for other in self._cast.others(actor))
+    def _headway(self, measure: Measure) -> float:
+        actor, other = self._actor(measure.actor), self._actor(word_of(measure.other or ""))
+        if actor is None or other is None:
+            return math.nan
+        return box_distance(actor.box, other.box) / max(actor.speed, SLOWEST_MPS)
+
+
+def _judged(condition: Condition, held: bool, slack: float, bound: Quantity | Ref) -> Outcome:
+    """Return the outcome of a comparison with a bound, in whose unit it is told."""
+    if isinstance(bound, Ref):  # `si_of` has refused it
+        raise TypeError(bound.name)
+    return Outcome(held, slack, bound.unit, condition, bound.dimension)

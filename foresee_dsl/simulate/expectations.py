@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from foresee_dsl.language.model import Condition, Expect, Predicate, Ref
+from foresee_dsl.language.concrete import si_of
+from foresee_dsl.language.model import Expect
+from foresee_dsl.language.phrases import condition as text_of
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.simulate.conditions import Conditions, Outcome
+from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.conditions import Conditions
+from foresee_dsl.simulate.margins import Outcome, every, some
 from foresee_dsl.simulate.verdict import ExpectationResult
+from foresee_dsl.simulate.watch import Watch
 
 
 class Expectations:
@@ -19,46 +24,48 @@ class Expectations:
 
     def __init__(self, expects: Sequence[Expect], conditions: Conditions) -> None:
         """Expect these of the cast that `conditions` watches."""
-        self._watched = [_Watched(expect) for expect in expects]
+        self._watched = [_Watched(expect, conditions) for expect in expects]
         self._conditions = conditions
 
     def look(self, time_s: float, *, ego_hit: bool) -> None:
         """Look at a frame; `ego_hit`: the ego touches something (known already, so not computed again)."""
+        self._conditions.ego_hit = ego_hit
         for watched in self._watched:
-            watched.look(time_s, self._outcome(watched.expect.condition, ego_hit=ego_hit))
+            watched.look(time_s)
+        self._conditions.ego_hit = None
 
     def results(self) -> tuple[ExpectationResult, ...]:
         """Return how each turned out, in the scenario's order."""
         return tuple(watched.result() for watched in self._watched)
 
-    def _outcome(self, condition: Condition, *, ego_hit: bool) -> Outcome:
-        if isinstance(condition, Predicate) and condition.what == "collision" and condition.actor == "ego":
-            return ego_hit, math.nan
-        return self._conditions.outcome(condition)
-
 
 class _Watched:
     """One expectation; its margin is how far it was from the opposite."""
 
-    def __init__(self, expect: Expect) -> None:
-        self.expect = expect
-        self._held = expect.mode != "eventually"
-        self._margin = math.inf if self._held else -math.inf
-        self._until = math.inf if expect.within is None or isinstance(expect.within, Ref) else expect.within.si
+    def __init__(self, expect: Expect, conditions: Conditions) -> None:
+        self._expect = expect
+        self._watch = Watch(expect.condition, conditions)
+        self._so_far: Outcome | None = None
+        self._until = math.inf if expect.within is None else si_of(expect.within)
 
-    def look(self, time_s: float, outcome: Outcome) -> None:
-        if outcome is None or time_s > self._until + 1e-9:
+    def look(self, time_s: float) -> None:
+        if time_s > self._until + 1e-9:
             return
-        holds, margin = outcome
-        if self.expect.mode == "never":
-            holds, margin = not holds, -margin
-        if self.expect.mode == "eventually":
-            self._held = self._held or holds
-            self._margin = max(self._margin, margin)
-        else:
-            self._held = self._held and holds
-            self._margin = min(self._margin, margin)
+        outcome = self._watch.look()
+        if outcome is None:
+            return
+        if self._expect.mode == "never":
+            outcome = outcome.negated()
+        join = some if self._expect.mode == "eventually" else every
+        self._so_far = outcome if self._so_far is None else join((self._so_far, outcome))
 
     def result(self) -> ExpectationResult:
-        margin = round(self._margin, 6) if math.isfinite(self._margin) else None
-        return ExpectationResult(print_item(self.expect), self._held, margin)
+        text, name = print_item(self._expect), self._expect.name or ""
+        found = self._so_far
+        if found is None:  # it could never be said
+            return ExpectationResult(text, self._expect.mode != "eventually", name=name)
+        decides = text_of(found.decides) if found.decides is not None else ""
+        if not math.isfinite(found.margin):
+            return ExpectationResult(text, found.held, decides=decides, name=name)
+        margin = round(found.margin / (UNITS[found.unit].to_si if found.unit else 1.0), 6)
+        return ExpectationResult(text, found.held, margin, found.unit, decides, name)

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation
-from foresee_dsl.errors import SimulationError
+from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation
+from foresee_dsl.errors import DriverError, SimulationError
 from foresee_dsl.simulate.actors import STANDS_MPS
-from foresee_dsl.simulate.behaviours import Director
 from foresee_dsl.simulate.cast import Cast
 from foresee_dsl.simulate.conditions import Conditions
+from foresee_dsl.simulate.director import Director
 from foresee_dsl.simulate.dynamics import checked
 from foresee_dsl.simulate.expectations import Expectations
 from foresee_dsl.simulate.mission import mission_of
@@ -31,6 +31,8 @@ CLOSE_AHEAD_M = 15.0
 SIGNAL_AHEAD_M = 30.0
 """A signal that is not green and this near is something to wait for. Ours: the first four cars of a queue; those
 behind have somebody in front."""
+_LONGEST_REASON = 1000
+"""Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
 _TRACKS_PER_ACTOR = 10
 """Track numbers are drawn from so many times as many, so that they do not tell how many actors there are."""
 
@@ -40,14 +42,19 @@ def run(bundle: SumoBundle, driver: Driver, *, seed: int = 0, meta: Mapping[str,
 
     Args:
         bundle: the compiled test case.
-        driver: the software under test. What it raises is the run's result (`crash`), not an exception of this call.
+        driver: the software under test. What it raises is the run's result (`crash`), not an exception of this call. A
+            driver that can be closed is closed when the run is over, however it ended.
         seed: given to the driver, and what track numbers are drawn from.
         meta: goes into the trace's `meta`, over what is there by itself.
 
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
     """
-    return _Run(bundle, driver, seed, dict(meta or {})).go()
+    try:
+        return _Run(bundle, driver, seed, dict(meta or {})).go()
+    finally:
+        if isinstance(driver, Closing):
+            driver.close()
 
 
 class _Run:
@@ -58,7 +65,7 @@ class _Run:
         self._world = World.shared(bundle)
         self._cast = Cast(bundle, self._world)
         self._recorder = Recorder(self._cast.actors, bundle.signals)
-        self._conditions = Conditions(self._cast)
+        self._conditions = Conditions(self._cast, bundle.signals)
         self._director = Director(self._cast, self._conditions, self._recorder)
         self._expectations = Expectations(bundle.scene.expects, self._conditions)
         self._mission: Mission = mission_of(bundle)
@@ -143,8 +150,10 @@ class _Run:
         )
 
     def _broken(self, err: Exception) -> Decision:
-        reason = f"the driver raised {type(err).__name__}: {err}"
-        return Decision(Verdict.CRASH, self._cast.time_s, "", reason)
+        what = "the driver broke" if isinstance(err, DriverError) else f"the driver raised {type(err).__name__}"
+        # A reason is one line, and goes into texts between double quotes.
+        said = " ".join(str(err).split()).replace('"', "'")[:_LONGEST_REASON]
+        return Decision(Verdict.CRASH, self._cast.time_s, "", f"{what}: {said}")
 
     def _finish(self, decision: Decision, steps: int) -> RunResult:
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):

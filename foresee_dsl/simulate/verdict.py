@@ -38,11 +38,22 @@ _COLLISIONS = frozenset({Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict
 
 @dataclass(frozen=True)
 class ExpectationResult:
-    """One `expect` line: as written, whether it held, and by how much (its own unit; None where there is no number)."""
+    """One `expect` line.
+
+    Attributes:
+        text: as written. held: whether it did.
+        margin: by how much, positive where it held; None where there is no number.
+        unit: the margin's, that of the comparison which decides.
+        decides: the comparison or fact that decides, as text; "" where it could not be said at any frame.
+        name: the line's label, or "".
+    """
 
     text: str
     held: bool
     margin: float | None = None
+    unit: str = ""
+    decides: str = ""
+    name: str = ""
 
 
 @dataclass(frozen=True)

@@ -225,16 +225,16 @@ def test_walks_stay_on_footways_and_name_their_crossings(road):
     assert len(ways.sidewalks) == 8 and len(ways.crossings) == 4
     walk = ways.walk((4.3, -60), 600, np.random.default_rng(3))
     assert np.hypot(*np.diff(walk.points, axis=0).T).sum() >= 600
-    assert np.hypot(*(walk.points[0] - (4.3, -60))) < 0.1
+    assert np.hypot(*np.subtract(walk.points[0], (4.3, -60))) < 0.1
     assert walk.crossings, "600 m on arms of 110 m lead over a crossing"
     s = np.concatenate(([0], np.cumsum(np.hypot(*np.diff(walk.points, axis=0).T))))
     for part in walk.crossings:
         assert part.tls == "j4" and part.link in {c.link for c in road.crossings.values()}
         middle = (part.enter_s + part.exit_s) / 2
-        x, y = np.interp(middle, s, walk.points[:, 0]), np.interp(middle, s, walk.points[:, 1])
+        x, y = (np.interp(middle, s, values) for values in zip(*walk.points, strict=True))
         assert road.off_road_depth(np.array([(x, y)]))[0] == 0
     again = ways.walk((4.3, -60), 600, np.random.default_rng(3))
-    assert np.array_equal(walk.points, again.points)
+    assert walk.points == again.points
 
 
 def test_every_route_of_a_real_town_connects(carla):

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from built_networks import four_arms
+from shapely import Polygon
 from small_worlds import EGO, PLAIN, net_of, scene_of
 
 from foresee_dsl.compile.checks import footprint
@@ -30,7 +31,7 @@ def mixed():
 
 def test_the_same_seed_gives_the_same_traffic(mixed):
     def told(actors):
-        return [(a.id, a.model.name, a.x, a.y, a.speed_mps, a.route, a.path.tolist()) for a in actors]
+        return [(a.id, a.model.name, a.x, a.y, a.speed_mps, a.route, a.path) for a in actors]
 
     models = ("car.compact", "van.delivery", "motorcycle.street", "bicycle.city", "pedestrian.adult")
     assert told(crowd(traffic(14, *models))[1]) == told(mixed[1])
@@ -70,7 +71,7 @@ def test_nobody_is_in_the_way_at_the_start(mixed):
     for slots in by_lane.values():
         slots.sort()
         assert all(b[0] - a[1] >= 12 - 1e-6 for a, b in pairwise(slots))
-    boxes = [footprint(a) for a in scene.actors]
+    boxes = [Polygon(footprint(a)) for a in scene.actors]
     assert all(not boxes[k].intersects(boxes[j]) for k in range(len(boxes)) for j in range(k))
 
 

@@ -100,3 +100,10 @@ def test_a_broken_plugin_is_named(name: str, why: str) -> None:
     (info,) = [d for d in describe_drivers() if d.name == name]
     assert info.version == ""
     assert why in info.doc
+
+
+def test_the_list_shows_how_a_driver_that_is_made_from_a_text_is_used() -> None:
+    found = {d.name: d for d in describe_drivers()}
+    assert set(found) >= {"pdm", "idm", "external"}
+    assert found["external"].version == "1"
+    assert '--driver "external:python3 my_driver.py"' in found["external"].doc

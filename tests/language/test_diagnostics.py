@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import time
 from pathlib import Path
 
 import pytest
+from examples_at_work import pin_by_hand
 
+from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.checks import check_document
-from foresee_dsl.language.codes import CODES
 from foresee_dsl.language.diagnostics import render_all, render_concise, render_full, to_json
 from foresee_dsl.language.parser import load, parse
+from foresee_dsl.language.registry import CODES
+from foresee_dsl.report.codes import every_code, joined
 
 CASES = Path(__file__).parents[1] / "cases" / "language"
 ERRORS = sorted((CASES / "errors").glob("*.foresee"))
+FOLDERS = sorted(folder for folder in (CASES / "errors").iterdir() if folder.is_dir())
 REWRITE = bool(os.environ.get("FORESEE_REWRITE"))
 
 
@@ -38,6 +45,33 @@ def test_golden(file: Path):
     assert shown == golden.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+def test_golden_of_a_folder(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What `foresee check main.foresee` shows in a folder: files joined, actors placed, lints."""
+    shutil.copytree(folder, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    pin_by_hand("clip.foresee", "main.foresee")
+    result = check_paths(["main.foresee"])
+    found = joined(result.diagnostics, placement_mistakes(result.cases))
+    written = (folder / "main.foresee").read_text(encoding="utf-8")
+    shown = re.sub(r"sha256:[0-9a-f]{12}", lambda pin: pin[0] if pin[0] in written else "sha256:...", render_all(found))
+    assert found, "a folder in errors/ has a mistake or a lint"
+    for diagnostic in found:
+        assert diagnostic.code in every_code()
+        assert len(render_full(diagnostic).splitlines()) <= 6
+        assert diagnostic.help
+    golden = folder.with_suffix(".txt")
+    if REWRITE:
+        golden.write_text(shown + "\n", encoding="utf-8")
+    assert shown + "\n" == golden.read_text(encoding="utf-8")
+
+
+def test_there_are_enough_goldens():
+    heads = [line for golden in (CASES / "errors").glob("*.txt") for line in golden.read_text("utf-8").splitlines()]
+    assert len([line for line in heads if re.match(r"\S+: (error|warning) FS", line)]) >= 100
+    assert len(ERRORS) + len(FOLDERS) >= 55
+
+
 @pytest.mark.parametrize("file", ERRORS, ids=lambda file: file.stem)
 def test_every_mistake_is_said_once_and_at_its_place(file: Path):
     text = file.read_text(encoding="utf-8")
@@ -46,6 +80,8 @@ def test_every_mistake_is_said_once_and_at_its_place(file: Path):
     assert len(set(places)) == len(places)
     for diagnostic in found:
         assert diagnostic.code in CODES
+        assert diagnostic.help, "say what to write instead"
+        assert len(render_full(diagnostic).splitlines()) <= 6
         assert diagnostic.span is not None
         assert diagnostic.source_line == text.split("\n")[diagnostic.span.line - 1]
         assert 1 <= diagnostic.span.column <= len(diagnostic.source_line) + 1
@@ -56,18 +92,6 @@ def test_no_names_of_the_grammar_are_shown():
         text = golden.read_text(encoding="utf-8")
         for name in ("DOTTED", "NUMBER", "UNIT", "LBRACE", "RSQB", "$END", "NAME", "STRING", "__"):
             assert name not in text, golden.name
-
-
-def test_codes_are_complete():
-    assert list(CODES) == sorted(CODES)
-    used = {
-        line.split(" error ")[1].split(":")[0]
-        for golden in (CASES / "errors").glob("*.txt")
-        for line in golden.read_text(encoding="utf-8").splitlines()
-        if " error FS" in line
-    }
-    assert used <= set(CODES)
-    assert len(used) >= 30  # the goldens show most of the codes
 
 
 # ---- files ----------------------------------------------------------------------------------------------------------

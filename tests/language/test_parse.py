@@ -42,6 +42,7 @@ def test_every_kind_of_file():
     assert kinds == {
         "clip": m.Clip,
         "everything": m.Scenario,
+        "extension": m.Extension,
         "four_arms": m.Network,
         "inline_network": m.Scenario,
         "more_models": m.Catalogue,

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
+import os
 import random
-import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checking import walk
 from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.diff import diff_models
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.meaning import clip_pin, meaning_hash
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.printer import print_model
 
+from .layouts import moved, odd
 from .strategies import STATEMENTS, definitions
 
 ROOT = Path(__file__).parents[2]
@@ -25,75 +31,101 @@ SAMPLES = sorted((ROOT / "tests" / "cases" / "language").glob("*.foresee")) + so
 )
 TEXTS = {str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in SAMPLES}
 
-few = settings(
-    max_examples=100, derandomize=True, deadline=None, database=None, suppress_health_check=list(HealthCheck)
-)
+EXAMPLES = 2_100
+"""How many models the properties are tried on in CI: issue 3 asks for 2,000 at least."""
+LONG = 40_000
+"""The same with `--hypothesis-profile=long` (ours: some ten minutes on one core)."""
+
+
+def examples_each(config: pytest.Config) -> int:
+    """How many examples each statement of the language gets, so that all together are as many as asked."""
+    by_profile = LONG if config.getoption("--hypothesis-profile", default=None) == "long" else EXAMPLES
+    return math.ceil(int(os.environ.get("FORESEE_EXAMPLES", by_profile)) / len(STATEMENTS))
+
+
+def test_there_are_enough_examples(pytestconfig: pytest.Config):
+    assert EXAMPLES >= 2_000
+    assert examples_each(pytestconfig) * len(STATEMENTS) >= int(os.environ.get("FORESEE_EXAMPLES", EXAMPLES))
 
 
 @pytest.mark.parametrize(("host", "kind"), STATEMENTS, ids=lambda part: getattr(part, "__name__", part))
-def test_a_printed_model_reads_back(host: str, kind: type[m.Item]):
-    seen = []
+def test_every_statement(host: str, kind: type[m.Item], pytestconfig: pytest.Config):
+    """All properties, on models with this statement: hypothesis finds the model and the layout that break one."""
+    wanted = examples_each(pytestconfig)
+    tried = []
 
-    @settings(few, max_examples=8)
-    @given(definitions(host, kind))
-    def reads_back(model: m.Definition) -> None:
+    @settings(max_examples=wanted, derandomize="FORESEE_EXAMPLES" not in os.environ)
+    @given(definitions(host, kind), st.integers(0, 2**32))
+    def holds(model: m.Definition, seed: int) -> None:
+        rng = random.Random(seed)
         text = print_model(model)
-        document = parse(text, "x")
-        assert document.model == model
-        assert format_text(text, "x") == text
-        check_document(document)
-        seen.extend(item for item in walk(model) if isinstance(item, kind))
+        reads_back(model, text)
+        formatted = keeps_comments_and_meaning(odd(text, rng), model)
+        one_value_is_one_line(formatted, rng)
+        assert not list(diff_models(model, model))
+        assert any(isinstance(item, kind) for item in walk(model))
+        tried.append(seed)
 
-    reads_back()
-    assert seen
+    holds()
+    assert len(tried) >= wanted
+
+
+def reads_back(model: m.Definition, text: str) -> None:
+    """What is printed is read as the same model, is in the one layout, and can be checked."""
+    document = parse(text, "x")
+    assert document.model == model
+    assert print_model(document.model, document.comments) == text
+    check_document(document)
+
+
+def keeps_comments_and_meaning(strange: str, model: m.Definition) -> Document:
+    """A text in any layout keeps its comments, groups and meaning, and formatting it again changes nothing."""
+    once = format_text(strange, "x")
+    assert not moved(strange.removeprefix("\ufeff"), once)
+    again = parse(once, "x")
+    assert print_model(again.model, again.comments) == once  # what `format_text` does before it checks itself
+    assert again.model == model
+    assert meaning(again.model) == meaning(model)
+    return again
+
+
+def meaning(model: m.Definition) -> str | None:
+    """The hash of what a model means, where it has one by itself."""
+    if isinstance(model, m.Scenario):
+        return meaning_hash(model, m.Network(name="n", body=()), {})
+    return clip_pin(model, "") if isinstance(model, m.Clip) else None
+
+
+def one_value_is_one_line(document: Document, rng: random.Random) -> None:
+    """In a formatted text, another number is one changed line, and the rest stays as it is when formatted again."""
+    quantities = [item for item in walk(document.model) if isinstance(item, m.Quantity)]
+    places = [span for item in quantities if (span := document.span(item, "value"))]
+    if not places:
+        return
+    span = rng.choice(places)
+    assert span.line == span.end_line
+    changed = document.text.split("\n")
+    line = changed[span.line - 1]
+    changed[span.line - 1] = f"{line[: span.column - 1]}77123{line[span.end_column - 1 :]}"
+    again = parse("\n".join(changed), "x")
+    assert print_model(again.model, again.comments).split("\n") == changed
+
+
+def test_every_kind_of_file_is_tried():
+    assert {host for host, _ in STATEMENTS} >= {kind.model_fields["kind"].default for kind in get_args(m.Definition)}
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_samples_read_back(name: str):
+def test_samples(name: str):
+    """The same for real files, with their own comments."""
     document = parse(TEXTS[name], name)
     assert check_document(document) == ()
     assert parse(print_model(document.model), name).model == document.model
-    assert parse(print_model(document.model, document.comments), name).model == document.model
-
-
-def decorated(text: str, rng: random.Random) -> str:
-    """The same file with comments and blank lines thrown in, and another indentation."""
-    lines = []
-    for k, line in enumerate(text.split("\n")):
-        for _ in range(rng.choice([0, 0, 0, 1, 2])):
-            lines.append(rng.choice(["", "", f"  # before {k}", "#", f"#tight {k}", "\t#  wide"]))
-        plain = line.strip()
-        if plain and "#" not in plain and rng.random() < 0.2:
-            plain += rng.choice([f"  # after {k}", f" #{k}", ";" if plain[-1] not in "{}" and k > 2 else ""])
-        lines.append(rng.choice(["", " ", "\t", "        "]) + plain)
-    return rng.choice(["\n", "\r\n"]).join(lines)
-
-
-@settings(few, max_examples=40)
-@given(st.sampled_from(sorted(TEXTS)), st.integers(0, 10**6))
-def test_formatting_keeps_comments_and_meaning_and_is_stable(name: str, seed: int):
-    text = decorated(TEXTS[name], random.Random(seed))
-    once = format_text(text, name)  # refuses to lose a comment or to change the meaning
-    assert parse(once, name).model == parse(TEXTS[name], name).model
-    assert format_text(once, name) == once
-    remarks = re.findall(r"# ?((?:before|after|tight) \d+)", text)
-    assert sorted(remarks) == sorted(re.findall(r"# ?((?:before|after|tight) \d+)", once))
-
-
-@pytest.mark.parametrize("name", TEXTS)
-def test_a_changed_value_is_one_changed_line(name: str):
-    document = parse(format_text(TEXTS[name], name), name)
-    lines = document.text.split("\n")
-    quantities = [item for item in walk(document.model) if isinstance(item, m.Quantity)]
-    for quantity in random.Random(1).sample(quantities, min(25, len(quantities))):
-        span = document.span(quantity, "value")
-        assert span is not None and span.line == span.end_line
-        line = lines[span.line - 1]
-        changed = [*lines]
-        changed[span.line - 1] = f"{line[: span.column - 1]}77123{line[span.end_column - 1 :]}"
-        again = format_text("\n".join(changed), name).split("\n")
-        assert again == changed
-        assert len(again) == len(lines)
+    formatted = format_text(TEXTS[name], name)
+    assert not moved(TEXTS[name], formatted)
+    for seed in range(3):
+        again = keeps_comments_and_meaning(odd(formatted, random.Random(seed)), document.model)
+        one_value_is_one_line(again, random.Random(seed))
 
 
 ALPHABET = (*'{}[]();:=.,<>"#-0123456789 \n\tabz_é²\x00\x1b\u2028', " speed ", " 3 m ", "ego.", " when ", "..", "=>")
@@ -116,7 +148,7 @@ def mutated(text: str, rng: random.Random) -> str:
     return text
 
 
-@few
+@settings(max_examples=100)
 @given(st.sampled_from(sorted(TEXTS)), st.integers(0, 10**6))
 def test_broken_files_end_in_diagnostics(name: str, seed: int):
     text = mutated(TEXTS[name], random.Random(seed))
@@ -131,7 +163,7 @@ def test_broken_files_end_in_diagnostics(name: str, seed: int):
         format_text(text, name)
 
 
-@few
+@settings(max_examples=100)
 @given(st.text(st.sampled_from('foresee 1scenario{}\n"#.<a')) | st.text())
 def test_any_text_ends_in_diagnostics(text: str):
     for start in ("", "foresee 1\n", "foresee 1\nscenario a {\n"):

@@ -128,7 +128,7 @@ class Line(Polyline):
     @classmethod
     def through(cls, points: FloatArray, limit: float = 20.0) -> Line:
         base = Polyline.of(points)
-        return cls(base.points, base.s, base.heading, np.full(len(base.s), limit))
+        return cls(base.xy, base.marks, base.angles, np.full(len(base.s), limit))
 
 
 STRAIGHT = Line.through(np.array([[0.0, 0.0], [600.0, 0.0]]))

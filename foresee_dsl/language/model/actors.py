@@ -30,7 +30,7 @@ class Leg(Item):
     """`straight over j4`: one junction of a route."""
 
     turn: Turn | Ref
-    junction: Id
+    junction: Id | Ref
 
 
 class Route(Item):
@@ -96,7 +96,7 @@ class IgnoresRule(Item):
 
     kind: Literal["ignores"] = "ignores"
     what: Literal["signals", "priority"]
-    junction: Id | None = None
+    junction: Id | Ref | None = None
 
 
 class MeetsState(Item):
@@ -104,7 +104,7 @@ class MeetsState(Item):
 
     kind: Literal["meets_state"] = "meets_state"
     other: Name
-    junction: Id
+    junction: Id | Ref
     gap: Time
     order: Literal["after", "before"] = "after"
 
@@ -232,7 +232,7 @@ class Meets(Item):
     kind: Literal["meets"] = "meets"
     actor: Name
     other: Name
-    junction: Id
+    junction: Id | Ref
     gap: Time
     order: Literal["after", "before"] = "after"
 
@@ -243,7 +243,7 @@ class Ignores(Item):
     kind: Literal["does_ignore"] = "does_ignore"
     actor: Name
     what: Literal["signals", "priority"]
-    junction: Id | None = None
+    junction: Id | Ref | None = None
 
 
 class Starts(Item):
@@ -267,7 +267,7 @@ class ChangesLane(Item):
 
     kind: Literal["changes_lane"] = "changes_lane"
     actor: Name
-    side: Literal["left", "right"]
+    side: Literal["left", "right"] | Ref
 
 
 class Stops(Item):
@@ -278,15 +278,45 @@ class Stops(Item):
     duration: Time | None = None
 
 
+class Wait(Item):
+    """`wait 2 s`: nothing happens for that time; what comes `then` waits for it."""
+
+    kind: Literal["wait"] = "wait"
+    duration: Time
+
+
+class Then(Item):
+    """`then { ... }`: what happens once every action before it in the same block is complete; `then when CONDITION
+    { ... }`: and, from then on, once the condition holds.
+
+    Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
+    lane` when it is in the lane (or cannot be), `stops for` when it goes on (`stops` alone never), `meets` when it is
+    through the junction, `ignores` at once. An actor that has left the world holds nothing up.
+    """
+
+    kind: Literal["then"] = "then"
+    condition: Condition | None = None
+    actions: tuple[Action, ...] = Field(min_length=1)
+
+
 Action = Annotated[
-    Meets | Ignores | Starts | ChangesSpeed | ChangesLane | Stops,
+    Meets | Ignores | Starts | ChangesSpeed | ChangesLane | Stops | Wait | Then,
     Field(discriminator="kind"),
 ]
 
+Then.model_rebuild()
+
 
 class When(Item):
-    """`when ego.eta(j4) < 4 s { ... }`: the actions happen, all at once, the first time that the condition holds."""
+    """`when ego.eta(j4) < 4 s { ... }`: the actions happen, all at once, the first time that the condition holds.
+
+    `when every CONDITION` fires each time that the condition becomes true (it may be at the first frame); `when next`
+    does the same but not before the condition has been false once (clips say so of one that has just fired). A name
+    before the condition, `when late: ...`, is what `extends` and messages call it by.
+    """
 
     kind: Literal["when"] = "when"
+    repeat: Literal["once", "every", "next"] | None = None
+    name: Name | None = None
     condition: Condition
     actions: tuple[Action, ...] = Field(min_length=1)

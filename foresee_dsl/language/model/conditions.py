@@ -6,32 +6,56 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.values import Id, Item, Name, Value
+from foresee_dsl.language.model.values import (
+    AlongEdge,
+    AlongRoute,
+    Id,
+    Item,
+    Length,
+    Name,
+    PastJunction,
+    Point,
+    Ref,
+    Time,
+    Value,
+)
+
+SIGNAL_COLOURS = ("green", "amber", "red")
+"""What a signal shows to one movement."""
 
 
 class Measure(Item):
     """A number that can be read off the running world.
 
-    `time` (s since the start), `ego.speed` (m/s), `ego.eta(j4)` (s until the actor, at its speed and not under 1 m/s,
-    enters the junction along its route; infinite when it has passed), `distance(a, b)` (m between footprints, or from
-    `a` along its route to where it enters junction `b`), `ttc(a, b)` (s, constant velocities, footprints; infinite
-    when they do not meet).
+    `time` (s since the start), `ego.speed` (m/s), `ego.acceleration` (m/s^2, along its heading), `ego.eta(j4)` (s until
+    the actor, at its speed and not under 1 m/s, enters the junction along its route; infinite when it has passed),
+    `distance(a, b)` (m between footprints, or from `a` along its route to where it enters junction `b`), `ttc(a, b)`
+    (s, constant velocities, footprints; infinite when they do not meet), `headway(a, b)` (s that `a` needs at its
+    speed, not under 1 m/s, for the distance between the two footprints).
     """
 
     kind: Literal["measure"] = "measure"
-    what: Literal["time", "speed", "eta", "distance", "ttc"]
+    what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
     actor: Name | None = None
-    other: Id | None = None
+    other: Id | Ref | None = None
     """The second actor or the junction."""
 
 
 class Comparison(Item):
-    """`ego.eta(j4) < 4 s`."""
+    """`ego.eta(j4) < 4 s`; in a `require`, the left side is a parameter: `gap < 2 s`."""
 
     kind: Literal["comparison"] = "comparison"
-    left: Measure
+    left: Measure | Ref
     op: Literal["<", "<=", ">", ">="]
     right: Value
+
+
+class Equals(Item):
+    """`approach is south`, in a `require`: a parameter that holds a word."""
+
+    kind: Literal["equals"] = "equals"
+    left: Ref
+    right: Id
 
 
 class Predicate(Item):
@@ -40,6 +64,49 @@ class Predicate(Item):
     kind: Literal["predicate"] = "predicate"
     what: Literal["collision", "arrived"]
     actor: Name
+
+
+class InJunction(Item):
+    """`ego in junction j4`: some part of its footprint is inside the junction's outline; without a name, of any."""
+
+    kind: Literal["in_junction"] = "in_junction"
+    actor: Name
+    junction: Id | Ref | None = None
+
+
+class Named(Item):
+    """An actor or a junction, by its name."""
+
+    kind: Literal["named"] = "named"
+    name: Id | Ref
+
+
+class Within(Item):
+    """`ego within 5 m of walker`, of a junction, or of a place: its footprint is no further from the other's footprint,
+    the junction's outline or the point."""
+
+    kind: Literal["within"] = "within"
+    actor: Name
+    distance: Length
+    of: Annotated[Named | Point | AlongEdge | AlongRoute | PastJunction, Field(discriminator="kind")]
+
+
+class Shows(Item):
+    """`ego.signal(j4) is red`: what the signal shows to the actor's way over the junction: green, amber or red.
+    `signal(j4) is ns_go`: the stage that the signal is in."""
+
+    kind: Literal["shows"] = "shows"
+    actor: Name | None = None
+    junction: Id | Ref
+    state: Id | Ref
+
+
+class Sustained(Item):
+    """`CONDITION for 2 s`: it has held at every frame of that time, without a break. Binds stronger than `not`."""
+
+    kind: Literal["for"] = "for"
+    condition: Condition
+    duration: Time
 
 
 class Not(Item):
@@ -63,8 +130,12 @@ class Either(Item):
     conditions: tuple[Condition, ...] = Field(min_length=2)
 
 
-Condition = Annotated[Comparison | Predicate | Not | Both | Either, Field(discriminator="kind")]
+Condition = Annotated[
+    Comparison | Equals | Predicate | InJunction | Within | Shows | Sustained | Not | Both | Either,
+    Field(discriminator="kind"),
+]
 
+Sustained.model_rebuild()
 Not.model_rebuild()
 Both.model_rebuild()
 Either.model_rebuild()

@@ -8,12 +8,11 @@ from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, When
 from foresee_dsl.language.model.network import Doc
-from foresee_dsl.language.model.scenario import SignalState
+from foresee_dsl.language.model.scenario import ParamValue, SignalState
 from foresee_dsl.language.model.values import (
     FilePath,
     Item,
     Length,
-    ModelName,
     Name,
     Point,
     Quantity,
@@ -92,17 +91,19 @@ class Clip(Item):
 class Change(Item):
     """`change runner.model: car.compact => car.sports`, `change runner.steer: 0.00 => 0.12 from 4.00 s for 1.00 s`.
 
-    Properties: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle, WAS always 0; from `start`
-    of the clip, for
-    `duration`); `timing` (ratio of speed along its own path, WAS always 1); `speed` (at the clip's start); `delay`
-    (a time: it stands that much longer).
+    Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
+    the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
+    its cruise speed); `delay` (a time: it stands that much longer). `weather.rain` and the like; `expect.NAME`, the
+    number that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
+    default, and `end.after`.
     """
 
     kind: Literal["change"] = "change"
     actor: Name
-    property: Literal["model", "steer", "timing", "speed", "delay"]
-    was: Quantity | ModelName
-    now: Quantity | ModelName
+    """The actor, or one of `weather`, `expect`, `param` and `end`."""
+    property: Name
+    was: ParamValue
+    now: ParamValue
     start: Time | None = None
     duration: Time | None = None
 

@@ -9,11 +9,25 @@ from pydantic import Field
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.network import Doc, Network
-from foresee_dsl.language.model.values import FilePath, Id, Item, Name, Quantity, Ratio, Time
+from foresee_dsl.language.model.values import FilePath, Id, Item, Name, Quantity, Ratio, Ref, Time
 
-ParamType = Literal["time", "length", "speed", "acceleration", "angle", "ratio", "count", "arm", "turn", "model"]
-ParamValue = Quantity | str
-"""A quantity, or a word: a road (arm), a turn, a model name."""
+ParamType = Literal[
+    "time",
+    "length",
+    "speed",
+    "acceleration",
+    "angle",
+    "ratio",
+    "count",
+    "arm",
+    "turn",
+    "model",
+    "junction",
+    "stage",
+    "side",
+]
+ParamValue = Quantity | Id
+"""A quantity, or a word: a road (arm), a turn, a model's name, a junction, a stage, a side."""
 
 
 class Tags(Item):
@@ -45,15 +59,64 @@ class Range(Item):
     step: Quantity | None = None
 
 
+class Uniform(Item):
+    """`as uniform`: every value of the range (every step, every option) is as likely; the default."""
+
+    kind: Literal["uniform"] = "uniform"
+
+
+class Normal(Item):
+    """`as normal(1.5 s, 0.4 s)`: mean and standard deviation, cut off at the ends of the range."""
+
+    kind: Literal["normal"] = "normal"
+    mean: Quantity
+    deviation: Quantity
+
+
+class Choice(Item):
+    """`as choice(3, 1)`: how often each option is drawn, relative to the others."""
+
+    kind: Literal["choice"] = "choice"
+    weights: tuple[Quantity, ...] = Field(min_length=1)
+
+
+class Grid(Item):
+    """`as grid`: nothing is drawn; the steps (or options) are taken in turn, so that every combination of all grids
+    comes before one comes again."""
+
+    kind: Literal["grid"] = "grid"
+
+
+Distribution = Annotated[Uniform | Normal | Choice | Grid, Field(discriminator="kind")]
+
+
 class Param(Item):
-    """`param gap: time = 1.5 s in 0 s..4 s step 0.1 s`, `param approach: arm = south in [south, east]`."""
+    """`param gap: time = 1.5 s in 0 s..4 s step 0.1 s as normal(1.5 s, 0.4 s)`, `param approach: arm = south in [south,
+    east]`."""
 
     kind: Literal["param"] = "param"
     name: Name
     type: ParamType
     default: ParamValue
     range: Range | None = None
-    options: tuple[str, ...] | None = None
+    options: tuple[ParamValue, ...] | None = None
+    distribution: Distribution | None = None
+    """How `cases ... from seed` and `foresee sample` draw its values."""
+
+
+class Require(Item):
+    """`require gap < 2 s or approach is south`: what the values of a case must satisfy, written and drawn ones."""
+
+    kind: Literal["require"] = "require"
+    condition: Condition
+
+
+class Cases(Item):
+    """`cases 20 from seed 7`: so many cases with drawn values, called `seed7_01`, `seed7_02`, ..."""
+
+    kind: Literal["cases"] = "cases"
+    count: Quantity
+    seed: Quantity
 
 
 class Weather(Item):
@@ -71,6 +134,8 @@ class Expect(Item):
     arrived(ego)`."""
 
     kind: Literal["expect"] = "expect"
+    name: Name | None = None
+    """What `extends`, mutants and messages call it by: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
     within: Time | None = None
     condition: Condition
@@ -107,8 +172,8 @@ class SignalState(Item):
     """
 
     kind: Literal["signal"] = "signal"
-    junction: Id
-    stage: Name
+    junction: Id | Ref
+    stage: Id | Ref
     elapsed: Time
 
 
@@ -119,6 +184,7 @@ ScenarioItem = Annotated[
     | UseModels
     | Network
     | Param
+    | Require
     | Weather
     | Ego
     | Actor
@@ -127,7 +193,8 @@ ScenarioItem = Annotated[
     | When
     | Expect
     | End
-    | Case,
+    | Case
+    | Cases,
     Field(discriminator="kind"),
 ]
 

@@ -1,0 +1,105 @@
+"""The language: a cold `foresee check`, checking long files, formatting."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from benchmarks.figures import Figure, cpu_of, interleaved, run_program
+from benchmarks.texts import scenario
+from foresee_dsl.language.checked_files import check_paths
+from foresee_dsl.language.parser import format_text, parse
+from foresee_dsl.resources import data_folder
+
+ROUNDS = 9
+"""Ours: the median of nine rounds moved by under a tenth between runs on a busy machine of two cores."""
+SHORT, MIDDLE, LONG = 40, 1000, 20_000
+"""Lines of the files that are checked (asked for)."""
+_FORESEE = "from foresee_dsl.cli import main; main()"
+
+
+def figures() -> Iterator[Figure]:
+    """Measure, and return the figures of the language."""
+    with _project() as folder:
+        yield from _cold(folder)
+        yield from _long(folder)
+
+
+@contextmanager
+def _project() -> Iterator[Path]:
+    """A folder with the bundled networks, where scenarios can be written."""
+    with tempfile.TemporaryDirectory(prefix="foresee-bench-") as name:
+        folder = Path(name)
+        (folder / "networks").mkdir()
+        for file in sorted((data_folder("scenarios") / "networks").glob("*.foresee")):
+            (folder / "networks" / file.name).write_bytes(file.read_bytes())
+        yield folder
+
+
+def _cold(folder: Path) -> Iterator[Figure]:
+    """A new process each time; the networks are in the cache, what the file says was never seen before."""
+    file, numbers = folder / "short.foresee", itertools.count(1)
+    text = scenario(SHORT)
+
+    def edited() -> tuple[float, float]:
+        file.write_text(text.replace("start speed 36 km/h", f"start speed {next(numbers) / 100 + 36} km/h"))
+        return run_program([sys.executable, "-c", _FORESEE, "check", str(file)])
+
+    def program(code: str, *arguments: str) -> tuple[float, float]:
+        return run_program([sys.executable, "-c", code, *arguments])
+
+    edited()  # the network and the parser go into the cache
+    cost = interleaved(
+        {
+            "python": lambda: program("pass"),
+            "numpy": lambda: program("import numpy"),
+            "edited": edited,
+            "unchanged": lambda: program(_FORESEE, "check", str(file)),
+            "help": lambda: program(_FORESEE, "--help"),
+        },
+        ROUNDS,
+    )
+    check, check_cpu = cost["edited"]
+    python, numpy = cost["python"][0], cost["numpy"][0]
+    yield Figure("cold_check_s", check, "s", f"`foresee check` of {SHORT} lines just edited", 0.25)
+    yield Figure("cold_check_cpu_s", check_cpu, "s", "CPU of the same")
+    yield Figure("cold_check_unchanged_s", cost["unchanged"][0], "s", "the same of a file that was checked before")
+    yield Figure("help_s", cost["help"][0], "s", "`foresee --help`")
+    yield Figure("cold_check_over_python", check / python, "ratio", "cold check over `python -c pass`")
+    yield Figure("cold_check_over_numpy", check / numpy, "ratio", "cold check over `python -c 'import numpy'`")
+
+
+def _long(folder: Path) -> Iterator[Figure]:
+    """In this process: CPU after start-up, without placing the actors."""
+    files = {lines: folder / f"long_{lines}.foresee" for lines in (MIDDLE, LONG)}
+    for lines, file in files.items():
+        file.write_text(scenario(lines))
+    text = scenario(MIDDLE)
+    gc.set_threshold(100_000)  # as the command line does
+    check_paths([str(files[MIDDLE])])
+    cost = interleaved(
+        {
+            "parse": lambda: cpu_of(lambda: parse(text, "long")),
+            "format": lambda: cpu_of(lambda: format_text(text, "long")),
+            "check": lambda: cpu_of(lambda: check_paths([str(files[MIDDLE])])),
+        },
+        ROUNDS,
+    )
+    long = interleaved(
+        {
+            "check": lambda: cpu_of(lambda: check_paths([str(files[MIDDLE])])),
+            "long": lambda: cpu_of(lambda: check_paths([str(files[LONG])])),
+        },
+        3,
+    )
+    yield Figure("check_1000_lines_s", cost["check"][0], "s", "CPU for checking 1,000 lines, after start-up", 0.25)
+    yield Figure("check_linearity", long["long"][0] / long["check"][0] / (LONG / MIDDLE), "ratio",
+                 "CPU a line of 20,000 lines over that of 1,000", 1.6)  # fmt: skip
+    yield Figure(
+        "format_over_parse", cost["format"][0] / cost["parse"][0], "ratio", "formatter over parser, 1,000 lines", 4.0
+    )

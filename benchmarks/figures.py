@@ -1,0 +1,76 @@
+"""What a benchmark returns, and how costs are compared."""
+
+from __future__ import annotations
+
+import resource
+import statistics
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure.
+
+    Attributes:
+        name: short and stable, such as `cold_check_over_python`.
+        value: measured. unit: "ratio", "s", ...
+        means: what it says, in a sentence.
+        target: the value is to be at most this; None where it is only for the reader.
+    """
+
+    name: str
+    value: float
+    unit: str
+    means: str
+    target: float | None = None
+
+    @property
+    def met(self) -> bool:
+        """Whether the target is met (a figure without one meets it)."""
+        return self.target is None or self.value <= self.target
+
+
+def interleaved(works: Mapping[str, Callable[[], float | tuple[float, ...]]], rounds: int) -> dict[str, list[float]]:
+    """Return the median cost of several works, each done once a round, so that a slow minute slows all of them.
+
+    Args:
+        works: by name, functions that do the work and return what it cost (a number, or several of different kinds).
+        rounds: how often.
+
+    Returns:
+        By name the median of each kind of cost.
+    """
+    found: dict[str, list[tuple[float, ...]]] = {name: [] for name in works}
+    for _ in range(rounds):
+        for name, work in works.items():
+            cost = work()
+            found[name].append(cost if isinstance(cost, tuple) else (cost,))
+    return {name: [statistics.median(kind) for kind in zip(*costs, strict=True)] for name, costs in found.items()}
+
+
+def run_program(command: Sequence[str]) -> tuple[float, float]:
+    """Run a program and return the seconds that passed, and those of CPU that it spent.
+
+    The two are the same for a program of one thread, unless others wanted the machine meanwhile.
+
+    Raises:
+        CalledProcessError: it failed.
+    """
+    passed, spent = time.perf_counter(), _cpu(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=True)  # noqa: S603 - our own
+    return time.perf_counter() - passed, _cpu(resource.RUSAGE_CHILDREN) - spent
+
+
+def cpu_of(work: Callable[[], object]) -> float:
+    """Do something and return the seconds of CPU that this process spent."""
+    spent = _cpu(resource.RUSAGE_SELF)
+    work()
+    return _cpu(resource.RUSAGE_SELF) - spent
+
+
+def _cpu(who: int) -> float:
+    usage = resource.getrusage(who)
+    return usage.ru_utime + usage.ru_stime

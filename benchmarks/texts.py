@@ -1,0 +1,48 @@
+"""Scenario texts to measure with, of any length."""
+
+from __future__ import annotations
+
+CASES = 4
+"""Each case is a test case of its own, checked as a whole: a fixed number, so that the length alone grows."""
+
+
+def scenario(lines: int) -> str:
+    """Return a scenario of about so many lines: actors with parameters, triggers with several conditions, cases."""
+    groups = max((lines - 20 - CASES) // 13, 1)
+    head = [
+        "foresee 1",
+        "",
+        "# Made for a measurement.",
+        "scenario long {",
+        '  use network "networks/town.foresee"',
+        "",
+        "  ego: car.sedan {",
+        "    route from mill_west straight over mill_oak",
+        "    start at 12 m along ego.route",
+        "    start speed 36 km/h",
+        "  }",
+        "",
+    ]
+    body = [line for k in range(groups) for line in _group(k)]
+    tail = ["  expect never collision(ego)", "  end after 45 s", ""]
+    tail += [f"  case c{n} {{ pace_{n % groups} = {20 + n} km/h }}" for n in range(CASES)]
+    return "\n".join([*head, *body, *tail, "}", ""])
+
+
+def _group(k: int) -> list[str]:
+    """A parameter, an actor and a trigger: 13 lines."""
+    return [
+        f"  param pace_{k}: speed = 20 km/h in 10 km/h..50 km/h step 1 km/h",
+        f"  # Actor {k} brakes late.",
+        f"  vehicle actor_{k}: car.compact {{",
+        "    route [mill_west, mill_mid]",
+        f"    start at {k % 100 + 0.5} m along mill_west",
+        f"    speed pace_{k}",
+        "    start speed 18 km/h",
+        "  }",
+        f"  when distance(ego, actor_{k}) < 12.5 m and ego.speed > 20 km/h {{",
+        f"    actor_{k} stops",
+        f"    actor_{k} changes speed to 30 km/h",
+        "  }",
+        "",
+    ]

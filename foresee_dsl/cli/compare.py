@@ -1,0 +1,121 @@
+"""Commands that compare by meaning: diff, and what git calls: textconv, git-diff."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foresee_dsl.cli.common import FAILED, AllowOutsideOption, JsonOption, print_json
+from foresee_dsl.errors import InputError
+
+
+class Format(StrEnum):
+    """How differences are printed."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    JSON = "json"
+
+
+def diff(
+    old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; alone: a child.")],
+    new: Annotated[str, typer.Argument(metavar="NEW", help="Another; left out: OLD is compared with its parent.")] = "",
+    format: Annotated[
+        Format, typer.Option("--format", help="For a terminal, a pull request, a program.")
+    ] = Format.TEXT,
+    json: JsonOption = False,
+    exit_code: Annotated[
+        bool, typer.Option("--exit-code", help="Exit code 1 if they differ, as git diff has it.")
+    ] = False,
+    allow_outside: AllowOutsideOption = False,
+) -> None:
+    """Say what differs in meaning between two files, grouped by what it touches; layout, order and units do not count.
+
+    [dim]foresee diff a.foresee b.foresee    foresee diff a.foresee::r01 a.foresee::r02    foresee diff child[/dim]
+    """
+    from foresee_dsl.language.diff import compare_addresses, parent_address, render_groups, render_markdown
+
+    first, second = (old, new) if new else (parent_address(old), old)
+    found = compare_addresses(first, second, allow_outside=allow_outside)
+    if json or format is Format.JSON:
+        print_json(found.as_dict())
+    elif format is Format.MARKDOWN:
+        typer.echo(render_markdown(found.changes, found.texts, old=found.old, new=found.new), nl=False)
+    else:
+        typer.echo(render_groups(found.changes, found.texts, colour=_colour()), nl=False)
+    if exit_code and found.changes:
+        raise typer.Exit(FAILED)
+
+
+def textconv(
+    file: Annotated[Path, typer.Argument(help="A .foresee file.")],
+    people: Annotated[
+        bool, typer.Option("--people", help="Keep what only people read: doc, tags, risk, fidelity, origin.")
+    ] = False,
+) -> None:
+    """Print a file so that equal meaning is equal text, for `git diff`; a file with mistakes as it is.
+
+    [dim]git config diff.foresee.textconv "foresee textconv"[/dim]
+    """
+    from foresee_dsl.language.diff import plain_text
+    from foresee_dsl.language.parser import load
+
+    content = file.read_bytes()
+    with contextlib.suppress(InputError):  # half-written, or conflict markers: git shows the text as it stands
+        content = plain_text(load(file).model, people=people).encode()
+    sys.stdout.buffer.write(content)
+    sys.stdout.buffer.flush()
+
+
+def git_diff(
+    arguments: Annotated[list[str], typer.Argument(metavar="PATH OLD_FILE OLD_HEX OLD_MODE NEW_FILE NEW_HEX NEW_MODE")],
+) -> None:
+    """Show one changed file in words, called by git with seven arguments.
+
+    [dim]git config diff.foresee.command "foresee git-diff"[/dim]
+    """
+    path = arguments[0]
+    if len(arguments) < _GIT_ARGUMENTS:
+        typer.echo(f"* Unmerged path {path}")
+        return
+    typer.echo(_git_diff(path, Path(arguments[1]), Path(arguments[4])), nl=False)
+
+
+_GIT_ARGUMENTS = 7
+"""git gives a path and a file, hash and mode of each side; of an unmerged path only the path (git(1))."""
+
+
+def _git_diff(path: str, old: Path, new: Path) -> str:
+    from foresee_dsl.language.diff import diff_models, render_groups, texts
+    from foresee_dsl.language.parser import load
+
+    try:
+        a, b = load(old, shown_as=path).model, load(new, shown_as=path).model
+        changes, told = diff_models(a, b), texts(a, b)
+    except InputError:  # added, removed, of another kind, or with mistakes: in text
+        return _text_diff(path, old, new)
+    return f"foresee diff {path}\n\n{render_groups(changes, told, colour=_colour())}\n"
+
+
+def _text_diff(path: str, old: Path, new: Path) -> str:
+    import difflib
+
+    before, after = (_lines(file) for file in (old, new))
+    names = (f"a/{path}" if old.is_file() else "/dev/null", f"b/{path}" if new.is_file() else "/dev/null")
+    lines = [f"foresee diff {path}", *difflib.unified_diff(before, after, *names, lineterm="")]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(file: Path) -> list[str]:
+    return file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else []
+
+
+def _colour() -> bool:
+    """Whether colours reach a terminal: our own, or that of git's pager."""
+    return (sys.stdout.isatty() or "GIT_PAGER_IN_USE" in os.environ) and "NO_COLOR" not in os.environ

@@ -1,0 +1,160 @@
+"""The command `fmt`: bring files into the one layout, or say which are not in it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foresee_dsl.cli.common import FAILED, print_diagnostics
+from foresee_dsl.errors import Diagnostic, InputError
+
+_STDIN = "-"
+_HEADER_LINES = 2
+"""A unified diff begins with `---` and `+++` and the file's name."""
+_COLOURS = {"+": typer.colors.GREEN, "-": typer.colors.RED, "@": typer.colors.CYAN}
+
+
+@dataclass
+class _Tally:
+    """How many files were looked at and changed, and what was wrong with the others."""
+
+    files: int = 0
+    changed: int = 0
+    mistakes: dict[Diagnostic, None] = field(default_factory=dict)  # a set in order
+
+
+def fmt(
+    paths: Annotated[
+        list[str], typer.Argument(help="Files and folders; `-` formats standard input to standard output.")
+    ],
+    check_only: Annotated[
+        bool, typer.Option("--check", help="Change nothing; exit code 1 if something would change.")
+    ] = False,
+    show_diff: Annotated[
+        bool, typer.Option("--diff", help="Change nothing; print what would change; exit code as with --check.")
+    ] = False,
+) -> None:
+    """Bring files into the one layout: comments and grouping stay, the meaning never changes.
+
+    A file with mistakes is left alone and its mistakes are shown; the others are formatted.
+
+    [dim]foresee fmt scenarios    foresee fmt --check .    cat x.foresee | foresee fmt -[/dim]
+    """
+    if _STDIN in paths:
+        if len(paths) > 1:
+            raise typer.BadParameter("`-` (standard input) stands alone")
+        _format_stdin(check_only=check_only, show_diff=show_diff)
+        return
+    tally = _Tally()
+    for file in _files(paths, tally):
+        try:
+            _format_file(file, tally, check_only=check_only, show_diff=show_diff)
+        except InputError as error:
+            tally.mistakes |= dict.fromkeys(error.diagnostics)
+        except OSError as error:
+            message = f"this file cannot be written: {(error.strerror or str(error)).lower()}"
+            tally.mistakes[
+                Diagnostic("FS001", message, "check the permissions of the file and its folder", str(file))
+            ] = None
+    if tally.mistakes:
+        print_diagnostics(tuple(tally.mistakes))
+    elif not tally.changed:
+        typer.echo("1 file is as it should be" if tally.files == 1 else f"{tally.files} files are as they should be")
+    if tally.mistakes or (tally.changed and (check_only or show_diff)):
+        raise typer.Exit(FAILED)
+
+
+def _files(paths: Sequence[str], tally: _Tally) -> Iterator[Path]:
+    """Return each file once; what is not there is a mistake like any other."""
+    from foresee_dsl.language.addresses import scenario_files
+
+    seen: set[str] = set()
+    for path in paths:
+        try:
+            files = scenario_files([path])
+        except InputError as error:
+            tally.mistakes |= dict.fromkeys(error.diagnostics)
+            continue
+        for file in files:
+            key = os.path.abspath(file)  # noqa: PTH100  (a key: no links followed)
+            if key not in seen:
+                seen.add(key)
+                yield file
+
+
+def _format_file(file: Path, tally: _Tally, *, check_only: bool, show_diff: bool) -> None:
+    from foresee_dsl.language.parser import read_text
+    from foresee_dsl.resources import write_whole
+
+    tally.files += 1
+    before = read_text(file, str(file))
+    after = _formatted(before, str(file))
+    if after == before:
+        return
+    tally.changed += 1
+    if show_diff:
+        _print_diff(before, after, str(file))
+    elif check_only:
+        typer.echo(f"would change {file}")
+    else:
+        target = file.resolve()  # behind a link: what it points to, so that the link stays one
+        if not os.access(target, os.W_OK):  # putting a new file in place would get around that
+            raise PermissionError(13, "permission denied")
+        write_whole(target, after)
+        typer.echo(f"formatted {file}")
+
+
+def _format_stdin(*, check_only: bool, show_diff: bool) -> None:
+    from foresee_dsl.language.parser import MAX_BYTES, decode
+
+    before = decode(sys.stdin.buffer.read(MAX_BYTES + 1), "<stdin>")
+    after = _formatted(before, "<stdin>")
+    if show_diff:
+        _print_diff(before, after, "<stdin>")
+    elif check_only:
+        typer.echo("<stdin> is as it should be" if after == before else "would change <stdin>")
+    else:
+        sys.stdout.buffer.write(after.encode("utf-8"))  # bytes: neither the locale nor the system changes them
+        sys.stdout.buffer.flush()
+    if after != before and (check_only or show_diff):
+        raise typer.Exit(FAILED)
+
+
+def _formatted(text: str, name: str) -> str:
+    """Return a text in the one layout, with the kind of newline of its first line and without a byte order mark.
+
+    Raises:
+        InputError: the text has mistakes.
+    """
+    from foresee_dsl.language.parser import format_text
+
+    result = format_text(text, name)
+    first = text.find("\n")
+    return result.replace("\n", "\r\n") if first > 0 and text[first - 1] == "\r" else result
+
+
+def _print_diff(before: str, after: str, name: str) -> None:
+    """Print a unified diff, in colour on a terminal (`typer.echo` takes colours out elsewhere)."""
+    import difflib
+
+    coloured = "NO_COLOR" not in os.environ
+    for k, line in enumerate(difflib.unified_diff(_lines(before), _lines(after), name, name)):
+        text, newline, _ = line.partition("\n")
+        if coloured and k < _HEADER_LINES:
+            text = typer.style(text, bold=True)
+        elif coloured and line[0] in _COLOURS:
+            text = typer.style(text, fg=_COLOURS[line[0]])
+        typer.echo(text + (newline or "\n\\ No newline at end of file\n"), nl=False)
+
+
+def _lines(text: str) -> list[str]:
+    """Split behind each newline (`str.splitlines` also splits at characters that may stand in a string)."""
+    lines = [f"{line}\n" for line in text.split("\n")]
+    lines[-1] = lines[-1][:-1]  # what stands behind the last newline: nothing, where the file ends with one
+    return [line for line in lines if line]

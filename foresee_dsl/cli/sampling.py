@@ -1,0 +1,157 @@
+"""The command sample: the cases that a scenario has or would draw, and how much of its ranges they reach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foresee_dsl.cli.common import AllowOutsideOption, print_json
+
+if TYPE_CHECKING:
+    from foresee_dsl.language.coverage import Coverage, Reach
+    from foresee_dsl.language.model import Case, Scenario
+
+DEFAULT_COUNT = 20
+"""How many cases are drawn where nothing says how many (ours: what fits on a screen with its coverage)."""
+_WIDTH = 80
+"""Columns of the tables."""
+
+
+class Format(StrEnum):
+    """In what form cases are printed."""
+
+    table = "table"
+    json = "json"
+    cases = "cases"
+
+
+def sample(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario with parameters.")],
+    count: Annotated[int | None, typer.Option("--count", min=1, max=10_000, help="Draw so many cases.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, max=10**9, help="Draw from this seed.")] = None,
+    format_: Annotated[
+        Format, typer.Option("--format", help="table for people; json; cases: lines to paste into the scenario.")
+    ] = Format.table,
+    allow_outside: AllowOutsideOption = False,
+) -> None:
+    """Draw cases of a scenario, or show those that it has, and say how much of the ranges they reach.
+
+    The same file, count and seed give the same cases on every machine. Without --count and --seed the scenario's own
+    cases are shown, those of `cases ... from seed` among them.
+
+    [dim]foresee sample my.foresee    foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
+    """
+    from foresee_dsl.language.coverage import coverage
+    from foresee_dsl.language.project import Project
+
+    scenario = Project(allow_outside=allow_outside).whole_scenario(file)
+    cases = _cases(scenario, count, seed)
+    if format_ is Format.cases:
+        _print_cases(cases)
+        return
+    found = coverage(scenario, cases)
+    if format_ is Format.json:
+        _print_json(file, scenario, cases, found)
+    else:
+        _print_table(scenario, cases, found)
+
+
+def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[Case]:
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.language import model as m
+    from foresee_dsl.language.sampling import TooFewError, axis_of, draw
+
+    written = scenario.all(m.Case)
+    if count is None and seed is None and written:
+        return written
+    if not any(axis_of(param) for param in scenario.all(m.Param)):
+        raise ForeseeError(f"scenario '{scenario.name}' has no parameter with a range or options, so nothing is drawn")
+    wanted = m.Cases.model_validate(
+        {"count": {"value": count or DEFAULT_COUNT, "unit": ""}, "seed": {"value": seed or 0, "unit": ""}}
+    )
+    try:
+        return draw(scenario, wanted)
+    except TooFewError as error:
+        raise ForeseeError(str(error)) from None
+
+
+def _print_cases(cases: Sequence[Case]) -> None:
+    from foresee_dsl.language.printer import print_item
+
+    for case in cases:
+        typer.echo(f"  {print_item(case)}")
+
+
+def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
+    from foresee_dsl.language.concretise import value_text
+    from foresee_dsl.language.coverage import values_of
+
+    print_json(
+        {
+            "schema": 1,
+            "file": str(file),
+            "scenario": scenario.name,
+            "cases": [
+                {"name": case.name, "values": {n: value_text(v) for n, v in values_of(scenario, case).items()}}
+                for case in cases
+            ],
+            "distinct": found.distinct,
+            "parameters": [
+                {"name": r.name, "smallest": value_text(r.smallest), "largest": value_text(r.largest),
+                 "reached": r.reached, "bins": r.bins, "of": r.of}
+                for r in found.reaches
+            ],
+            "pairs": {"reached": found.pairs_reached, "of": found.pairs},
+        }
+    )  # fmt: skip
+
+
+def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
+    from foresee_dsl.language.concretise import value_text
+    from foresee_dsl.language.coverage import values_of
+    from foresee_dsl.language.model import Param
+
+    names = [param.name for param in scenario.all(Param)]
+    rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]
+    for block in _blocks(["case", *names], rows):
+        typer.echo("\n".join(block) + "\n")
+    for reach in found.reaches:
+        typer.echo(_said(reach))
+    if found.pairs:
+        share = found.pairs_reached / found.pairs
+        typer.echo(f"pairs of values: {found.pairs_reached} of {found.pairs} occur together ({share:.0%})")
+    if found.distinct < found.cases:
+        again = found.cases - found.distinct
+        typer.echo(
+            f"note: {again} of {found.cases} cases {'repeats' if again == 1 else 'repeat'} the values of another"
+        )
+
+
+def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
+    """Lay a table out, in several blocks below each other where it is wider than a screen."""
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    blocks: list[list[int]] = [[]]
+    used = widths[0]
+    for k in range(1, len(head)):
+        if blocks[-1] and used + 2 + widths[k] > _WIDTH:
+            blocks.append([])
+            used = widths[0]
+        blocks[-1].append(k)
+        used += 2 + widths[k]
+    return [
+        ["  ".join(row[k].ljust(widths[k]) for k in (0, *columns)).rstrip() for row in (head, *rows)]
+        for columns in blocks
+    ]
+
+
+def _said(reach: Reach) -> str:
+    from foresee_dsl.language.concretise import value_text
+
+    share = f"{reach.reached} of {reach.bins} {reach.of} ({reach.reached / reach.bins:.0%})"
+    if reach.of == "options":
+        return f"{reach.name}: {share}"
+    return f"{reach.name}: {value_text(reach.smallest)} to {value_text(reach.largest)}, {share}"

@@ -1,0 +1,207 @@
+"""A program in a process group of its own, spoken to line by line with deadlines, and ended for certain.
+
+The group is led by a guard: a shell that waits for its input to end and then kills the group, itself included. Its
+input is a pipe that only this process holds, so that the program ends with this process in whatever way that happens,
+SIGKILL included.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+from typing import IO
+
+from foresee_dsl.errors import DriverError
+
+LONGEST_LINE = 65_536
+"""Bytes of a line from the program. Ours: an answer needs under 100."""
+FAREWELL_S = 1.0
+"""How long a program may take to end by itself after `end`. Ours: time to close a log file."""
+LAST_WORDS_S = 0.2
+"""How long the exit code and the last of stderr are waited for once the program has closed its output (ours)."""
+LAST_WORDS = 400
+"""Ours: so many characters of stderr's end are in a message: the last line of a traceback, and where."""
+_STDERR_KEPT = 4096
+_CHUNK = 65_536
+_TICK_S = 0.05
+_GUARD = ("/bin/sh", "-c", 'trap "" HUP INT TERM; read -r _; kill -KILL 0')
+
+
+class Program:
+    """A running program. `exchange` sends a line and returns the one that answers it."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        """Start the program in the working folder.
+
+        Args:
+            command: the program and its arguments; no shell sees them.
+
+        Raises:
+            DriverError: it cannot be started.
+        """
+        self._guard = subprocess.Popen(  # noqa: S603  a constant
+            _GUARD, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
+        )
+        try:
+            self._process = subprocess.Popen(  # noqa: S603  the user's own program is what this is for
+                list(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                process_group=self._guard.pid,
+            )
+        except (OSError, ValueError) as err:
+            self._end_guard()
+            reason = err.strerror if isinstance(err, OSError) else err
+            raise DriverError(f"{command[0]} cannot be started: {reason}") from err
+        self._in, self._out = _pipe(self._process.stdin), _pipe(self._process.stdout)
+        self._err = _pipe(self._process.stderr)
+        for stream in (self._in, self._out, self._err):
+            os.set_blocking(stream.fileno(), False)
+        self._received = bytearray()
+        self._words = bytearray()
+        self._silent = False  # its standard output is closed
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._out, selectors.EVENT_READ)
+        self._selector.register(self._err, selectors.EVENT_READ)
+
+    @property
+    def pid(self) -> int:
+        """The program's process id."""
+        return self._process.pid
+
+    def exchange(self, line: bytes, deadline_s: float) -> bytes:
+        """Send a line and return the program's next one, without its newline.
+
+        Raises:
+            DriverError: it is too late, too long, not the only one, or the program has ended. The program is to be
+                killed then.
+        """
+        self._read(self._out)
+        if self._received:
+            raise DriverError(f"it wrote a line that nobody asked for{self._last_words()}")
+        until = time.monotonic() + deadline_s
+        unsent = self._send(memoryview(line), until)
+        while not unsent:
+            answer, newline, rest = self._received.partition(b"\n")
+            if len(answer) > LONGEST_LINE:
+                raise DriverError(f"it wrote a line of more than {LONGEST_LINE} bytes{self._last_words()}")
+            if newline:
+                if rest:
+                    raise DriverError(f"it wrote more than one line for one message{self._last_words()}")
+                self._received.clear()
+                return bytes(answer)
+            if self._silent or not self._wait(until):
+                break
+        if self._silent or self._process.poll() is not None:
+            raise DriverError(f"it ended ({self._exit()}) without an answer{self._last_words()}")
+        if len(self._received) > LONGEST_LINE:
+            raise DriverError(f"it wrote {len(self._received)} bytes that nobody asked for{self._last_words()}")
+        doing = "read its line" if unsent else "answer"
+        raise DriverError(f"it did not {doing} within {deadline_s:g} s{self._last_words()}")
+
+    def end(self, farewell: bytes) -> None:
+        """Say farewell, give it a moment to end by itself, then kill what is left. Never raises."""
+        until = time.monotonic() + FAREWELL_S
+        with contextlib.suppress(OSError):
+            self._send(memoryview(farewell), until)
+            self._in.close()
+        while self._process.poll() is None and (self._open(self._out) or self._open(self._err)) and self._wait(until):
+            self._received.clear()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(max(0.0, until - time.monotonic()))
+        self.kill()
+
+    def kill(self) -> None:
+        """End the program and all of its group now, and leave no zombie. Never raises; may be called again."""
+        self._selector.close()
+        self._end_guard()
+        if self._process.poll() is None:  # it had left the group
+            self._process.kill()
+        self._process.wait()
+        for stream in (self._in, self._out, self._err):
+            with contextlib.suppress(OSError):
+                stream.close()
+
+    def _end_guard(self) -> None:
+        if self._guard.returncode is not None:
+            return
+        # Not waited for yet, so that the number is still the group's, even where the guard is dead.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._guard.pid, signal.SIGKILL)
+        self._guard.wait()
+        with contextlib.suppress(OSError):
+            _pipe(self._guard.stdin).close()
+
+    def _send(self, data: memoryview, until: float) -> memoryview:
+        """Write, reading meanwhile (or two full pipes would wait for each other); return what was not taken."""
+        self._selector.register(self._in, selectors.EVENT_WRITE)
+        try:
+            while data:
+                with contextlib.suppress(BlockingIOError):
+                    data = data[os.write(self._in.fileno(), data) :]
+                if data and (len(self._received) > LONGEST_LINE or self._silent or not self._wait(until)):
+                    break
+        except BrokenPipeError:
+            self._silent = True
+        finally:
+            self._selector.unregister(self._in)
+        return data
+
+    def _wait(self, until: float) -> bool:
+        """Read what comes until something happens, a tick at most; False when the time is over."""
+        left = until - time.monotonic()
+        if left <= 0:
+            return False
+        for key, _ in self._selector.select(min(left, _TICK_S)):
+            if key.fileobj is not self._in:
+                self._read(self._err if key.fileobj is self._err else self._out)
+        return True
+
+    def _read(self, stream: IO[bytes]) -> None:
+        """Take one chunk of what there is, if any."""
+        if not self._open(stream):
+            return
+        try:
+            chunk = os.read(stream.fileno(), _CHUNK)
+        except BlockingIOError:
+            return
+        if not chunk:
+            self._selector.unregister(stream)
+            self._silent |= stream is self._out
+        elif stream is self._out:
+            self._received += chunk
+        else:
+            self._words += chunk
+            del self._words[:-_STDERR_KEPT]
+
+    def _exit(self) -> str:
+        try:
+            code = self._process.wait(LAST_WORDS_S)
+        except subprocess.TimeoutExpired:
+            return "it closed its output"
+        return f"exit code {code}" if code >= 0 else f"by signal {-code}"
+
+    def _last_words(self) -> str:
+        until = time.monotonic() + LAST_WORDS_S
+        while self._process.poll() is not None and self._open(self._err) and self._wait(until):
+            self._received.clear()
+        self._read(self._err)
+        words = " | ".join(w for w in self._words.decode("utf-8", errors="replace").splitlines() if w.strip())
+        words = "".join(c if c.isprintable() else " " for c in words)
+        return f"; it said: {words[-LAST_WORDS:]}" if words else ""
+
+    def _open(self, stream: IO[bytes]) -> bool:
+        return stream in (k.fileobj for k in self._selector.get_map().values())
+
+
+def _pipe(stream: IO[bytes] | None) -> IO[bytes]:
+    if stream is None:
+        raise DriverError("a pipe is missing")
+    return stream

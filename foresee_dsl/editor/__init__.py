@@ -1,0 +1,1 @@
+"""What editors need: the language server, the highlighters, the TextMate grammar."""

@@ -1,0 +1,251 @@
+"""What can be written at a place: words of the grammar, names that are known there, units, files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, cast
+
+from foresee_dsl.editor.files import Files, Found
+from foresee_dsl.editor.meanings import CHANGEABLE, MEASURED, dimension_of_field, units_of, words_of_field
+from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
+from foresee_dsl.editor.symbols import SymbolKind, kind_named
+from foresee_dsl.language import model as m
+from foresee_dsl.language.addresses import FOREIGN_NETWORKS, SUFFIX
+from foresee_dsl.language.codes import EXAMPLES
+from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.nodes import Node
+from foresee_dsl.language.units import Dimension
+
+_MOST_FILES = 500
+"""So many files are offered at most (ours: nobody reads more, and a list is sent with every letter)."""
+_MOST_ENTRIES = 20_000
+"""So many entries of folders are looked at for them (ours: about 50 ms)."""
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """One thing that can be written.
+
+    Attributes:
+        text: what is written in place of the word that was begun.
+        kind: what it is, for the picture beside it.
+        detail: a few words beside it.
+        about: a sentence and an example, or empty.
+    """
+
+    text: str
+    kind: Literal["keyword", "constant", "unit", "value", "name", "file", "type"]
+    detail: str = ""
+    about: str = ""
+
+
+@dataclass(frozen=True)
+class Completion:
+    """What can be written, and how many characters before the place it replaces."""
+
+    suggestions: tuple[Suggestion, ...]
+    replaces: int
+
+
+def complete(files: Files, path: Path, text: str, offset: int) -> Completion:
+    """Return what can be written at an offset of a text."""
+    place = before(text, offset)
+    if place.in_comment:
+        return Completion((), 0)
+    terminals = accepted(place.text)
+    if not terminals and place.word:
+        # A word that begins like a number's unit, or that already is one: `speed 50 k`.
+        return Completion((), len(place.word))
+    found: dict[str, Suggestion] = {}
+    for slot in slots(place.text, terminals):
+        if place.in_string and slot.token != "STRING":
+            continue
+        for suggestion in _of_slot(files, path, slot, place):
+            found.setdefault(suggestion.text, suggestion)
+    if not place.in_string:
+        for word in words(terminals):
+            found.setdefault(word, _keyword(word))
+    return Completion(tuple(found.values()), len(place.word))
+
+
+def _keyword(word: str) -> Suggestion:
+    keyword = KEYWORDS.get(word)
+    if keyword is None:
+        return Suggestion(word, "keyword")
+    return Suggestion(word, "keyword", keyword.meaning, f"{keyword.meaning}\n\n`{keyword.example}`")
+
+
+def _of_slot(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
+    if slot.token == "UNIT":
+        yield from (Suggestion(unit, "unit") for unit in units_of(_dimension(files, path, slot)))
+    elif slot.token == "NUMBER":
+        dimension = _dimension(files, path, slot)
+        if dimension is not None and not place.word:
+            yield Suggestion(EXAMPLES[dimension], "value", f"{dimension.replace('_', ' ')}")
+    elif slot.node.kind is m.Ref:
+        yield from _parameters(files, path, slot)
+    else:
+        yield from _names(files, path, slot, place)
+
+
+def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
+    kind = kind_named(slot.node, slot.field)
+    if kind == "file":
+        yield from _files(path, networks=slot.node.kind is m.UseNetwork)
+    elif kind is not None and (slot.token != "STRING" or place.in_string):
+        yield from _of_kind(files, path, slot, kind, place)
+    if slot.token == "NAME":
+        for word in words_of_field(slot.node.kind, slot.field):
+            about = KEYWORDS.get(word)
+            yield Suggestion(word, "constant", about.meaning if about is not None else "")
+    if slot.token == "NAME" and _takes_parameter(slot.node.kind, slot.field):
+        for name, found in files.definitions(path, "parameter").items():
+            if _fits(found, slot, kind):
+                yield _parameter(name, found)
+
+
+def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Before) -> Iterator[Suggestion]:
+    if kind == "thing":
+        kinds: tuple[SymbolKind, ...] = ("actor", "junction")
+    elif kind == "word":
+        kinds = _of_type(_type_of_word(files, path, slot))
+    else:
+        kinds = (kind,)
+    if slot.node.kind is m.Change and slot.field == "actor":
+        yield from _changeable(files, path)
+        return
+    if slot.node.kind is m.Shows and "actor" in slot.node.fields:
+        yield from (Suggestion(colour, "constant", KEYWORDS[colour].meaning) for colour in m.SIGNAL_COLOURS)
+        return
+    if "stage" in kinds:
+        yield from (Suggestion(name, "name", "stage") for name in files.stages(path, slot.node.fields.get("junction")))
+        return
+    for name, found in files.definitions(path, *kinds).items():
+        if found.occurrence.owner.kind is m.Traffic:
+            continue  # nobody can be named by the traffic's name alone
+        if slot.token == "DOTTED" and kind == "actor":
+            yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in _properties(slot, place))
+            continue
+        yield Suggestion(name, "name", _describe(found))
+        if kind == "road":
+            yield Suggestion(f"{name}_back", "name", "the same road, the other way")
+    if kind == "word":
+        turns_or_sides = {"turn": (m.Leg, "turn"), "side": (m.ChangesLane, "side")}
+        where = turns_or_sides.get(_type_of_word(files, path, slot))
+        if where is not None:
+            yield from (Suggestion(word, "constant") for word in words_of_field(*where))
+
+
+def _of_type(type_: str) -> tuple[SymbolKind, ...]:
+    kinds: dict[str, SymbolKind] = {"arm": "road", "model": "model", "junction": "junction", "stage": "stage"}
+    return (kinds[type_],) if type_ in kinds else ()
+
+
+def _type_of_word(files: Files, path: Path, slot: Slot) -> str:
+    if slot.node.kind is m.Param:
+        return str(slot.node.fields.get("type", ""))
+    name = slot.node.fields.get("left" if "left" in slot.node.fields else "name")
+    if isinstance(name, Node):
+        name = name.fields.get("name")
+    return files.type_of(path, str(name))
+
+
+def _properties(slot: Slot, place: Before) -> tuple[str, ...]:
+    """What can stand behind an actor's name and a dot."""
+    if slot.node.kind is m.Measure:
+        functions = words(accepted(place.text))  # `time`, `ttc(...)`: measures that no actor stands before
+        return (*(word for word in words_of_field(m.Measure, "what") if word not in functions), "signal")
+    return ("signal",) if slot.node.kind is m.Shows else ("route",)
+
+
+def _changeable(files: Files, path: Path) -> Iterator[Suggestion]:
+    """What a `change` can name: an actor's properties, and those of weather, parameters, expectations and the end."""
+    for name, found in files.definitions(path, "actor").items():
+        if found.occurrence.owner.kind is not m.Traffic:
+            yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in CHANGEABLE["ego"])
+    for owner, kind in (("param", "parameter"), ("expect", "label")):
+        known = files.definitions(path, cast(SymbolKind, kind)).items()
+        yield from (Suggestion(f"{owner}.{name}", "name", _describe(found)) for name, found in known)
+    for owner, properties in CHANGEABLE.items():
+        yield from (Suggestion(f"{owner}.{what}", "name") for what in properties if owner != "ego")
+
+
+def _takes_parameter(kind: type[m.Item], field: str) -> bool:
+    found = kind.model_fields.get(field)
+    return found is not None and "Ref" in str(found.annotation)
+
+
+def _fits(found: Found, slot: Slot, kind: SymbolKind | None) -> bool:
+    type_ = found.occurrence.owner.fields.get("type")
+    if kind in ("road", "junction"):
+        return type_ in ("arm", kind)
+    wanted = {"turn": "turn", "model": "model", "side": "side", "stage": "stage"}.get(slot.field, kind)
+    return type_ == wanted
+
+
+def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
+    """The parameters that can stand for a value, or for a model."""
+    above = slot.above[-1] if slot.above else slot.node
+    dimension = _dimension(files, path, slot)
+    model = "model" in above.fields
+    for name, found in files.definitions(path, "parameter").items():
+        type_ = found.occurrence.owner.fields.get("type")
+        if type_ == ("model" if model else dimension) or (dimension is None and not model):
+            yield _parameter(name, found)
+
+
+def _parameter(name: str, found: Found) -> Suggestion:
+    return Suggestion(name, "name", _describe(found))
+
+
+def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
+    """The dimension that a value has where the slot is."""
+    above = slot.above[-1] if slot.above else slot.node
+    field = next(
+        (f for f, v in above.fields.items() if v is slot.node or (isinstance(v, tuple) and slot.node in v)), ""
+    )
+    if above.kind is m.Comparison:
+        left = above.fields.get("left")
+        if not isinstance(left, Node) or field != "right":
+            return None
+        if left.kind is m.Ref:
+            return _of_parameter(files.type_of(path, str(left.fields.get("name"))))
+        return MEASURED.get(str(left.fields.get("what")))
+    if above.kind in (m.Param, m.Range, m.Assignment):
+        owner = above if above.kind is not m.Range else slot.above[-2]
+        type_ = owner.fields.get("type") or files.type_of(path, str(owner.fields.get("name")))
+        return _of_parameter(str(type_))
+    return dimension_of_field(above.kind, field)
+
+
+def _of_parameter(type_: str) -> Dimension | None:
+    return next((dimension for dimension in EXAMPLES if dimension == type_), None)
+
+
+def _describe(found: Found) -> str:
+    node = found.occurrence.owner
+    kind = str(node.fields.get("kind", "")) or {m.Param: "parameter", m.VehicleModel: "model"}.get(
+        node.kind, node.kind.__name__.lower()
+    )
+    if node.kind is m.Param:
+        return f"parameter, {node.fields.get('type', '')}"
+    return kind
+
+
+def _files(path: Path, *, networks: bool) -> Iterator[Suggestion]:
+    """Files of the language (and networks of others) in this folder and those below, or one above."""
+    suffixes = (SUFFIX, *FOREIGN_NETWORKS) if networks else (SUFFIX,)
+    names: list[str] = []
+    looked_at = 0
+    for folder, below, here in os.walk(path.parent):
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        looked_at += len(here)
+        for name in sorted(here):
+            if name.endswith(suffixes) and (full := Path(folder) / name) != path:
+                names.append(full.relative_to(path.parent).as_posix())
+        if len(names) >= _MOST_FILES or looked_at >= _MOST_ENTRIES:
+            break
+    yield from (Suggestion(name, "file") for name in names[:_MOST_FILES])

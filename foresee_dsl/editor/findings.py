@@ -1,0 +1,46 @@
+"""The diagnostics of a file that is being written, its other files as the editor holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.language.checked_files import check_paths
+from foresee_dsl.language.parser import parse
+
+_NO_CODE = "FS001"
+
+
+def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a file and with the files that it builds on.
+
+    Args:
+        path: the file; it need not exist on the disk.
+        text: what it holds.
+        overlay: the texts that the editor holds, by absolute path.
+        places: also build the network and place every actor, which takes up to some seconds.
+
+    Nothing is raised for what somebody wrote, nor where SUMO's programs are missing.
+    """
+    try:
+        result = check_paths([str(path)], {**overlay, path: text})
+        if not places:
+            return result.diagnostics
+        from foresee_dsl.compile import placement_mistakes
+
+        return (*result.diagnostics, *placement_mistakes(result.cases))
+    except InputError as error:
+        return error.diagnostics
+    except ForeseeError as error:
+        return (Diagnostic(_NO_CODE, str(error), "", str(path), severity="warning"),)
+
+
+def find_alone(text: str, name: str) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a text that is no file yet."""
+    from foresee_dsl.language.checks import check_document
+
+    try:
+        return check_document(parse(text, name))
+    except InputError as error:
+        return error.diagnostics

@@ -1,0 +1,60 @@
+"""Our own terminal output in colours."""
+
+from __future__ import annotations
+
+import os
+import sys
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pygments.token import _TokenType
+    from rich.text import Text
+
+_STYLES = MappingProxyType(
+    {
+        "Token.Comment": "dim",
+        "Token.Keyword": "cyan",
+        "Token.Keyword.Declaration": "bold cyan",
+        "Token.Keyword.Pseudo": "blue",
+        "Token.Keyword.Type": "green",
+        "Token.Name.Attribute": "blue",
+        "Token.Name.Class": "bold",
+        "Token.Name.Constant": "magenta",
+        "Token.Literal.Number": "yellow",
+        "Token.Operator.Word": "magenta",
+        "Token.Literal.String": "green",
+    }
+)
+"""By the name of Pygments' token. The terminal's own colours, which a person has chosen to read well (ours)."""
+
+
+def highlighted(text: str) -> Text:
+    """Return a text of the language in colours; all its characters stay, but those that move a terminal's cursor."""
+    from rich.text import Text
+
+    from foresee_dsl.editor.lexer import ForeseeLexer
+
+    result = Text()
+    for _, token, value in ForeseeLexer().get_tokens_unprocessed(text):
+        result.append(value, _style(token))
+    return result
+
+
+def wanted() -> bool:
+    """Return whether standard output shows colours: it is a terminal, and nobody has set NO_COLOR."""
+    return sys.stdout.isatty() and "NO_COLOR" not in os.environ
+
+
+def show(text: str) -> None:
+    """Print a text of the language on standard output: in colours where they are wanted, else byte for byte."""
+    if not wanted():
+        sys.stdout.write(text)
+        return
+    from rich.console import Console
+
+    Console(highlight=False, soft_wrap=True).print(highlighted(text), end="")
+
+
+def _style(token: _TokenType) -> str:
+    return next((_STYLES[str(part)] for part in reversed(token.split()) if str(part) in _STYLES), "")

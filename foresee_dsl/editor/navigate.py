@@ -1,0 +1,191 @@
+"""From a name to its definition, to its uses, and to another name, across the files of a workspace."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.editor.files import Files, Found
+from foresee_dsl.editor.symbols import Occurrence, SymbolKind
+from foresee_dsl.editor.syntax import read_syntax
+from foresee_dsl.errors import ForeseeError, InputError, Span
+from foresee_dsl.language import model as m
+from foresee_dsl.language.addresses import shown
+from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.expand import absolute
+from foresee_dsl.language.model.values import NAME_PATTERN
+from foresee_dsl.language.parser import parse
+
+_RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label")
+_START = Span(1, 1, 1, 1)
+
+
+class RenameError(ForeseeError):
+    """This name cannot be changed, or not to that; the message says why."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in a file."""
+
+    path: Path
+    span: Span
+
+
+@dataclass(frozen=True)
+class Renaming:
+    """What a renaming does: the places of the old name, by file, and the children that it makes stale."""
+
+    places: tuple[Place, ...]
+    name: str
+    stale: tuple[Path, ...]
+
+
+def at(files: Files, path: Path, line: int, column: int) -> Occurrence | None:
+    """Return the name at a place (1-based), the innermost where several overlap."""
+    found = [o for o in files.names(path) if _holds(o.span, line, column)]
+    return min(found, key=lambda o: (o.span.end_line - o.span.line, o.span.end_column - o.span.column), default=None)
+
+
+def definition(files: Files, path: Path, use: Occurrence) -> Place | None:
+    """Return where a name is defined; for a file's name, the beginning of what it holds."""
+    if use.kind == "file":
+        target = absolute(path.parent / use.name)
+        if not target.is_file() and target not in files.overlay:
+            return None
+        root = files.root(target)
+        named = root.places.get("name") if root is not None else None
+        return Place(target, named or _START)
+    found = files.define(path, use)
+    return Place(found.path, found.occurrence.span) if found is not None else None
+
+
+def references(files: Files, path: Path, use: Occurrence) -> tuple[Place, ...]:
+    """Return every place in the workspace that names the same thing, its definition among them."""
+    target = files.define(path, use)
+    if target is None:
+        return ()
+    found = (Place(file, _of_base(o, suffix)) for file, o, suffix in _uses(files, path, target))
+    return tuple(dict.fromkeys(found))
+
+
+def renamed_from(files: Files, path: Path, use: Occurrence) -> Span:
+    """Return the place that is renamed at a use, without quotes and without what follows the defined name.
+
+    Raises:
+        RenameError: this name cannot be changed.
+    """
+    return _of_base(use, _renamable(files, path, use).suffix)
+
+
+def rename(files: Files, path: Path, use: Occurrence, name: str) -> Renaming:
+    """Return what changes when a name is changed everywhere.
+
+    Files of children (clips and mutants) are never changed: they pin what their parent means, and names are part of it.
+
+    Raises:
+        RenameError: this name cannot be changed, or not to that.
+    """
+    target = _renamable(files, path, use)
+    old = target.occurrence.name
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > 80:
+        raise RenameError(f"'{name}' is no name: a small letter, then small letters, digits and `_`")
+    places: dict[Path, list[Span]] = {}
+    for file, o, suffix in _uses(files, path, target):
+        if not _is_child(files, file):
+            places.setdefault(file, []).append(_of_base(o, suffix))
+    affected = tuple(places) if name != old else ()
+    _check_broken(files, affected, old)
+    for file in affected:
+        _check_free(files, file, name)
+        _check_result(files, file, places[file], name)
+    stale = tuple(f for f in files.all() if _is_child(files, f) and set(files.scope(f)) & set(affected))
+    found = tuple(Place(file, span) for file in affected for span in sorted(places[file], key=_order))
+    return Renaming(found, name, stale)
+
+
+def edited(text: str, spans: list[Span], name: str) -> str:
+    """Return a text with a name put at places (each on one line)."""
+    lines = text.split("\n")
+    for span in sorted(set(spans), key=_order, reverse=True):
+        line = lines[span.line - 1]
+        lines[span.line - 1] = line[: span.column - 1] + name + line[span.end_column - 1 :]
+    return "\n".join(lines)
+
+
+def _uses(files: Files, path: Path, target: Found) -> Iterator[tuple[Path, Occurrence, str]]:
+    """Every name in the workspace that means the target, with what it says beyond the target's name."""
+    for file in dict.fromkeys((path, target.path, *files.all())):
+        if target.path not in files.scope(file):
+            continue
+        for o in files.names(file):
+            if not o.name.startswith(target.occurrence.name):
+                continue
+            found = files.define(file, o)
+            if found is not None and found.path == target.path and found.occurrence.span == target.occurrence.span:
+                yield file, o, found.suffix
+
+
+def _renamable(files: Files, path: Path, use: Occurrence) -> Found:
+    if _is_child(files, path):
+        raise RenameError("a child's names are its parent's: rename there, then clip and mutate again")
+    target = files.define(path, use)
+    if target is None:
+        raise RenameError(f"nothing here defines '{use.name}'")
+    if target.occurrence.kind not in _RENAMED:
+        raise RenameError(f"a {target.occurrence.kind} cannot be renamed here")
+    if target.occurrence.owner.kind is m.Ego:
+        raise RenameError("the ego is always called `ego`")
+    return target
+
+
+def _is_child(files: Files, path: Path) -> bool:
+    root = files.root(path)
+    return root is not None and root.kind in (m.Clip, m.Mutant)
+
+
+def _check_free(files: Files, file: Path, name: str) -> None:
+    """A name that anything else has there could change what other lines mean."""
+    taken = files.definitions(file, "actor", "junction", "road", "parameter", "label").get(name)
+    if taken is not None:
+        what = taken.occurrence.kind
+        raise RenameError(f"'{name}' is the name of a {what} already, in '{shown(taken.path)}'")
+
+
+def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
+    """A broken file may hold uses that cannot be seen: where it has the word and names one of the files, better not."""
+    for file in files.all() if affected else ():
+        text = files.text(file) or ""
+        broken = not read_syntax(text).whole and re.search(rf"\b{old}(?:_back)?\b", text) is not None
+        if broken and (file in affected or any(other.name in text for other in affected)):
+            raise RenameError(f"'{shown(file)}' has mistakes: mend them first")
+
+
+def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> None:
+    """A renaming must bring in no mistake."""
+    text = files.text(file) or ""
+    try:
+        before = len(check_document(parse(text, str(file))))
+        found = check_document(parse(edited(text, spans, name), str(file)))
+    except InputError as error:
+        raise RenameError(f"this would be a mistake in '{shown(file)}': {error.diagnostics[0].message}") from None
+    if len(found) > before:
+        raise RenameError(f"this would be a mistake in '{shown(file)}': {found[0].message}")
+
+
+def _of_base(use: Occurrence, suffix: str) -> Span:
+    """The place of the defined name in a use: without quotes, and without `_back` or `_01`."""
+    span = use.span
+    quoted = span.end_column - span.column - len(use.name) == 2
+    start = span.column + quoted
+    return Span(span.line, start, span.line, start + len(use.name) - len(suffix))
+
+
+def _holds(span: Span, line: int, column: int) -> bool:
+    return (span.line, span.column) <= (line, column) <= (span.end_line, span.end_column)
+
+
+def _order(span: Span) -> tuple[int, int]:
+    return span.line, span.column

@@ -1,0 +1,205 @@
+"""What the grammar lets stand at a place in a text that is being written, and what a word there would mean.
+
+The text up to the place is cut down to the heads of the open blocks and the statement itself, so that mistakes
+elsewhere do not matter. The parser then says which tokens it accepts. To learn what a name or a number would mean, one
+is put there, the statement is ended in the shortest way, and the place of the name in the resulting nodes is looked up.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, cast
+
+from lark import Token, Tree
+from lark.exceptions import LarkError
+from lark.lexer import PatternStr
+from lark.parsers.lalr_interactive_parser import InteractiveParser
+
+from foresee_dsl.editor.syntax import plain, root_of, walk
+from foresee_dsl.language.grammar import parser
+from foresee_dsl.language.model import Item
+from foresee_dsl.language.nodes import Node
+
+_PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|[{};\[\]()\n]|[^"#{};\[\]()\n]+')
+_WORD_BEFORE = re.compile(r"[^\W\d][\w.]*$|(?<=[0-9\s])[^\W\d][\w/^]*$")
+_PROBE = "zzprobe"
+_NUMBER_PROBE = "987654321"
+_PROBES = (_PROBE, _NUMBER_PROBE, f"{_PROBE}.{_PROBE}")
+_CLOSERS = ("$END", "RBRACE", "RSQB", "RPAR", "NUMBER", "NAME", "DOTTED", "STRING", "PIN", "COMPARE", "UNIT", "LBRACE")
+"""How a statement is ended in the shortest way: what closes comes first, then values; words in their order."""
+_MOST_STEPS = 60
+"""A statement that is not ended after so many tokens is given up (ours: the longest heads need some twenty)."""
+_SAMPLES = {"NUMBER": "1", "NAME": "zz", "DOTTED": "zz.zz", "STRING": '"zz"', "PIN": "sha256:000000000000", "UNIT": "s"}
+
+
+@dataclass(frozen=True)
+class Before:
+    """What stands before a place.
+
+    Attributes:
+        text: the heads of the open blocks and the statement up to the place, without the word being written.
+        word: the beginning of the word at the place.
+        in_string: the place is inside a text in quotes, of which `word` is the beginning.
+        in_comment: the place is inside a comment.
+    """
+
+    text: str
+    word: str
+    in_string: bool = False
+    in_comment: bool = False
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Where a name, number or unit would go: the node, its field, and the nodes above, outermost first."""
+
+    token: str
+    node: Node
+    field: str
+    above: tuple[Node, ...]
+
+
+def before(text: str, offset: int) -> Before:
+    """Cut a text down to what matters for the place at an offset (of the plain text)."""
+    text = plain(text)[:offset]
+    heads: list[int] = []
+    start, depth, last, begun = 0, 0, "", False
+    kept: list[str] = []
+    for piece in _PIECE.finditer(text):
+        last = piece[0]
+        if last in ("[", "("):
+            depth += 1
+        elif last in ("]", ")"):
+            depth = max(0, depth - 1)
+        elif last == "{":
+            kept.append(text[start : piece.end()])
+            heads.append(start)
+            start, depth = piece.end(), 0
+        elif last == "}" and heads:
+            start = heads.pop()
+            kept.pop()
+        elif (last == "\n" and depth == 0) or last == ";":
+            begun = begun or bool(_without_comments(text[start : piece.start()]).strip())
+            start = piece.end()
+    statement = text[start:]
+    above = ("foresee 1\n" if begun else "") + "".join(_without_comments(head) for head in kept)
+    if last.startswith("#"):
+        return Before("", "", in_comment=True)
+    if last.startswith('"') and (len(last) == 1 or not last.endswith('"')):
+        return Before(above + _without_comments(statement[: len(statement) - len(last)]), last[1:], in_string=True)
+    found = _WORD_BEFORE.search(statement)
+    word = found[0] if found is not None else ""
+    return Before(above + _without_comments(statement[: len(statement) - len(word)]), word)
+
+
+def accepted(text: str) -> tuple[str, ...]:
+    """Return the names of the terminals that may follow a text, sorted; nothing where the text is wrong already."""
+    state: Any = _state(text)  # Lark leaves its methods without types
+    return tuple(sorted(state.accepts())) if state is not None else ()
+
+
+def words(terminals: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the fixed words among terminals."""
+    by_name = {t.name: t.pattern.value for t in parser().terminals if isinstance(t.pattern, PatternStr)}
+    return tuple(w for w in (by_name.get(name, "") for name in terminals) if w[:1].isalpha())
+
+
+def slots(text: str, terminals: tuple[str, ...]) -> Iterator[Slot]:
+    """Return what a name, number, unit or text would mean that stands right behind a text.
+
+    One word can be several things (`when ego` goes on as `ego within 5 m of ...` or `gap < 2 s`): all of them, once.
+    """
+    for terminal in ("NAME", "STRING", "DOTTED", "NUMBER", "UNIT"):
+        if terminal not in terminals:
+            continue
+        seen: set[tuple[type[Item], str]] = set()
+        for following in _following(text, terminal):
+            found = _slot(text, terminal, following)
+            if found is not None and (found.node.kind, found.field) not in seen:
+                seen.add((found.node.kind, found.field))
+                yield found
+
+
+def _following(text: str, terminal: str) -> tuple[str, ...]:
+    """The terminals that may follow a probe, the shortest way to an end first; for values that one only."""
+    state = _probed(text, terminal)
+    ranked = _ranked(state) if state is not None else []
+    return tuple(ranked if terminal in ("NAME", "STRING", "DOTTED") else ranked[:1])
+
+
+def _probed(text: str, terminal: str) -> InteractiveParser | None:
+    """The parser behind a text and a probe."""
+    state: Any = _state(text)  # as above
+    if state is None:
+        return None
+    probe = {"STRING": f'"{_PROBE}"', "DOTTED": _PROBES[2], "NUMBER": _NUMBER_PROBE}.get(terminal, _PROBE)
+    try:
+        state.feed_token(_token(terminal, probe))
+    except LarkError:
+        return None
+    return cast(InteractiveParser, state)
+
+
+def _slot(text: str, terminal: str, following: str) -> Slot | None:
+    state = _probed(text, terminal)
+    try:
+        tree = _ended(state, following) if state is not None else None
+    except LarkError:
+        return None
+    root = root_of(tree) if tree is not None else None
+    if root is None:
+        return None
+    for node, above in walk(root):
+        for field, value in node.fields.items():
+            parts = value if isinstance(value, tuple) else (value,)
+            if any(not isinstance(part, Node) and str(part) in _PROBES for part in parts):
+                return Slot(terminal, node, field, above)
+    return None
+
+
+def _state(text: str) -> InteractiveParser | None:
+    try:
+        state: Any = parser().parse_interactive(text, start="file")  # as above
+        state.exhaust_lexer()
+    except LarkError:
+        return None
+    return cast(InteractiveParser, state)
+
+
+def _ended(parser_: InteractiveParser, first: str) -> Tree[Token] | None:
+    """Feed tokens, `first` first, that end everything that is open; return the tree, or None if that takes too long."""
+    state: Any = parser_  # as above
+    seen: set[tuple[tuple[int, ...], str]] = set()
+    chosen: str | None = first
+    for _ in range(_MOST_STEPS):
+        if chosen is None:
+            return None
+        stack = tuple(state.parser_state.state_stack)
+        seen.add((stack, chosen))
+        if chosen == "$END":
+            return cast("Tree[Token]", state.feed_eof())
+        state.feed_token(_token(chosen, _SAMPLES.get(chosen, "") or _text_of(chosen)))
+        stack = tuple(state.parser_state.state_stack)
+        chosen = next((name for name in _ranked(state) if (stack, name) not in seen), None)
+    return None
+
+
+def _ranked(parser_: InteractiveParser) -> list[str]:
+    """What may follow, what closes first."""
+    state: Any = parser_  # as above
+    return sorted(state.accepts(), key=lambda n: (_CLOSERS.index(n) if n in _CLOSERS else len(_CLOSERS), n))
+
+
+def _text_of(terminal: str) -> str:
+    pattern = parser().get_terminal(terminal).pattern
+    return pattern.value if isinstance(pattern, PatternStr) else "<" if terminal == "COMPARE" else "\n"
+
+
+def _token(terminal: str, text: str) -> Token:
+    return Token(terminal, text, start_pos=0, line=1, column=1, end_line=1, end_column=1 + len(text), end_pos=len(text))
+
+
+def _without_comments(text: str) -> str:
+    return "".join(p[0] for p in _PIECE.finditer(text) if not p[0].startswith("#"))

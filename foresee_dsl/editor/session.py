@@ -1,0 +1,159 @@
+"""One editor's session: the open texts, and the diagnostics that are sent as they change."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from lsprotocol import types
+from pygls.lsp.server import LanguageServer
+from pygls.uris import from_fs_path, to_fs_path
+
+from foresee_dsl import __version__
+from foresee_dsl.editor.files import Files
+from foresee_dsl.editor.findings import find, find_alone
+from foresee_dsl.editor.positions import Positions
+from foresee_dsl.errors import Diagnostic
+from foresee_dsl.language.expand import absolute
+
+SOURCE = "foresee"
+_PAUSE_S = 0.2
+"""So long after the last letter the text is checked (ours: shorter than a pause between words)."""
+_AT_ONCE_S = 0.0
+
+
+class ForeseeServer(LanguageServer):
+    """The language server: pygls' protocol, our files, and one worker for the checks."""
+
+    def __init__(self) -> None:
+        # Whole texts: files are short, and what counts as a line's end is then ours to say.
+        super().__init__("foresee", __version__, text_document_sync_kind=types.TextDocumentSyncKind.Full)
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="checks")
+        self._waiting: dict[str, asyncio.Task[None]] = {}
+
+    # ---- files ----------------------------------------------------------------------------------------------------
+
+    def path(self, uri: str) -> Path:
+        """Return the file of a document; one that was never saved has a name that no file has."""
+        found = to_fs_path(uri) if uri.startswith("file:") else None
+        return absolute(Path(found)) if found else Path("/") / uri.replace("/", "_").replace(":", "_")
+
+    def uri(self, path: Path) -> str:
+        """Return a file's address, as the editor writes it where the file is open."""
+        for uri in self.workspace.text_documents:
+            if self.path(uri) == path:
+                return str(uri)
+        return from_fs_path(str(path)) or path.as_uri()
+
+    def overlay(self) -> dict[Path, str]:
+        """Return the texts of all open documents, by their absolute paths."""
+        return {self.path(uri): document.source for uri, document in self.workspace.text_documents.items()}
+
+    def files(self, uri: str) -> Files:
+        """Return the files of the workspace; where no folder is open, those beside the document."""
+        folders = [Path(p) for f in self.workspace.folders.values() if (p := to_fs_path(f.uri))]
+        return Files(self.overlay(), folders or [self.path(uri).parent])
+
+    def text(self, uri: str) -> str:
+        """Return a document's text, the editor's or else the disk's."""
+        document = self.workspace.text_documents.get(uri)
+        if document is not None:
+            return str(document.source)
+        return Files({}).text(self.path(uri)) or ""
+
+    def positions(self, uri: str) -> Positions:
+        """Return the places of a document's text."""
+        return Positions(self.text(uri), self.workspace.position_codec)
+
+    # ---- diagnostics ----------------------------------------------------------------------------------------------
+
+    def check_soon(self, uri: str, *, places: bool) -> None:
+        """Check a document, and the open ones that build on it, once nothing has changed for a moment.
+
+        Args:
+            uri: what has changed, or was opened or saved.
+            places: also look at where things stand, which takes longer.
+        """
+        changed, files = self.path(uri), self.files(uri)
+        for other in list(self.workspace.text_documents):
+            if other == uri or changed in files.scope(self.path(other)):
+                self._forget(other)
+                pause = _AT_ONCE_S if places else _PAUSE_S
+                self._waiting[other] = asyncio.ensure_future(self._check(other, pause, places=places))
+
+    def close(self, uri: str) -> None:
+        """Take back what was said about a document that is not open any more."""
+        self._forget(uri)
+        self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, []))
+
+    def stop(self) -> None:
+        """Check nothing more."""
+        for uri in list(self._waiting):
+            self._forget(uri)
+        self._worker.shutdown(wait=False, cancel_futures=True)
+
+    def _forget(self, uri: str) -> None:
+        task = self._waiting.pop(uri, None)
+        if task is not None:
+            task.cancel()
+
+    async def _check(self, uri: str, pause_s: float, *, places: bool) -> None:
+        await asyncio.sleep(pause_s)
+        for also_places in (False, True) if places else (False,):
+            document = self.workspace.text_documents.get(uri)
+            if document is None:
+                return
+            version, text, path = document.version, document.source, self.path(uri)
+            if uri.startswith("file:"):
+                work = partial(find, path, text, self.overlay(), places=also_places)
+            else:
+                work = partial(find_alone, text, str(path))
+            found = await asyncio.get_running_loop().run_in_executor(self._worker, work)
+            # A newer text's check cancels this one, so what is sent is about the text of that version.
+            shown = list(self._shown(uri, path, found))
+            self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, shown, version))
+
+    def _shown(self, uri: str, path: Path, found: tuple[Diagnostic, ...]) -> Iterator[types.Diagnostic]:
+        here = self.positions(uri)
+        elsewhere: dict[Path, list[Diagnostic]] = {}
+        for diagnostic in found:
+            file = absolute(Path(diagnostic.path)) if diagnostic.path else path
+            if file == path:
+                yield _diagnostic(diagnostic, here.range(diagnostic.span))
+            else:
+                elsewhere.setdefault(file, []).append(diagnostic)
+        for file, mistakes in elsewhere.items():
+            yield self._of_another(uri, path, file, mistakes)
+
+    def _of_another(self, uri: str, path: Path, file: Path, found: list[Diagnostic]) -> types.Diagnostic:
+        """What is wrong in a file that this one names, shown where it names it."""
+        files = self.files(uri)
+        uses = (o.span for o in files.names(path) if o.kind == "file" and absolute(path.parent / o.name) == file)
+        there = Positions(files.text(file) or "", self.workspace.position_codec)
+        related = [
+            types.DiagnosticRelatedInformation(
+                types.Location(self.uri(file), there.range(d.span)), f"{d.code}: {d.message}"
+            )
+            for d in found
+        ]
+        first = next((d for d in found if d.severity == "error"), found[0])
+        message = f"'{file.name}' has a mistake: {first.message}"
+        moved = Diagnostic(first.code, message, "", str(path), severity=first.severity)
+        shown = _diagnostic(moved, self.positions(uri).range(next(uses, None)))
+        shown.related_information = related
+        return shown
+
+
+def _diagnostic(diagnostic: Diagnostic, where: types.Range) -> types.Diagnostic:
+    help = f"\n{diagnostic.help}" if diagnostic.help else ""
+    warning = diagnostic.severity == "warning"
+    return types.Diagnostic(
+        range=where,
+        message=diagnostic.message + help,
+        severity=types.DiagnosticSeverity.Warning if warning else types.DiagnosticSeverity.Error,
+        code=diagnostic.code,
+        source=SOURCE,
+    )

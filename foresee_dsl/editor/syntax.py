@@ -1,0 +1,71 @@
+"""Reads a text that may be half written: what can be read of it, as positioned nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+from lark import Token, Tree
+from lark.exceptions import UnexpectedInput
+
+from foresee_dsl.language.grammar import parse_tree
+from foresee_dsl.language.nodes import Node, NodeMaker
+from foresee_dsl.language.parser import MAX_BYTES
+
+_KEPT = 256
+"""Texts whose syntax is kept (ours: the files of a folder and some edits; about 100 kB each)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Syntax:
+    """What could be read of a text.
+
+    Attributes:
+        root: the definition with every statement that is well-formed, or None where not even its head is.
+        whole: nothing had to be left out.
+        comments: the comments, in order; none where something had to be left out.
+    """
+
+    root: Node | None
+    whole: bool
+    comments: tuple[Token, ...] = ()
+
+
+def plain(text: str) -> str:
+    """Return a text as the parser sees it: newlines are `\\n`, no byte order mark."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+@lru_cache(maxsize=_KEPT)
+def read_syntax(text: str) -> Syntax:
+    """Return what can be read of a text; never raises for what somebody wrote."""
+    text = plain(text)
+    if len(text) > MAX_BYTES:
+        return Syntax(None, whole=False)
+    comments: list[Token] = []
+    whole = True
+    try:
+        tree, comments = parse_tree(text)
+    except UnexpectedInput:
+        from foresee_dsl.language.recover import recover
+
+        tree, mistakes = recover(text)
+        whole = not mistakes
+    return Syntax(root_of(tree), whole, tuple(comments))
+
+
+def root_of(tree: Tree[Token]) -> Node | None:
+    """Return the definition of a file's tree as a node."""
+    definition = next((c for c in tree.children if isinstance(c, Tree) and c.data != "header"), None)
+    return NodeMaker(tree).make(definition) if definition is not None else None
+
+
+def walk(node: Node, above: tuple[Node, ...] = ()) -> Iterator[tuple[Node, tuple[Node, ...]]]:
+    """Return a node and everything in it with the nodes above each, outermost first, in the order of the file."""
+    yield node, above
+    inner = (*above, node)
+    for value in node.fields.values():
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, Node):
+                yield from walk(part, inner)

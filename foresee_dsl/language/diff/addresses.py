@@ -1,0 +1,199 @@
+"""Two files, or test cases, compared: reads them, and compares the networks and models that they use too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.addresses import FOREIGN_NETWORKS, is_file, parse_address, shown
+from foresee_dsl.language.catalogues import entries
+from foresee_dsl.language.diff.compare import diff_models
+from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of, to_dict
+from foresee_dsl.language.diff.plain import texts
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.expand import absolute, expanded_model
+from foresee_dsl.language.meaning import models_named
+from foresee_dsl.language.model import (
+    Catalogue,
+    Clip,
+    Definition,
+    Extension,
+    Mutant,
+    Network,
+    Scenario,
+    UseModels,
+    UseNetwork,
+    VehicleModel,
+)
+from foresee_dsl.language.project import Project
+from foresee_dsl.language.project_codes import WRONG_KIND
+
+_Network = Network | Path | None
+_RUNS = (Scenario, Extension, Clip, Mutant)
+"""Kinds that stand for a test case, so that any two of them can be compared in full."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two addresses and what differs between them.
+
+    Attributes:
+        old, new: the addresses.
+        changes: what differs in meaning.
+        texts: what differs without a change of meaning: label, as it was, as it is now.
+    """
+
+    old: str
+    new: str
+    changes: tuple[Difference, ...]
+    texts: tuple[tuple[str, str | None, str | None], ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `foresee diff --format json` prints."""
+        return {
+            "schema": 1,
+            "old": self.old,
+            "new": self.new,
+            "groups": [group for group in GROUPS if any(change.group == group for change in self.changes)],
+            "changes": [to_dict(change) for change in self.changes],
+            "texts": [dict(zip(("path", "was", "now"), found, strict=True)) for found in self.texts],
+        }
+
+
+def diff_addresses(old: str, new: str) -> tuple[Difference, ...]:
+    """Return what differs in meaning between two files or test cases; see `compare_addresses`."""
+    return compare_addresses(old, new).changes
+
+
+def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:
+    """Compare two files, or test cases (`file.foresee::case`).
+
+    Two files of one kind are compared as they are written, with the networks and models that they use; a file with a
+    case, or a child and its parent, as the full scenarios that they stand for (a stale child too); a scenario that
+    extends another and one that does not, joined with what it extends.
+
+    Raises:
+        InputError: a mistake in a file, or two files that cannot be compared.
+    """
+    project = Project(check_pin=False, allow_outside=allow_outside)
+    (old_file, old_case), (new_file, new_case) = parse_address(old), parse_address(new)
+    a, b = project.definition(old_file), project.definition(new_file)
+    if {type(a), type(b)} == {Scenario, Extension}:
+        a, b = (project.whole_scenario(file, drawn=False) for file in (old_file, new_file))
+    told = texts(a, b) if type(a) is type(b) and old_file != new_file else ()
+    if old_case or new_case or (type(a) is not type(b) and isinstance(a, _RUNS) and isinstance(b, _RUNS)):
+        return Comparison(old, new, diff_cases(*_cases(project, (old, a), (new, b))), told)
+    return Comparison(old, new, diff_files(project, (old_file, a), (new_file, b)), told)
+
+
+def parent_address(child: str) -> str:
+    """Return the address of a child's parent, to compare the two.
+
+    Raises:
+        InputError: the file has mistakes, or is no child.
+    """
+    file, _ = parse_address(child)
+    model = Project(check_pin=False).definition(file)
+    if not isinstance(model, Clip | Mutant | Extension):
+        message = f"this holds a {model.kind}, which has no parent"
+        raise InputError((Diagnostic(WRONG_KIND, message, "name two files to compare", shown(file)),))
+    case = model.case if isinstance(model, Clip) else None
+    address = shown(file.parent / model.parent)
+    return f"{address}::{case}" if case else address
+
+
+def _cases(project: Project, old: tuple[str, Definition], new: tuple[str, Definition]) -> tuple[TestCase, TestCase]:
+    """Return both test cases; a scenario that is compared with its child is taken at the case that the child is of."""
+    addresses = []
+    for (address, model), (other, child) in ((old, new), (new, old)):
+        case = _case_of_parent(project, other, child) if isinstance(model, Scenario | Extension) else None
+        addresses.append(f"{address}::{case}" if case and not parse_address(address)[1] else address)
+    return project.test_case(addresses[0]), project.test_case(addresses[1])
+
+
+def _case_of_parent(project: Project, address: str, child: Definition) -> str | None:
+    if isinstance(child, Mutant):
+        case = project.test_case(address)
+        return case.clip.case if case.clip is not None else None
+    return child.case if isinstance(child, Clip) else None
+
+
+def diff_cases(one: TestCase, other: TestCase) -> tuple[Difference, ...]:
+    """Return what differs in meaning between two test cases in full: scenario, network, the models that they name.
+
+    The edits are those of `expanded_model`; edits of the network and the models begin with `network` and `models`.
+    """
+    a, b = (_without_files(expanded_model(case)) for case in (one, other))
+    named = models_named(one.scenario) & models_named(other.scenario)
+    models = (_catalogue(one.models, named), _catalogue(other.models, named))
+    return (*diff_models(a, b), *_diff_networks(one.network, other.network), *_under("models", diff_models(*models)))
+
+
+def diff_files(project: Project, old: tuple[Path, Definition], new: tuple[Path, Definition]) -> tuple[Difference, ...]:
+    """Return what differs between two files as written; networks and models in files that they use are compared too."""
+    (old_file, a), (new_file, b) = old, new
+    if isinstance(a, Clip | Mutant) and isinstance(b, Clip | Mutant):
+        if absolute(old_file.parent / a.parent) == absolute(new_file.parent / b.parent):
+            b = b.model_copy(update={"parent": a.parent})  # one file, named from two folders
+        return diff_models(a, b)
+    if not (isinstance(a, Scenario) and isinstance(b, Scenario)):
+        return diff_models(a, b)
+    try:
+        networks = _used_network(project, old_file, a), _used_network(project, new_file, b)
+        catalogues = _used_models(project, old_file, a), _used_models(project, new_file, b)
+    except InputError:  # a file that is used is missing or has mistakes: what the two say is compared
+        return diff_models(a, b)
+    found = diff_models(_without_files(a), _without_files(b))
+    return (*found, *_diff_networks(*networks), *_under("models", diff_models(*catalogues)))
+
+
+def _without_files(scenario: Scenario) -> Scenario:
+    kept = tuple(item for item in scenario.body if not isinstance(item, UseNetwork | UseModels | Network))
+    return Scenario(name=scenario.name, body=kept)
+
+
+def _catalogue(models: Mapping[str, VehicleModel], named: Iterable[str]) -> Catalogue:
+    return Catalogue(name="used", body=tuple(models[name] for name in sorted(named) if name in models))
+
+
+def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
+    if isinstance(a, Network) and isinstance(b, Network):
+        return _under("network", diff_models(a, b))
+    if a == b or (isinstance(a, Path) and isinstance(b, Path) and a.read_bytes() == b.read_bytes()):
+        return ()
+    was, now = _network_name(a), _network_name(b)
+    note = "other content" if was == now else ""
+    return (Difference("network", "network", kind_of(was, now), was, now, note, Edit("set", ("network",), b)),)
+
+
+def _network_name(network: _Network) -> str | None:
+    return network.name if isinstance(network, Network | Path) else None
+
+
+def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:
+    """Put the place of what is no part of the scenario in front of its edits."""
+    return tuple(replace(change, edit=replace(change.edit, at=(root, *change.edit.at))) for change in changes)
+
+
+def _used_network(project: Project, file: Path, scenario: Scenario) -> _Network:
+    inline, used = scenario.one(Network), scenario.one(UseNetwork)
+    if inline is not None or used is None:
+        return inline
+    path = file.parent / used.path
+    if used.path.endswith(FOREIGN_NETWORKS) and is_file(path):
+        return absolute(path)
+    model = project.definition(path)
+    if isinstance(model, Network):
+        return model
+    raise InputError((Diagnostic(WRONG_KIND, f"'{used.path}' holds no network"),))
+
+
+def _used_models(project: Project, file: Path, scenario: Scenario) -> Catalogue:
+    found: dict[str, VehicleModel] = {}
+    for used in scenario.all(UseModels):
+        model = project.definition(file.parent / used.path)
+        found |= entries(model) if isinstance(model, Catalogue) else {}
+    return _catalogue(found, found)

@@ -1,0 +1,284 @@
+"""The comparison itself: two definitions of one kind, statement by statement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.conditions import is_condition
+from foresee_dsl.language.diff import wording as w
+from foresee_dsl.language.diff.matching import match, renames
+from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of
+from foresee_dsl.language.meaning import same_value
+from foresee_dsl.language.model import (
+    Actor,
+    Case,
+    Catalogue,
+    Clip,
+    Definition,
+    Ego,
+    Item,
+    Mutant,
+    Network,
+    Scenario,
+    SignalState,
+    Traffic,
+    VehicleModel,
+    When,
+)
+from foresee_dsl.language.project_codes import DIFFERENT_KINDS
+
+_ORDERED_KINDS = (Ego, Actor, Traffic, When)
+"""Statements of a body whose order among their like counts, as in `language.meaning`: it gives the actors their ids and
+the triggers their turn."""
+
+_UNORDERED_BODIES = (Ego, Actor, Case, Catalogue, Mutant)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the comparison is: in words, and in the first model."""
+
+    words: str
+    at: At
+    group: Group
+
+    def inside(self, *steps: str | int, words: str | None = None) -> _Place:
+        return replace(self, words=self.words if words is None else words, at=(*self.at, *steps))
+
+
+def diff_models(a: Definition, b: Definition) -> tuple[Difference, ...]:
+    """Return what differs in meaning, in the order of the first file; what was added comes last in its block.
+
+    Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it means nothing,
+    and what is said about a child's origin do not count. To compare a child with its parent, expand both
+    (`expand.expanded_model`), or see `diff_addresses`.
+
+    Raises:
+        InputError: the two are of different kinds.
+    """
+    if type(a) is not type(b):
+        message = f"'{a.name}' is a {a.kind}, but '{b.name}' is a {b.kind}"
+        help = "compare two files of one kind, or a child with its expanded parent"
+        raise InputError((Diagnostic(code=DIFFERENT_KINDS, message=message, help=help),))
+    after, names = renames(a, b)
+    place = _Place("", (), _group_of_file(a))
+    told = (
+        Difference(*_renaming(after, new), "renamed", old, new, "", Edit("rename", (), (old, new)))
+        for old, new in names
+    )
+    return (*told, *_settings(place, after, b))
+
+
+def _group_of_file(model: Item) -> Group:
+    if isinstance(model, Network):
+        return "network"
+    return "environment" if isinstance(model, Catalogue) else "parent"
+
+
+def _renaming(model: Item, name: str) -> tuple[Group, str]:
+    item = next(found for found in getattr(model, "body", ()) if w.name_of(found) == name)
+    return (_group(model, item), w.label(item))
+
+
+def _group(owner: Item, item: Item) -> Group:
+    return _group_of_file(owner) if isinstance(owner, Network | Catalogue) else w.group_of(item)
+
+
+def _same(a: object, b: object) -> bool:
+    return a is b or same_value(a, b)
+
+
+def _no_field(item: Item) -> tuple[str, ...]:
+    """Return the fields that are no setting: what the label says, and what means nothing."""
+    if isinstance(item, Scenario | Clip | Mutant | Network | Catalogue):
+        return ("kind", "name")
+    if isinstance(item, VehicleModel):
+        return ("kind", "name", "source")
+    if isinstance(item, SignalState):
+        return ("kind", "junction")
+    return () if isinstance(item, Actor) else ("kind",)
+
+
+def _item(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+    """Compare two items at one place."""
+    if _same(a, b):
+        return
+    if type(a) is not type(b):
+        alike = w.is_statement(a) and w.label(a) == w.label(b)
+        yield _changed(place, a, b, _said(a), _said(b)) if alike else _changed(place, a, b, w.text(a), w.text(b))
+    elif w.is_statement(a):
+        yield from _statement(place, a, b)
+    elif is_condition(a):
+        yield from _condition(place, a, b)
+    elif "kind" not in type(a).model_fields and not w.is_value(a):
+        yield from _settings(place, a, b)
+    else:
+        yield _changed(place, a, b, w.text(a), w.text(b))
+
+
+def _said(item: Item) -> str:
+    return w.tail(item) if w.is_statement(item) else w.text(item)
+
+
+def _statement(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+    apart = [name for name in type(a).model_fields if not _same(getattr(a, name), getattr(b, name))]
+    if w.by_settings(a) or all(is_condition(getattr(a, name)) for name in apart):
+        yield from _settings(place, a, b)
+    else:
+        yield _changed(place, a, b, w.tail(a), w.tail(b) if w.label(a) == w.label(b) else w.text(b))
+
+
+def _settings(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+    """Compare two items of one class field by field."""
+    for name in type(a).model_fields:
+        before, after = getattr(a, name), getattr(b, name)
+        if name not in _no_field(a) and not _same(before, after):
+            yield from _field(place, a, b, name)
+
+
+def _field(place: _Place, a: Item, b: Item, name: str) -> Iterator[Difference]:
+    before, after = getattr(a, name), getattr(b, name)
+    inner = place.inside(name)
+    if _is_block(before, after):
+        yield from _block(inner, a, before, after)
+    elif isinstance(before, Item) and isinstance(after, Item) and (is_condition(before) or w.is_statement(before)):
+        yield from _item(inner, before, after)
+    else:
+        named = inner.inside(words=w.field_path(place.words, a, name))
+        if isinstance(before, Item) and type(before) is type(after) and isinstance(after, Item):
+            yield from _item(named, before, after)
+        else:
+            yield _field_change(named, a, b, name)
+
+
+def _field_change(place: _Place, a: Item, b: Item, name: str) -> Difference:
+    before, after = getattr(a, name), getattr(b, name)
+    was = None if _absent(before) else w.setting(a, name)
+    now = None if _absent(after) else w.setting(b, name)
+    return _changed(place, before, after, was, now)
+
+
+def _absent(value: object) -> bool:
+    return value is None or value is False or value == ()
+
+
+def _changed(place: _Place, a: object, b: object, was: str | None, now: str | None) -> Difference:
+    kind = kind_of(was, now)
+    note = w.note(a, b) if kind == "changed" else ""
+    return Difference(place.group, place.words, kind, was, now, note, Edit("set", place.at, b))
+
+
+# ---- conditions ----------------------------------------------------------------------------------------------------
+
+
+def _condition(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+    """Compare two conditions of one class: down to the smallest part that prints alone."""
+    apart = [name for name in type(a).model_fields if not _same(getattr(a, name), getattr(b, name))]
+    for name in apart:
+        before, after = getattr(a, name), getattr(b, name)
+        whole = not (is_condition(before) and is_condition(after)) and not _are_conditions(before, after)
+        if whole:
+            yield _changed(place, a, b, w.text(a), w.text(b))
+            return
+    for name in apart:
+        before, after = getattr(a, name), getattr(b, name)
+        if isinstance(before, tuple):
+            yield from _block(place.inside(name), a, before, after)
+        else:
+            yield from _item(place.inside(name), before, after)
+
+
+def _are_conditions(a: object, b: object) -> bool:
+    return isinstance(a, tuple) and isinstance(b, tuple) and all(is_condition(part) for part in (*a, *b))
+
+
+# ---- blocks --------------------------------------------------------------------------------------------------------
+
+
+def _is_block(a: object, b: object) -> bool:
+    """Return whether both hold statements, which are matched one by one."""
+    if not (isinstance(a, tuple) and isinstance(b, tuple)):
+        return False
+    parts = (*a, *b)
+    return bool(parts) and all(w.is_statement(part) for part in parts)
+
+
+def _block(place: _Place, owner: Item, a: Sequence[Item], b: Sequence[Item]) -> Iterator[Difference]:
+    """Compare the statements of two blocks, or the parts of two conditions."""
+    pairs = match(a, b)
+    words = _labels(a)
+    top = not place.words
+    for i, item in enumerate(a):
+        if isinstance(item, w.NO_MEANING):
+            continue
+        group = _group(owner, item) if top else place.group
+        there = _Place(_inside(place.words, item, words[i]), (*place.at, i), group)
+        if i in pairs:
+            yield from _item(there, item, b[pairs[i]])
+        else:
+            yield Difference(group, there.words, "removed", _said(item), None, "", Edit("remove", there.at))
+    yield from _orders(place, owner, a, pairs)
+    yield from _inserted(place, owner, b, pairs)
+
+
+def _inside(owner: str, item: Item, words: str) -> str:
+    return w.join(owner, words) if w.is_statement(item) else owner
+
+
+def _labels(items: Sequence[Item]) -> list[str]:
+    """Return every statement's label; what is called alike is told apart by a number."""
+    seen: dict[str, int] = {}
+    labels = []
+    for item in items:
+        words = w.label(item) if w.is_statement(item) else ""
+        seen[words] = seen.get(words, 0) + 1
+        labels.append(words if seen[words] == 1 else f"{words} ({seen[words]})")
+    return labels
+
+
+def _inserted(place: _Place, owner: Item, b: Sequence[Item], pairs: dict[int, int]) -> Iterator[Difference]:
+    back = {j: i for i, j in pairs.items()}
+    words = _labels(b)
+    last: dict[object, int] = {}
+    for j, item in enumerate(b):
+        family = _family(owner, item)
+        if j in back:
+            last[family] = back[j]
+        elif not isinstance(item, w.NO_MEANING):
+            group = _group(owner, item) if not place.words else place.group
+            edit = Edit("insert", (*place.at, last.get(family, -1)), item, j)
+            yield Difference(group, _inside(place.words, item, words[j]), "added", None, _said(item), "", edit)
+
+
+def _family(owner: Item, item: Item) -> object:
+    """Return what a statement keeps its order with; None where the order means nothing."""
+    if isinstance(owner, _UNORDERED_BODIES):
+        return None
+    if isinstance(owner, Scenario | Clip):
+        return next((kind for kind in _ORDERED_KINDS if isinstance(item, kind)), None)
+    return "all"
+
+
+def _orders(place: _Place, owner: Item, a: Sequence[Item], pairs: dict[int, int]) -> Iterator[Difference]:
+    """Tell where statements stand in another order that counts."""
+    families: dict[object, list[int]] = {}
+    for i in pairs:
+        families.setdefault(_family(owner, a[i]), []).append(i)
+    for family, kept in families.items():
+        before = sorted(kept)
+        after = sorted(kept, key=lambda i: pairs[i])
+        if family is None or before == after:
+            continue
+        group = _group(owner, a[before[0]]) if not place.words else place.group
+        was, now = (", ".join(_short(a[i]) for i in order) for order in (before, after))
+        yield Difference(
+            group, w.join(place.words, "order"), "moved", was, now, "", Edit("order", place.at, tuple(after))
+        )
+
+
+def _short(item: Item) -> str:
+    if not w.is_statement(item):
+        return w.text(item)
+    return w.name_of(item) or w.label(item)

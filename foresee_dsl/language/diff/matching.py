@@ -1,0 +1,210 @@
+"""Which statement of one block is which of another: by name, by equality, by likeness; and what was renamed."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from typing import Annotated, Literal, TypeVar, get_args, get_origin
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.conditions import is_condition
+from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, keyword, name_of, text
+from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS, same_value
+from foresee_dsl.language.printer import print_item
+
+_T = TypeVar("_T", bound=m.Item)
+
+LIKE_ENOUGH = 0.5
+"""Share of common words from which two statements are one that changed (ours: below it more is new than kept)."""
+
+
+def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
+    """Return which element of `a` is which of `b`, by their numbers; what has no partner is absent.
+
+    Equal ones first, then named statements by name, then those of a kind that are most alike. Statements without
+    meaning have no partner.
+    """
+    pairs: dict[int, int] = {}
+    for keys in (_signatures, _name_keys):
+        taken = set(pairs.values())
+        before = _places(keys(a), pairs)
+        after = _places(keys(b), taken)
+        for key, places in before.items():
+            pairs.update(zip(places, after.get(key, ()), strict=False))
+    pairs.update(_alike(a, b, pairs))
+    return pairs
+
+
+def signature(value: object) -> Hashable:
+    """Return a value in which equal meaning is equal: quantities by their SI value and dimension."""
+    if isinstance(value, m.Quantity):
+        return f"{value.si + 0.0:.{SIGNIFICANT_DIGITS}g} {value.dimension}"
+    if isinstance(value, m.Item):
+        fields = ((name, getattr(value, name)) for name in type(value).model_fields)
+        return (type(value).__name__, *((name, signature(field)) for name, field in fields if field is not None))
+    if isinstance(value, tuple):
+        return tuple(signature(part) for part in value)
+    return value
+
+
+def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
+    """Find named statements of which only the name changed.
+
+    Returns:
+        `a` with the new names wherever it says the old ones, and the pairs of names.
+    """
+    found: list[tuple[str, str]] = []
+    while pair := _one_rename(a, b):
+        a = renamed(a, *pair)
+        found.append(pair)
+    return a, tuple(found)
+
+
+def renamed(item: _T, old: str, new: str) -> _T:
+    """Return an item with another name in place of one, everywhere that a name may stand."""
+    fields = {name: _renamed_value(getattr(item, name), old, new) for name in type(item).model_fields}
+    changed = {
+        name: value
+        for name, value in fields.items()
+        if value is not getattr(item, name) and not _is_word(type(item).model_fields[name].annotation, value, new)
+    }
+    return item.model_copy(update=changed) if changed else item
+
+
+def _renamed_value(value: object, old: str, new: str) -> object:
+    if isinstance(value, m.Quantity):
+        return value
+    if isinstance(value, m.Item):
+        return renamed(value, old, new)
+    if isinstance(value, tuple):
+        parts = tuple(_renamed_value(part, old, new) for part in value)
+        return parts if any(x is not y for x, y in zip(parts, value, strict=True)) else value
+    return new if isinstance(value, str) and value == old else value
+
+
+def _is_word(annotation: object, value: object, new: str) -> bool:
+    """Return whether a field takes words of the language (`left`, `stop`), which are nobody's name."""
+    return value == new and bool(list(_literals(annotation)))
+
+
+def _literals(annotation: object) -> Iterator[str]:
+    origin = get_origin(annotation)
+    if origin is Literal:
+        yield from get_args(annotation)
+    elif origin is Annotated:
+        yield from _literals(get_args(annotation)[0])
+    elif origin is not None:
+        for part in get_args(annotation):
+            yield from _literals(part)
+
+
+def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
+    before, after = _named(a), _named(b)
+    gone = [item for key, item in before.items() if key not in after]
+    new = [item for key, item in after.items() if key not in before]
+    if not gone or not new:
+        return None
+    by_kind = defaultdict(list)
+    for item in new:
+        by_kind[type(item)].append(item)
+    for item in gone:
+        for other in by_kind[type(item)]:
+            old_name, new_name = name_of(item) or "", name_of(other) or ""
+            if same_value(renamed(item, old_name, new_name), other):
+                return old_name, new_name
+    return None
+
+
+def _named(definition: m.Item) -> dict[Hashable, m.Item]:
+    body: Iterable[m.Item] = getattr(definition, "body", ())
+    named = (item for item in body if name_of(item) is not None and not isinstance(item, m.Network))
+    return {(type(item), name_of(item)): item for item in named}
+
+
+def _name_keys(items: Sequence[m.Item]) -> Iterator[Hashable]:
+    for item in items:
+        yield _name_key(item)
+
+
+def _name_key(item: m.Item) -> Hashable:
+    if isinstance(item, m.Change):
+        return ("change", item.actor, item.property)
+    if isinstance(item, m.SignalState):
+        return ("signal", signature(item.junction))
+    if isinstance(item, m.Network):
+        return "network"
+    held = getattr(item, "item", None)  # `add STATEMENT`
+    key = _name_key(held) if isinstance(held, m.Item) else name_of(item)
+    return None if key is None or isinstance(item, NO_MEANING) else (type(item).__name__, key)
+
+
+def _signatures(items: Sequence[m.Item]) -> Iterator[Hashable]:
+    for item in items:
+        yield None if isinstance(item, NO_MEANING) else signature(item)
+
+
+def _places(keys: Iterable[Hashable], taken: Iterable[int]) -> dict[Hashable, list[int]]:
+    done = set(taken)
+    places: dict[Hashable, list[int]] = defaultdict(list)
+    for number, key in enumerate(keys):
+        if key is not None and number not in done:
+            places[key].append(number)
+    return places
+
+
+def _alike(a: Sequence[m.Item], b: Sequence[m.Item], pairs: dict[int, int]) -> dict[int, int]:
+    """Pair what is left: of each kind the most alike first; a statement that stands once is its like in any case."""
+    before = _places(map(_slot, a), pairs)
+    after = _places(map(_slot, b), pairs.values())
+    found: dict[int, int] = {}
+    for slot, mine in before.items():
+        theirs = after.get(slot, [])
+        if len(mine) == len(theirs) == 1 and not _is_open(a[mine[0]]):
+            found[mine[0]] = theirs[0]
+        elif theirs:
+            found.update(_best(a, b, mine, theirs))
+    return found
+
+
+def _slot(item: m.Item) -> Hashable:
+    """Return what two statements without a name must share to be one; named ones were matched by their name."""
+    if isinstance(item, NO_MEANING):
+        return None
+    if _is_open(item):
+        return type(item).__name__
+    return None if _name_key(item) is not None else keyword(item)
+
+
+def _is_open(item: m.Item) -> bool:
+    """Return whether a block may hold many of these that have little in common: triggers, expectations, conditions."""
+    fields = type(item).model_fields
+    return is_condition(item) or any(is_condition(getattr(item, field)) for field in fields)
+
+
+def _best(a: Sequence[m.Item], b: Sequence[m.Item], mine: list[int], theirs: list[int]) -> dict[int, int]:
+    words_a = {i: _words(a[i]) for i in mine}
+    words_b = {j: _words(b[j]) for j in theirs}
+    scored = sorted(
+        (-score, abs(i - j), i, j)
+        for i in mine
+        for j in theirs
+        if (score := _likeness(words_a[i], words_b[j])) >= LIKE_ENOUGH
+    )
+    found: dict[int, int] = {}
+    taken: set[int] = set()
+    for _, _, i, j in scored:
+        if i not in found and j not in taken:
+            found[i] = j
+            taken.add(j)
+    return found
+
+
+def _words(item: m.Item) -> Counter[str]:
+    printed = print_item(item) if is_statement(item) else text(item)
+    return Counter(re.findall(r"[^\s(),]+", printed))
+
+
+def _likeness(one: Counter[str], other: Counter[str]) -> float:
+    """Return the share of common words (Dice)."""
+    return 2 * (one & other).total() / max(one.total() + other.total(), 1)

@@ -1,0 +1,94 @@
+"""A file in the one form in which equal meaning is equal text: what `git diff` compares through `foresee textconv`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from typing import Any, TypeVar, cast, get_args
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, label, text
+from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS, same_value
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
+
+_UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
+"""One unit a dimension; speeds in what road users read (ours)."""
+
+_KEEPS_ORDER = (m.Ego, m.Actor, m.Traffic, m.When)
+_SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
+"""Whose statements stand in any order, but for those above among their like."""
+
+_T = TypeVar("_T", bound=m.Item)
+
+
+def plain_text(model: m.Definition, *, people: bool = False) -> str:
+    """Return a definition as text: one unit a dimension, no comments, statements in a fixed order.
+
+    Args:
+        model: what the file says.
+        people: keep what only people read: `doc`, tags, risk, fidelity, origin.
+    """
+    return print_model(_plain(model, people))
+
+
+def texts(a: m.Item, b: m.Item) -> tuple[tuple[str, str | None, str | None], ...]:
+    """Return what differs between two definitions without a change of meaning: label, as it was, as it is now."""
+    before, after = ({label(item): item for item in _body(model) if isinstance(item, NO_MEANING)} for model in (a, b))
+    labels = [*before, *(words for words in after if words not in before)]
+    found = [(words, before.get(words), after.get(words)) for words in labels]
+    return tuple(
+        (words, text(was) if was else None, text(now) if now else None)
+        for words, was, now in found
+        if was is None or now is None or not same_value((was,), (now,)) or was != now
+    )
+
+
+def _body(model: m.Item) -> Sequence[m.Item]:
+    return getattr(model, "body", ())
+
+
+def _plain(item: _T, people: bool) -> _T:
+    if isinstance(item, m.Quantity):
+        return cast(_T, _one_unit(item))
+    fields: dict[str, Any] = {}
+    for name in type(item).model_fields:
+        value = getattr(item, name)
+        if isinstance(value, m.Item):
+            fields[name] = _plain(value, people)
+        elif isinstance(value, tuple):
+            fields[name] = _parts(item, name, value, people)
+    return item.model_copy(update=fields)
+
+
+def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) -> tuple[object, ...]:
+    kept = [p for p in parts if people or not isinstance(p, NO_MEANING)]
+    made = [_plain(part, people) if isinstance(part, m.Item) else part for part in kept]
+    if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in made):
+        return tuple(made)
+    rank = _ranks(type(owner), name)
+    items = [part for part in made if isinstance(part, m.Item)]
+    return tuple(sorted(items, key=lambda item: (rank.get(type(item), len(rank)), _among_like(item))))
+
+
+def _among_like(item: m.Item) -> tuple[str, str]:
+    return ("", "") if isinstance(item, _KEEPS_ORDER) else (label(item), text(item))
+
+
+def _ranks(owner: type[m.Item], name: str) -> dict[type, int]:
+    """Return the order of the statements of a block: that in which the model lists them."""
+    found: list[type] = []
+    todo = [owner.model_fields[name].annotation]
+    while todo:
+        annotation = todo.pop(0)
+        if isinstance(annotation, type) and not get_args(annotation):
+            found.append(annotation)
+        todo = [part for part in get_args(annotation) if part is not Ellipsis] + todo
+    return {kind: number for number, kind in enumerate(found)}
+
+
+def _one_unit(value: m.Quantity) -> m.Quantity:
+    unit = _UNITS[value.dimension]
+    number = value.si / (UNITS[unit].to_si if unit else 1.0) + 0.0
+    digits = Decimal(f"{number:.{SIGNIFICANT_DIGITS}g}").normalize()
+    return value.model_copy(update={"value": digits, "unit": unit})

@@ -1,0 +1,164 @@
+"""Differences as text for a terminal (80 columns) and as markdown for a pull request."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from foresee_dsl.language.diff.parts import GROUPS, Difference, Group, once
+
+_WIDTH = 80
+_MARKS = {"changed": "~", "added": "+", "removed": "-", "renamed": "=", "moved": "^"}
+_COLOURS = {"changed": "33", "added": "32", "removed": "31", "renamed": "36", "moved": "36"}
+"""ANSI: yellow, green, red, cyan."""
+_BOLD = "1"
+_LONG_LIST = 12
+"""From so many differences on, a group of a pull request's comment is folded (ours: more than a screen shows)."""
+
+_Texts = Sequence[tuple[str, str | None, str | None]]
+
+
+def render_text(changes: Iterable[Difference]) -> str:
+    """Return the differences one a line, in the order found; empty where there are none."""
+    return "".join(f"{change}\n" for change in changes)
+
+
+def render_groups(changes: Sequence[Difference], texts: _Texts = (), *, colour: bool = False) -> str:
+    """Return the differences grouped by what they touch, at most 80 columns wide.
+
+    Args:
+        changes: what differs in meaning.
+        texts: what differs without a change of meaning (`plain.texts`).
+        colour: with the terminal's colours.
+    """
+    blocks = []
+    for group, found in _grouped(changes):
+        lines = [_paint(GROUPS[group], _BOLD, colour)]
+        for change in found:
+            lines += [_paint(line, _COLOURS[change.kind], colour) for line in _lines(change)]
+        blocks.append("\n".join(lines))
+    if not changes:
+        blocks.append("no difference in meaning")
+    if texts:
+        blocks.append(f"No change of meaning: {', '.join(label for label, _, _ in texts)}")
+    return "\n\n".join(blocks) + "\n"
+
+
+def render_markdown(changes: Sequence[Difference], texts: _Texts = (), *, old: str = "", new: str = "") -> str:
+    """Return the differences for a pull request's comment: a heading a group, a table, long parts folded."""
+    parts = [f"**`{old}`** → **`{new}`**"] if old else []
+    for group, found in _grouped(changes):
+        parts += [f"### {GROUPS[group]}", _folded(_table(found), len(found))]
+        parts += [_code_block(change) for change in found if _is_long(change)]
+    if not changes:
+        parts.append("No difference in meaning.")
+    if texts:
+        parts.append(f"<sub>No change of meaning: {', '.join(_code(label) for label, _, _ in texts)}</sub>")
+    return "\n\n".join(parts) + "\n"
+
+
+def _grouped(changes: Sequence[Difference]) -> list[tuple[Group, list[Difference]]]:
+    found = [(group, [change for change in changes if change.group == group]) for group in GROUPS]
+    return [(group, mine) for group, mine in found if mine]
+
+
+# ---- text ----------------------------------------------------------------------------------------------------------
+
+
+def _lines(change: Difference) -> list[str]:
+    mark = _MARKS[change.kind]
+    if _is_long(change):
+        return _statements(change)
+    line = f"  {mark} {_sentence(change)}"
+    if len(line) <= _WIDTH:
+        return [line]
+    return [*_wrapped(f"  {mark} {change.path}{_brackets(change.note)}", "      "), *_was_and_now(change)]
+
+
+def _sentence(change: Difference) -> str:
+    if change.kind == "renamed":
+        return f"{change.was} => {change.now} (renamed)"
+    if change.kind in ("added", "removed"):
+        return once(change.path, change.now if change.kind == "added" else change.was)
+    return f"{change.path}: {change.was} => {change.now}{_brackets(change.note)}"
+
+
+def _brackets(note: str) -> str:
+    return f" ({note})" if note else ""
+
+
+def _was_and_now(change: Difference) -> list[str]:
+    one = change.was is None or change.now is None
+    said = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
+    return [line for word, text in said for line in _wrapped(f"      {'' if one else word}{text}", " " * 10)]
+
+
+def _wrapped(line: str, indent: str) -> list[str]:
+    return textwrap.wrap(
+        line, _WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    )  # an id that is longer than the line stays whole
+
+
+def _statements(change: Difference) -> list[str]:
+    """Return whole blocks: one that came or went stands for itself where its first line says its path."""
+    mark = _MARKS[change.kind]
+    said = [text for text in (change.was, change.now) if text is not None]
+    first, *rest = said[0].split("\n")
+    if len(said) == 1 and change.path in first:
+        return [f"  {mark} {first}", *(f"    {line}" for line in rest)]
+    lines = [f"  {mark} {change.path}{_brackets(change.note)}"]
+    for word, text in zip(("was", "now") if len(said) > 1 else ("",), said, strict=True):
+        lines += [f"      {word}"] if word else []
+        lines += [f"      {line}" for line in text.split("\n")]
+    return lines
+
+
+def _is_long(change: Difference) -> bool:
+    return any(said is not None and "\n" in said for said in (change.was, change.now))
+
+
+def _paint(line: str, code: str, colour: bool) -> str:
+    return f"\033[{code}m{line}\033[0m" if colour else line
+
+
+# ---- markdown ------------------------------------------------------------------------------------------------------
+
+
+def _table(changes: Sequence[Difference]) -> str:
+    rows = ["| | where | was | now | |", "| --- | --- | --- | --- | --- |"]
+    rows += [f"| {change.kind} | {_code(change.path)} | {_cell(change.was)} | {_cell(change.now)} | {change.note} |"
+             for change in changes]  # fmt: skip
+    return "\n".join(rows)
+
+
+def _cell(said: str | None) -> str:
+    if said is None:
+        return ""
+    return "see below" if "\n" in said else _code(said)
+
+
+def _code(said: str) -> str:
+    """Return text as code that a table's cell can hold."""
+    fence = "``" if "`" in said else "`"
+    pad = " " if "`" in said else ""
+    return f"{fence}{pad}{said}{pad}{fence}".replace("|", "\\|") if said else ""
+
+
+def _folded(table: str, rows: int) -> str:
+    if rows < _LONG_LIST:
+        return table
+    return f"<details><summary>{rows} differences</summary>\n\n{table}\n\n</details>"
+
+
+def _code_block(change: Difference) -> str:
+    lines = [f"- {line}" for line in change.was.split("\n")] if change.was is not None else []
+    lines += [f"+ {line}" for line in change.now.split("\n")] if change.now is not None else []
+    fence = "```"
+    while any(fence in line for line in lines):  # a string in the file may hold one
+        fence += "`"
+    body = "\n".join(lines)
+    return f"<details><summary>{_html(change.path)}</summary>\n\n{fence}diff\n{body}\n{fence}\n\n</details>"
+
+
+def _html(said: str) -> str:
+    return said.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

@@ -1,0 +1,255 @@
+"""How differences are worded: labels of statements, values as the language prints them, groups."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from decimal import Decimal
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language import phrases
+from foresee_dsl.language.conditions import is_condition
+from foresee_dsl.language.diff.parts import Group
+from foresee_dsl.language.layout import Layout, layout
+from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.units import UNITS
+
+NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Origin)
+"""Statements for people; the same that `language.meaning` leaves out of a hash."""
+
+_NONE: frozenset[str] = frozenset()
+_WORD = re.compile(r"[a-z_]+")
+_KEYWORDS: dict[type[m.Item], str] = {
+    m.Route: "route",
+    m.Weather: "weather",
+    m.Expect: "expect",
+    m.End: "end",
+    m.Param: "param",
+}
+"""Keywords that cannot be told from the printed text: their first words go on after the keyword."""
+
+_FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width", "default": "default"}
+_FIELDWISE = (m.Weather, m.SignalState, m.Change)
+"""Statements of one line, without a name, that are compared setting by setting."""
+
+
+def shape(item: m.Item) -> Layout | None:
+    """Return how an item is written as a statement; None for a part of a statement (a place, a condition)."""
+    try:
+        return layout(item, _NONE)
+    except KeyError:
+        return None
+
+
+def is_statement(value: object) -> bool:
+    """Return whether a value is a whole statement."""
+    return isinstance(value, m.Item) and shape(value) is not None
+
+
+def name_of(item: m.Item) -> str | None:
+    """Return the name that a statement has, or its label; None for one without."""
+    name = getattr(item, "name", None)
+    return name if isinstance(name, str) else None
+
+
+def by_settings(item: m.Item) -> bool:
+    """Return whether a statement is compared setting by setting, not as one line."""
+    found = shape(item)
+    block = found is not None and found.inside is not None
+    return block or name_of(item) is not None or isinstance(item, _FIELDWISE)
+
+
+def label(item: m.Item) -> str:
+    """Return the words that address a statement in its block: `runner`, `param gap`, `start at`, `when time > 1 s`."""
+    own = _own_label(item)
+    if own is not None:
+        return own
+    name = name_of(item)
+    if name is not None:
+        return f"{_head(item).split(maxsplit=1)[0]} {name}"
+    if any(is_condition(getattr(item, field)) for field in type(item).model_fields):
+        return _head(item)
+    return keyword(item)
+
+
+def _own_label(item: m.Item) -> str | None:
+    match item:
+        case m.Change():
+            return f"change {item.actor}.{item.property}"
+        case m.SignalState():
+            return f"signal {text(item.junction)}"
+        case m.Network():
+            return "network"
+        case m.Ego() | m.Actor() | m.Traffic() | m.Assignment():
+            return item.name
+    return None
+
+
+def keyword(item: m.Item) -> str:
+    """Return the words that a statement begins with, before its values; with the actor for an action."""
+    known = _KEYWORDS.get(type(item))
+    if known is not None:
+        return known
+    head = _head(item)
+    actor = getattr(item, "actor", None)
+    begins = [actor] if isinstance(actor, str) and head.startswith(f"{actor} ") else []
+    said = set(_strings(item))
+    for word in head.split()[len(begins) :]:
+        if not _WORD.fullmatch(word) or word in said:
+            break
+        begins.append(word)
+    return " ".join(begins) or str(getattr(item, "kind", ""))
+
+
+def tail(item: m.Item) -> str:
+    """Return a statement as the language prints it, without what its label says; a block in full."""
+    printed = print_item(item)
+    words = label(item)
+    if "\n" in printed or not printed.startswith(f"{words} "):
+        return "" if printed == words else printed
+    return printed[len(words) + 1 :]
+
+
+def is_value(item: m.Item) -> bool:
+    """Return whether an item is one value: compared and shown as a whole."""
+    return isinstance(item, m.Quantity | m.Ref | m.Range | m.Leg)
+
+
+def text(value: object) -> str:
+    """Return any value as the language prints it."""
+    match value:
+        case bool():
+            found = "yes" if value else "no"
+        case m.Quantity() | m.Ref():
+            found = phrases.value(value)
+        case tuple():
+            found = phrases.listing(text(part) for part in value)
+        case m.Range():
+            found = f"{text(value.low)}..{text(value.high)}{phrases.optional('step', value.step)}"
+        case m.Point() | m.AlongEdge() | m.AlongRoute() | m.PastJunction():
+            found = phrases.place(value, _NONE)
+        case m.Measure():
+            found = phrases.measure(value)
+        case m.Item():
+            found = _item_text(value)
+        case _:
+            found = str(value)
+    return found
+
+
+def _item_text(item: m.Item) -> str:
+    if is_statement(item):
+        return print_item(item)
+    if is_condition(item):
+        return phrases.condition(item)
+    given = [(n, getattr(item, n)) for n in type(item).model_fields if n != "kind"]
+    words = " ".join(f"{n} {text(v)}" for n, v in given if v is not None)
+    return " ".join(filter(None, (str(getattr(item, "kind", "")), words)))
+
+
+def setting(item: m.Item, field: str) -> str:
+    """Return one field of a statement as it is printed: `lanes 2`, or just its value."""
+    found = shape(item)
+    for key, inner in (found.inside or ()) if found is not None else ():
+        if key == (field,) and isinstance(inner, str):
+            return inner.removeprefix(f"{field} ")
+    return text(getattr(item, field))
+
+
+def field_path(owner: str, item: m.Item, field: str) -> str:
+    """Return the path of a statement's field; that of its only value is the statement's own."""
+    others = [n for n in type(item).model_fields if n not in ("kind", "name", field)]
+    if not others:
+        return owner
+    return join(owner, _FIELD_WORDS.get(field, field))
+
+
+def join(owner: str, words: str) -> str:
+    """Return the path of something inside: `runner.speed`, `when time > 1 s: lead stops`."""
+    if not owner or not words:
+        return owner or words
+    apart = owner.startswith(("when ", "then ", "expect ")) or (" " in owner and " " in words)
+    return f"{owner}: {words}" if apart else f"{owner}.{words}"
+
+
+def note(was: object, now: object) -> str:
+    """Return what a reviewer would work out: the difference of the one number, or of the list, that changed."""
+    before, after = list(_leaves(was)), list(_leaves(now))
+    apart = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
+    if len(before) == len(after) and len(apart) == 1:
+        return _delta(*apart[0])
+    return _list_note(was, now)
+
+
+def _delta(was: object, now: object) -> str:
+    if not (isinstance(was, m.Quantity) and isinstance(now, m.Quantity) and was.dimension == now.dimension):
+        return ""
+    if was.unit == now.unit:
+        change = now.value - was.value
+    else:
+        factor = UNITS[now.unit].to_si if now.unit else 1.0
+        change = Decimal(f"{(now.si - was.si) / factor:.6g}")
+    return f"{change:+f} {now.unit}".rstrip()
+
+
+def _list_note(was: object, now: object) -> str:
+    """Return `+c, -a` for two lists of words, where that is shorter than to read both."""
+    if not (isinstance(was, tuple) and isinstance(now, tuple) and len(was) + len(now) > _READ_AT_A_GLANCE):
+        return ""
+    before, after = [text(part) for part in was], [text(part) for part in now]
+    came = [f"+{part}" for part in after if part not in before]
+    went = [f"-{part}" for part in before if part not in after]
+    return ", ".join((*came, *went)) or "another order"
+
+
+_READ_AT_A_GLANCE = 6
+"""Elements of two lists together whose difference is seen without help (ours)."""
+
+
+def _leaves(value: object) -> Iterator[object]:
+    if isinstance(value, m.Item) and not isinstance(value, m.Quantity):
+        for field in type(value).model_fields:
+            yield from _leaves(getattr(value, field))
+    elif isinstance(value, tuple):
+        yield len(value)
+        for part in value:
+            yield from _leaves(part)
+    else:
+        yield value
+
+
+def group_of(item: m.Item) -> Group:
+    """Return what a statement of a definition's body touches; whatever is new in the language is stimulus."""
+    if isinstance(item, m.Network | m.UseNetwork | m.Junction | m.Road):
+        return "network"
+    if isinstance(item, m.Ego | m.Goal):
+        return "ego"
+    if isinstance(item, m.Weather | m.SignalState | m.UseModels | m.VehicleModel):
+        return "environment"
+    if isinstance(item, m.Expect | m.End | m.Window):
+        return "expectation"
+    if isinstance(item, m.Change):
+        return _CHANGED.get(item.actor, "stimulus")
+    held = getattr(item, "item", None)  # `add STATEMENT`, `change STATEMENT`
+    return group_of(held) if isinstance(held, m.Item) else "stimulus"
+
+
+_CHANGED: dict[str, Group] = {"ego": "ego", "weather": "environment", "expect": "expectation", "end": "expectation"}
+
+
+def _head(item: m.Item) -> str:
+    found = shape(item)
+    return found.head if found is not None else str(getattr(item, "kind", ""))
+
+
+def _strings(value: object) -> Iterator[str]:
+    """Yield every word among an item's values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, m.Item):
+        for field in type(value).model_fields:
+            if field != "kind":
+                yield from _strings(getattr(value, field))
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from _strings(part)

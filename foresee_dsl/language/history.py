@@ -1,0 +1,178 @@
+"""What a file meant before: its versions in git, with the files that it used then."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.expand import absolute
+from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.project import Project
+
+COMMITS = 200
+"""How many commits that touch the parent's files are looked through, newest first (ours: 60 ms each, measured)."""
+
+_TIMEOUT_S = 30.0
+_USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
+"""Files that a `.foresee` file may use: every string that looks like one."""
+
+
+@dataclass(frozen=True)
+class OldParent:
+    """A parent as it was when a child pinned it.
+
+    Attributes:
+        case: the parent's test case then.
+        commit: the commit that has it, abbreviated.
+    """
+
+    case: TestCase
+    commit: str
+
+
+class History:
+    """The old versions of files, taken out of git into a temporary folder as they are asked for.
+
+    A context manager: the folder goes with it. What was found stays, so that the many children of one parent cost one
+    search.
+    """
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="foresee-")
+        self._versions: dict[Path, tuple[_Version, ...]] = {}
+        self._found: dict[tuple[Path, str | None, str], OldParent | None] = {}
+
+    def __enter__(self) -> History:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._folder.cleanup()
+
+    def parent(self, file: Path, case: str | None, pin: str) -> OldParent | None:
+        """Return the newest version of a parent whose meaning is pinned; None where git does not know one.
+
+        Args:
+            file: as it is now.
+            case: the case that is pinned.
+            pin: the hash that the child has.
+        """
+        key = (absolute(file), case, pin)
+        if key not in self._found:
+            self._found[key] = next((v.parent(case) for v in self._all(key[0]) if v.pin(case) == pin), None)
+        return self._found[key]
+
+    def _all(self, file: Path) -> tuple[_Version, ...]:
+        if file not in self._versions:
+            root = _git_root(file.parent)
+            name = _within(root, file) if root is not None else None
+            commits = _commits(root, _files_used(root, file)) if root is not None and name is not None else ()
+            base = Path(self._folder.name) / str(len(self._versions))
+            self._versions[file] = tuple(_Version(root or file.parent, c, name or "", base / c) for c in commits)
+        return self._versions[file]
+
+
+class _Version:
+    """A file, and all that it used, in one commit."""
+
+    def __init__(self, root: Path, commit: str, name: str, folder: Path) -> None:
+        self._root, self._commit, self._name, self._folder = root, commit, name, folder
+        self._project: Project | None = None
+
+    def pin(self, case: str | None) -> str:
+        """Return what a child of it pins; "" where it was not there, or had mistakes and cannot have been pinned."""
+        try:
+            return pin_of(self._load(case))
+        except InputError:
+            return ""
+
+    def parent(self, case: str | None) -> OldParent:
+        return OldParent(self._load(case), self._commit[:10])
+
+    def _load(self, case: str | None) -> TestCase:
+        if self._project is None:
+            for file, content in _files_then(self._root, self._commit, self._name).items():
+                (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
+                (self._folder / file).write_bytes(content)
+            self._project = Project(check_pin=False)
+        there = self._folder / self._name
+        return self._project.test_case(f"{there}::{case}" if case else there)
+
+
+def _git_root(folder: Path) -> Path | None:
+    answer = _git(folder, "rev-parse", "--show-toplevel")
+    return Path(answer.decode().strip()) if answer else None
+
+
+def _within(root: Path, file: Path) -> str | None:
+    """Return a file's name in the repository; links on the way to it are followed, as git does."""
+    try:
+        return file.resolve().relative_to(root.resolve()).as_posix()
+    except ValueError:
+        return None
+
+
+def _commits(root: Path, names: tuple[str, ...]) -> tuple[str, ...]:
+    answer = _git(root, "log", f"--max-count={COMMITS}", "--format=%H", "--", *names)
+    return tuple((answer or b"").decode().split())
+
+
+def _files_used(root: Path, parent: Path) -> tuple[str, ...]:
+    """Return a file and all that it uses now, as git names them."""
+    found: dict[Path, None] = {}
+    todo = [parent]
+    while todo:
+        file = todo.pop()
+        if file in found:
+            continue
+        found[file] = None
+        if file.suffix == ".foresee" and file.is_file():
+            text = file.read_bytes().decode("utf-8", errors="replace")
+            todo += [absolute(file.parent / used) for used in _USED.findall(text)]
+    return tuple(name for file in found if (name := _within(root, file)) is not None)
+
+
+def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
+    """Return a file and all that it used in a commit; empty where it was not there."""
+    found: dict[str, bytes] = {}
+    todo = [name]
+    while todo:
+        file = todo.pop()
+        content = None if file in found or file.startswith("..") else _git(root, "show", f"{commit}:{file}")
+        if content is None:
+            continue
+        found[file] = content
+        if file.endswith(".foresee"):
+            text = content.decode("utf-8", errors="replace")
+            todo += [_joined(PurePosixPath(file).parent, used) for used in _USED.findall(text)]
+    return found if name in found else {}
+
+
+def _joined(folder: PurePosixPath, used: str) -> str:
+    """Return a path inside the repository, without `..`; one that leads out of it begins with `..`."""
+    parts: list[str] = []
+    for part in (folder / used).parts:
+        if part == ".." and parts and parts[-1] != "..":
+            parts.pop()
+        elif part != ".":
+            parts.append(part)
+    return "/".join(parts)
+
+
+def _git(folder: Path, *arguments: str) -> bytes | None:
+    """Return what git prints; None where it refuses, or is not installed."""
+    program = shutil.which("git")
+    if program is None:
+        return None
+    try:
+        done = subprocess.run(  # noqa: S603  (a fixed program, no shell; file names stand behind `--` or `COMMIT:`)
+            [program, "-C", str(folder), *arguments], capture_output=True, check=False, timeout=_TIMEOUT_S
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout if done.returncode == 0 else None

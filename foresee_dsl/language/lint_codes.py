@@ -1,0 +1,16 @@
+"""The codes of the lints; `registry.lints` explains them."""
+
+from __future__ import annotations
+
+UNUSED_PARAMETER = "FS301"
+DEAD_CASE = "FS302"
+NEVER_FIRES = "FS303"
+NOT_ON_ROUTE = "FS304"
+CANNOT_DO = "FS305"
+CUT_SHORT = "FS306"
+DECIDED = "FS307"
+OVER_TOP_SPEED = "FS308"
+BROKEN_ROUTE = "FS309"
+NOTHING_EXPECTED = "FS310"
+WEAKENED = "FS311"
+NEEDLESS_ALLOW = "FS312"

@@ -1,0 +1,114 @@
+"""Diagnostics as SARIF 2.1.0 (OASIS, 27 March 2020): what code hosts and review tools read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from urllib.parse import quote
+
+from foresee_dsl import __version__
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language.codes import Code
+from foresee_dsl.language.mends import mend
+
+_SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+_BASE = "%SRCROOT%"
+"""What relative paths count from: the checkout's top folder, by the name that hosts know."""
+_FINGERPRINT = "foreseeMistake/v1"
+_Json = dict[str, object]
+
+
+def to_sarif(diagnostics: Sequence[Diagnostic], codes: Mapping[str, Code]) -> _Json:
+    """Return one SARIF log with one run; the same diagnostics give the same log.
+
+    Args:
+        diagnostics: what was found, in the order in which to report it.
+        codes: every code; those that occur become the run's rules, with their explanations and examples.
+    """
+    rules = sorted({found.code for found in diagnostics} & set(codes))
+    seen: Counter[str] = Counter()
+    results = [_result(found, rules, seen) for found in diagnostics]
+    driver: _Json = {"name": "foresee", "semanticVersion": __version__, "rules": [_rule(codes[code]) for code in rules]}
+    run: _Json = {
+        "tool": {"driver": driver},
+        "columnKind": "utf16CodeUnits",
+        "originalUriBaseIds": {_BASE: {"description": {"text": "the folder in which foresee was called"}}},
+        "results": results,
+    }
+    return {"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}
+
+
+def _rule(code: Code) -> _Json:
+    help_ = f"{code.explanation}\n\nWrong:\n\n{code.wrong}\n\nRight:\n\n{code.right}\n"
+    markdown = f"{code.explanation}\n\nWrong:\n\n```\n{code.wrong}\n```\n\nRight:\n\n```\n{code.right}\n```\n"
+    return {
+        "id": code.code,
+        "shortDescription": {"text": code.title},
+        "fullDescription": {"text": code.explanation},
+        "help": {"text": help_, "markdown": markdown},
+        "defaultConfiguration": {"level": code.severity},
+    }
+
+
+def _result(found: Diagnostic, rules: Sequence[str], seen: Counter[str]) -> _Json:
+    text = f"{found.message} ({found.help})" if found.help else found.message
+    physical: _Json = {"artifactLocation": _artifact(found.path)}
+    if found.span is not None:
+        physical["region"] = _region(found.span, found.source_line)
+    result: _Json = {"ruleId": found.code, "level": found.severity, "message": {"text": text}}
+    if found.code in rules:
+        result["ruleIndex"] = rules.index(found.code)
+    result["locations"] = [{"physicalLocation": physical}]
+    result["partialFingerprints"] = {_FINGERPRINT: _fingerprint(found, seen)}
+    fix = _fix(found)
+    return result | ({"fixes": [fix]} if fix is not None else {})
+
+
+def _artifact(path: str) -> _Json:
+    """A path as a URI: relative to the working folder where it lies in it."""
+    absolute = Path(path).absolute()
+    try:
+        relative = absolute.relative_to(Path.cwd())
+    except ValueError:
+        return {"uri": absolute.as_uri()}
+    return {"uri": quote(PurePosixPath(relative).as_posix()), "uriBaseId": _BASE}
+
+
+def _region(span: Span, line: str) -> _Json:
+    """A place, its columns in UTF-16 code units; of a place over several lines, its first line."""
+    end = span.end_column if span.end_line == span.line else len(line) + 1
+    first = _utf16(line, span.column)
+    return {
+        "startLine": span.line,
+        "startColumn": first,
+        "endLine": span.line,
+        "endColumn": max(_utf16(line, end), first),
+    }
+
+
+def _utf16(line: str, column: int) -> int:
+    """Turn a 1-based column in characters into one in UTF-16 code units."""
+    before = line[: column - 1]
+    return column + sum(ord(char) > 0xFFFF for char in before)
+
+
+def _fingerprint(found: Diagnostic, seen: Counter[str]) -> str:
+    """A digest that stays when lines are added above: code, file and the line's text, and how many of these came
+    before."""
+    key = "\0".join((found.code, found.path, found.source_line.strip(), found.message))
+    seen[key] += 1
+    return hashlib.sha256(f"{key}\0{seen[key]}".encode()).hexdigest()[:32]
+
+
+def _fix(found: Diagnostic) -> _Json | None:
+    replacement = mend(found)
+    if replacement is None:
+        return None
+    span, text = replacement
+    change = {"deletedRegion": _region(span, found.source_line), "insertedContent": {"text": text}}
+    return {
+        "description": {"text": found.help},
+        "artifactChanges": [{"artifactLocation": _artifact(found.path), "replacements": [change]}],
+    }

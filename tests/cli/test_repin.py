@@ -1,0 +1,63 @@
+"""`foresee repin`: real processes, a real git repository, real SUMO."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from repin_project import Repository
+
+FORESEE = Path(sys.executable).parent / "foresee"
+
+
+def repin(*arguments: str | Path, cwd: Path, expect: int = 0) -> str:
+    done = subprocess.run(
+        [FORESEE, "repin", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "NO_COLOR": "1"},
+    )
+    assert done.returncode == expect, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+    assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Repository:
+    return Repository(tmp_path)
+
+
+def test_dry_run_then_write(project: Repository) -> None:
+    project.edit(project.scenario, "weather rain 0.3", "weather wetness 0.5")
+    before = project.clip.read_bytes()
+    shown = repin("children", cwd=project.root)
+    assert "children/lead_brakes_p1.foresee: lead_brakes.foresee::near changed" in shown
+    assert "+ weather.wetness: 0.5" in shown and shown.endswith("3 to re-pin (`--write` does it)\n")
+    assert project.clip.read_bytes() == before
+    assert repin("children", "--write", cwd=project.root).endswith("3 re-pinned\n")
+    assert repin("children", cwd=project.root) == "3 up to date\n"
+    changed = project.git("diff", "--numstat", "--no-ext-diff").split("\n")
+    assert [line.split("\t")[:2] for line in changed if "children" in line] == [["1", "1"]] * 3
+
+
+def test_a_road_that_ends_under_a_clip_is_a_conflict(project: Repository) -> None:
+    project.edit(project.network, "junction b at (400 m, 0 m)", "junction b at (55 m, 0 m)")
+    before = project.clip.read_bytes()
+    told = json.loads(repin("children", "--write", "--json", cwd=project.root, expect=1))
+    assert [child["state"] for child in told["children"]] == ["conflict", "blocked", "blocked"]
+    assert told["children"][0]["mistakes"][0]["code"].startswith("FS2")
+    assert told["written"] == [] and project.clip.read_bytes() == before
+
+
+def test_the_verdicts_before_and_after(project: Repository) -> None:
+    project.edit(project.scenario, "weather rain 0.3", "weather rain 0.4")
+    told = json.loads(repin(project.clip, "--run", "--json", cwd=project.root))
+    was, now = told["children"][0]["verdict"]
+    assert was == now and now
+    assert "Error" not in now

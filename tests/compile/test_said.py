@@ -1,0 +1,59 @@
+"""What conditions name must be on the network: junctions, signals, stages, places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.project import load_test_case
+
+TEXT = """foresee 1
+
+scenario s {
+  use network "%s/networks/town.foresee"
+
+  ego: car.sedan { route from mill_west straight over mill_oak straight over mill_elm }
+
+  when time > 1 s {
+    ego ignores signals
+    then when CONDITION { wait 1 s }
+  }
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("condition", "code", "message", "help"),
+    [
+        ("ego in junction mill_oka", "FS251", "no junction called mill_oka", "mill_oak"),
+        ("ego within 5 m of mill_oka", "FS251", "no actor and no junction called mill_oka", "mill_oak"),
+        ("ego within 5 m of 900 m along ego.route", "FS252", "after the end of the route of ego", "m long"),
+        ("ego.signal(mill_oak) is red", "FS251", "no signal at mill_oak", "mill_elm"),
+        ("ego.signal(king_elm) is red", "FS252", "the route of ego does not go over king_elm", "mill_oak, mill_elm"),
+        ("signal(mill_elm) is ew_gone", "FS251", "no stage called ew_gone", "ew_go, ns_go"),
+    ],
+)
+def test_what_is_not_there_is_said(
+    condition: str, code: str, message: str, help: str, scenarios: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "s.foresee"
+    file.write_text((TEXT % scenarios).replace("CONDITION", condition))
+    with pytest.raises(InputError) as caught:
+        compile_test_case(load_test_case(str(file)))
+    (found,) = caught.value.diagnostics
+    assert (found.code, found.path) == (code, str(file))
+    assert message in found.message
+    assert help in found.help
+    assert found.span is not None
+    assert found.span.line == (8 if "along" in condition else 10)  # the name itself; of a place, the trigger
+
+
+def test_places_of_conditions_are_resolved(scenarios: Path, tmp_path: Path) -> None:
+    file = tmp_path / "s.foresee"
+    file.write_text((TEXT % scenarios).replace("CONDITION", "ego within 5 m of 10 m before mill_oak on ego.route"))
+    ((x, y),) = compile_test_case(load_test_case(str(file))).scene.places.values()
+    assert -25.0 < x < -10.0
+    assert y == pytest.approx(-1.9, abs=0.1)

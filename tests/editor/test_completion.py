@@ -1,0 +1,117 @@
+"""What is offered at a place: words of the grammar, names that fit, units of the right dimension."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.editor.completion import complete
+from foresee_dsl.editor.files import Files
+
+HEAD = """foresee 1
+
+# a { that opens nothing
+scenario a {
+  use network "networks/town.foresee"
+  param gap: time = 1 s
+  param pace: speed = 1 m/s
+  param way: turn = left
+  param lead_model: model = car.compact
+  param approach: arm = mill_west
+  this is not a statement {
+  }
+  ego: car.sedan { route from mill_west straight over mill_oak }
+  vehicle runner: car.compact {
+    """
+BELOW = HEAD + "}\n  "
+ANYWHERE = {"ego", "vehicle", "bicycle", "when", "expect", "end", "case", "param", "signal", "traffic", "weather"}
+
+
+def offered(scenarios: Path, text: str) -> list[str]:
+    path = scenarios / "new.foresee"
+    files = Files({path: text}, [scenarios])
+    return [suggestion.text for suggestion in complete(files, path, text, len(text)).suggestions]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (HEAD + "speed 50 ", ["m/s", "km/h", "mph"]),
+        (HEAD + "speed 50 k", ["m/s", "km/h", "mph"]),
+        (HEAD + "delay 2 ", ["s", "ms", "min"]),
+        (HEAD + "speed ", ["pace", "50 km/h"]),
+        (HEAD + "meets ego at mill_oak after ", ["gap", "2.5 s"]),
+        (HEAD + "meets ", ["ego", "runner"]),
+        (HEAD + "ignores ", ["signals", "priority"]),
+        (HEAD + "route from mill_west ", ["straight", "left", "right", "back", "way"]),
+        (HEAD + "start at 20 ", ["m", "cm", "km", "along", "before", "past"]),
+        (HEAD + 'doc "start ', []),
+        (HEAD + "# start ", []),
+        (BELOW + "when ego.eta(mill_oak) < 3 s { ego changes lane ", ["left", "right"]),
+        (BELOW + "when time > 3 s { ", ["ego", "runner", "then", "wait"]),
+        (BELOW + "when ego.signal(mill_elm) is ", ["green", "amber", "red"]),
+        (BELOW + "when signal(mill_elm) is ", ["ew_go", "ns_go"]),
+        (BELOW + "require gap < 2 ", ["s", "ms", "min", "and", "for", "or"]),
+        (BELOW + "signal mill_elm stage ", ["ew_go", "ns_go"]),
+        (BELOW + "case x { ", ["gap", "pace", "way", "lead_model", "approach"]),
+        (BELOW + "case x { gap = 3 ", ["s", "ms", "min"]),
+        (BELOW + "case x { way = ", ["straight", "left", "right", "back"]),
+        ("", ["foresee"]),
+        ("foresee 1\n\n", ["clip", "models", "mutant", "network", "scenario"]),
+    ],
+)
+def test_exactly(scenarios: Path, text: str, expected: list[str]) -> None:
+    found = offered(scenarios, text)
+    assert [word for word in found if word not in ("side",)] == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "some", "none"),
+    [
+        (HEAD, {"route", "speed", "start", "ignores"}, {"when", "lanes", "ego"}),
+        (BELOW, ANYWHERE, {"lanes", "route", "stops"}),
+        (BELOW + "tr", {"traffic"}, {"route"}),
+        (HEAD + "route from ", {"mill_west", "mill_west_back", "approach"}, {"mill_oak", "runner", "gap"}),
+        (HEAD + "route from mill_west straight over ", {"mill_oak", "king_elm"}, {"mill_west", "runner", "gap"}),
+        (HEAD + "start at 20 m along ", {"mill_west", "ego.route", "runner.route"}, {"ego", "mill_oak"}),
+        (HEAD + "route [mill_west, ", {"mill_mid"}, {"mill_oak"}),
+        (HEAD + 'route ["', {"mill_mid"}, {"mill_oak", "route"}),
+        (BELOW + "when ", {"ego.speed", "ego.eta", "time", "ttc", "not"}, {"ego.time", "stops", "mill_oak"}),
+        (BELOW + "when ego.", {"ego.speed", "ego.eta"}, set()),
+        (BELOW + "when ego ", {"in", "within"}, {"stops"}),
+        (BELOW + "when ", {"ego", "runner"}, {"mill_west"}),
+        (BELOW + "when ego in junction ", {"mill_oak"}, {"mill_west", "runner"}),
+        (BELOW + "when ego within 5 m of ", {"runner", "mill_oak"}, {"mill_west"}),
+        (BELOW + "param x: time = 1 s in 0 s..2 s as ", {"uniform", "normal", "grid"}, {"s"}),
+        (BELOW + "when ego.eta(", {"mill_oak"}, {"runner", "mill_west"}),
+        (BELOW + "when ttc(", {"runner"}, {"mill_oak"}),
+        (BELOW + "when distance(ego, ", {"runner", "mill_oak"}, {"mill_west"}),
+        (BELOW + "when time > 3 s { ego ", {"stops", "starts", "changes", "meets"}, {"route", "when"}),
+        (BELOW + "expect always ego.speed > 3 ", {"km/h", "and"}, {"s", "kg"}),
+        (BELOW + "vehicle b: ", {"car.sedan", "lead_model"}, {"gap", "runner"}),
+        (BELOW + "param x: ", {"time", "length", "turn"}, {"ego"}),
+        (BELOW + "param x: arm = ", {"mill_west"}, {"mill_oak", "gap"}),
+        (BELOW + 'use network "', {"networks/town.foresee"}, {"new.foresee"}),
+        (BELOW + "network { junction a at (0 m, 0 m) ", {"signals", "stop"}, {"red"}),
+        (
+            'foresee 1\nmutant a of "scenario7.foresee" pin sha256:000000000000 {\n  change ',
+            {"ego.model", "ego.steer", "ego.timing", "weather.rain"},
+            {"ego", "ego.route"},
+        ),
+    ],
+)
+def test_some_and_not_others(scenarios: Path, text: str, some: set[str], none: set[str]) -> None:
+    found = set(offered(scenarios, text))
+    assert some <= found
+    assert not none & found
+
+
+def test_every_prefix_of_every_file_has_an_answer(root: Path) -> None:
+    """No text that is half written ends in an exception, and most places have something to offer."""
+    path = root / "tests" / "cases" / "language" / "everything.foresee"
+    text = path.read_text(encoding="utf-8")
+    answers = [
+        bool(complete(Files({path: text[:k]}, []), path, text[:k], k).suggestions) for k in range(0, len(text), 113)
+    ]
+    assert sum(answers) > len(answers) / 3

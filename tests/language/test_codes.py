@@ -1,0 +1,65 @@
+"""Every code is explained, and its examples do what they say: the wrong one earns it, the right one earns nothing."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from examples_at_work import found_in
+
+from foresee_dsl.language import lint_codes, project_codes
+from foresee_dsl.language.codes import Code
+from foresee_dsl.language.examples import FRAMES
+from foresee_dsl.report.codes import every_code
+
+CODES = every_code()
+NO_EXAMPLE = {"FS001", "FS020", "FS134"}
+"""A matter of the disk; our own fault; 33 files. `test_diagnostics` and `test_project` earn the first and the last."""
+SOURCES = Path(__file__).parents[2] / "foresee_dsl"
+EXAMPLES = [code for code in CODES.values() if code.wrong]
+
+
+@pytest.mark.parametrize("code", EXAMPLES, ids=lambda code: code.code)
+def test_the_wrong_example_earns_its_code_and_no_other(code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    found = found_in(code, code.wrong, tmp_path / "wrong", monkeypatch)
+    assert {d.code for d in found} == {code.code}, found
+    assert {d.severity for d in found} == {code.severity}
+    for diagnostic in found:
+        assert diagnostic.help, "say what to write instead"
+
+
+@pytest.mark.parametrize("code", EXAMPLES, ids=lambda code: code.code)
+def test_the_right_example_is_right(code: Code, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    assert found_in(code, code.right, tmp_path / "right", monkeypatch) == ()
+
+
+def test_every_code_has_examples():
+    assert {code.code for code in CODES.values() if not (code.wrong and code.right)} == NO_EXAMPLE
+
+
+def test_every_code_is_explained():
+    for name, code in CODES.items():
+        assert name == code.code
+        assert re.fullmatch("FS[0-9]{3}", name)
+        assert code.title[0].islower() or code.title.startswith("`"), name
+        assert not code.title.endswith("."), name
+        assert code.explanation.endswith((".", "?")), name
+        assert code.severity in ("error", "warning")
+        assert code.frame in FRAMES
+
+
+def test_every_code_is_produced_somewhere_and_every_produced_code_is_explained():
+    texts = {path: path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py") if path.parent.name != "registry"}
+    mentioned = {code for text in texts.values() for code in re.findall(r'"(FS[0-9]{3})"', text)}
+    assert mentioned - set(CODES) == set()
+    assert set(CODES) - mentioned == set()
+
+
+def test_the_constants_of_the_layers_are_used():
+    everything = "".join(path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py"))
+    for module in (project_codes, lint_codes):
+        for name in vars(module):
+            if name.isupper():
+                used = len(re.findall(rf"\b{name}\b", everything))
+                assert used >= 3, f"{name} is defined and explained, but nothing reports it"

@@ -1,0 +1,47 @@
+"""Inputs that the fuzzer or the property tests found something wrong with, which is mended: one file each.
+
+`NAME.foresee` is the input, made small; `NAME.txt` what a person is told first, or the formatted text where nothing is
+wrong.
+`FORESEE_REWRITE=1` writes them anew.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.diagnostics import render_concise
+from foresee_dsl.language.parser import format_text
+from foresee_dsl.language.project import Project
+from tests.fuzz.oracle import Judge
+
+_SHOWN = 6
+CASES = sorted((Path(__file__).parents[1] / "cases" / "language" / "fuzz").glob("*.foresee"))
+
+
+@pytest.mark.parametrize("file", CASES, ids=lambda file: file.stem)
+def test_mended(file: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(file.parent)
+    said = _said(file.name)
+    golden = file.with_suffix(".txt")
+    if os.environ.get("FORESEE_REWRITE"):
+        golden.write_text(said, encoding="utf-8", newline="\n")
+    assert said == golden.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("file", CASES, ids=lambda file: file.stem)
+def test_nothing_is_wrong_any_more(file: Path, tmp_path: Path):
+    assert Judge(tmp_path).judge(file.read_bytes()) is None
+
+
+def _said(name: str) -> str:
+    try:
+        Project().definition(name)
+    except InputError as error:
+        lines = [render_concise(diagnostic) for diagnostic in error.diagnostics]
+        more = [f"... and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
+        return "".join(f"{line}\n" for line in (*lines[:_SHOWN], *more))
+    return format_text(Path(name).read_text(encoding="utf-8"), name)

@@ -1,0 +1,280 @@
+"""Lints: what is reported and what is not, comments that allow them, and whether an expectation became weaker."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.language.checked_files import check_paths
+from foresee_dsl.language.examples import FRAMES, example
+from foresee_dsl.language.lints_weaker import weaker
+from foresee_dsl.language.model import Expect, Scenario
+from foresee_dsl.language.parser import parse
+from foresee_dsl.report.codes import every_code
+
+HEAD = FRAMES["scenario"].text.partition("@")[0]
+TOWN = example(every_code()["FS301"], "end after 60 s").files["town.foresee"]
+
+
+@pytest.fixture
+def codes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Return a function from the lines of a scenario to the codes and lines of what is reported."""
+    monkeypatch.chdir(tmp_path)
+    Path("town.foresee").write_text(TOWN)
+
+    def check(lines: str, head: str = HEAD) -> list[tuple[str, str]]:
+        text = f"{head}{lines}\n}}\n"
+        Path("main.foresee").write_text(text)
+        found = check_paths(["main.foresee"]).diagnostics
+        assert all(d.span is not None and d.source_line == text.split("\n")[d.span.line - 1] for d in found)
+        return [(d.code, d.source_line.strip()) for d in found]
+
+    return check
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "time > 60 s",
+        "time >= 61 s",
+        "ego.speed < 0 m/s",
+        "ttc(ego, runner) <= -1 s",
+        "distance(ego, runner) < 0 m",
+        "ego.eta(j4) < 0 s",
+        "time < 5 s and time > 6 s",
+        "ego.speed > 5 m/s and not ego.speed > 4 m/s",
+        "time > 70 s or ego.speed < 0 m/s",
+        "not time >= 0 s",
+        "ego.speed > 5 m/s and (runner.speed > 1 m/s and ego.speed <= 5 m/s)",
+        "ego.speed > 5 m/s for 90 s",
+    ],
+)
+def test_a_trigger_that_can_never_fire(codes, condition: str):
+    assert codes(f"  when {condition} {{\n    runner stops\n  }}") == [("FS303", f"when {condition} {{")]
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "time >= 60 s",
+        "time > 59 s",
+        "ego.speed <= 0 m/s",
+        "distance(ego, j4) < 0 m",  # negative once it is in the junction
+        "ego.acceleration < -3 m/s^2",
+        "time > 5 s and time < 6 s",
+        "ego.speed >= 5 m/s and ego.speed <= 5 m/s",
+        "ego.speed > 5 m/s and runner.speed < 4 m/s",
+        "time > 70 s or ego.speed > 1 m/s",
+        "not time > 3 s",
+        "ego.speed > 5 m/s for 2 s",
+    ],
+)
+def test_a_trigger_that_may_fire(codes, condition: str):
+    assert codes(f"  when {condition} {{\n    runner stops\n  }}") == []
+
+
+def test_the_end_of_the_run_counts(codes):
+    lines = "  end after 10 s\n  when time > 20 s {\n    runner stops\n  }"
+    assert codes(lines) == [("FS303", "when time > 20 s {")]
+    assert codes(lines.replace("10 s", "30 s")) == []
+
+
+def test_what_follows_in_a_sequence_counts_too(codes):
+    lines = "  when time > 2 s {\n    runner stops for 1 s\n    then when time > 80 s {\n      runner stops\n    }\n  }"
+    assert codes(lines) == [("FS303", "then when time > 80 s {")]
+
+
+def test_values_of_cases_are_looked_at_and_said_once(codes):
+    lines = "  param late: time = 10 s\n  when time > late {\n    runner stops\n  }\n"
+    assert codes(lines) == []
+    assert codes(lines + "  case a { late = 20 s }\n  case b { late = 90 s }\n  case c { late = 95 s }") == [
+        ("FS303", "when time > late {")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("expectation", "expected"),
+    [
+        ("never ego.speed < 0 m/s", ["FS307"]),
+        ("always ttc(ego, runner) >= 0 s", ["FS307"]),
+        ("always ego.speed < 0 m/s", ["FS307"]),
+        ("eventually time > 80 s", ["FS307"]),
+        ("eventually within 5 s time > 6 s", ["FS307"]),
+        ("never within 90 s collision(ego)", ["FS306"]),
+        ("eventually within 60 s arrived(ego)", []),
+        ("always ttc(ego, runner) > 1 s", []),
+        ("never (collision(ego) or ego.speed > 60 km/h)", []),
+        ("eventually time > 50 s", []),
+    ],
+)
+def test_expectations_that_say_nothing(codes, expectation: str, expected: list[str]):
+    assert [code for code, _ in codes(f"  expect {expectation}")] == expected
+
+
+@pytest.mark.parametrize(
+    ("action", "expected"),
+    [
+        ("crate stops", True),
+        ("crate changes speed to 3 m/s", True),
+        ("walker changes lane left", True),
+        ("still starts", True),
+        ("ego changes lane left", True),
+        ("rider changes lane right", True),
+        ("walker starts", False),
+        ("walker changes speed to 1 m/s", False),
+        ("runner changes lane left", False),
+        ("runner meets ego at j4 after 1 s", False),
+        ("rider stops", False),
+    ],
+)
+def test_actions_that_cannot_be_done(codes, action: str, expected: bool):
+    lines = f"""\
+  obstacle crate: obstacle.crate {{
+    start at 70 m along ego.route
+  }}
+  pedestrian walker: pedestrian.adult {{
+    path [(-30 m, -9 m), (-30 m, 9 m)]
+  }}
+  pedestrian still: pedestrian.adult {{
+    start at (-50 m, -9 m)
+  }}
+  bicycle rider: bicycle.city {{
+    path [(-60 m, -9 m), (-60 m, 9 m)]
+  }}
+  when time > 1 s {{
+    {action}
+  }}"""
+    assert codes(lines) == ([("FS305", action)] if expected else [])
+
+
+def test_speeds_are_compared_with_the_models_of_the_file(codes, tmp_path: Path):
+    models = "foresee 1\n\nmodels ours {\n  model car.slow { length 4 m; width 2 m; max_speed 20 km/h }\n}\n"
+    (tmp_path / "ours.foresee").write_text(models)
+    slow = '  use models "ours.foresee"\n  vehicle late: car.slow {\n    route [north]\n    @\n  }'
+    assert codes(slow.replace("@", "speed 30 km/h")) == [("FS308", "speed 30 km/h")]
+    assert codes(slow.replace("@", "start speed 30 km/h")) == [("FS308", "start speed 30 km/h")]
+    assert codes(slow.replace("@", "speed 20 km/h")) == []
+
+
+@pytest.mark.parametrize(
+    ("route", "expected"),
+    [
+        ("route [south, east]", True),
+        ("route [south, ..., east]", False),
+        ("route [west, main, east]", False),
+        ("route from west straight over j5", True),
+        ("route from west straight over j4 straight over j5", False),
+        ("route from side straight over j4", True),
+        ("route from main left over j4", False),  # entered the other way round
+    ],
+)
+def test_routes_with_a_gap(codes, route: str, expected: bool):
+    assert [c for c, _ in codes(f"  vehicle box: car.compact {{\n    {route}\n  }}")] == (["FS309"] if expected else [])
+
+
+def test_unused_parameters_and_dead_cases(codes):
+    lines = "  param a: time = 9 s\n  param b: time = 1 s\n  end after a\n"
+    assert codes(lines) == [("FS301", "param b: time = 1 s")]
+    cases = "  param a: time = 9 s\n  end after a\n  case one { a = 5 s }\n  case two { a = 5000 ms }\n  case three\n"
+    assert codes(cases) == [("FS302", "case two { a = 5000 ms }")]
+
+
+def test_an_expectation_of_somebody_else_is_none_of_the_ego(codes):
+    head = HEAD.replace("expect never collision(ego)", "expect never collision(runner)")
+    assert codes("", head) == [("FS310", "scenario example {")]
+    assert codes("  expect always ttc(runner, ego) > 1 s", head) == []
+
+
+# ---- comments that allow --------------------------------------------------------------------------------------------
+
+DEAD = "  when time > 99 s {@\n    runner stops\n  }\n"
+
+
+def test_a_comment_allows_a_lint_on_its_statement(codes):
+    assert codes(DEAD.replace("@", "  # foresee: allow FS303")) == []
+    assert codes("  # foresee: allow FS303 (kept for the record)\n" + DEAD.replace("@", "")) == []
+    assert codes("  # foresee: allow FS301, FS303\n" + DEAD.replace("@", "")) == [
+        ("FS312", "# foresee: allow FS301, FS303")
+    ]
+
+
+def test_a_comment_reaches_no_further(codes):
+    lines = DEAD.replace("@", "  # foresee: allow FS303") + DEAD.replace("@", "")
+    assert codes(lines) == [("FS303", "when time > 99 s {")]
+
+
+def test_a_comment_before_the_definition_is_for_the_file(codes):
+    assert codes(DEAD.replace("@", "") * 2, HEAD.replace("foresee 1\n", "foresee 1\n\n# foresee: allow FS303")) == []
+
+
+def test_a_comment_in_a_text_is_none(codes):
+    lines = '  doc "# foresee: allow FS303"\n' + DEAD.replace("@", "")
+    assert codes(lines) == [("FS303", "when time > 99 s {")]
+
+
+def test_errors_cannot_be_allowed(codes):
+    lines = "  when time > 1 s {\n    ego stops  # foresee: allow FS305\n  }"
+    assert [code for code, _ in codes(lines)] == ["FS305", "FS312"]
+
+
+def test_the_bundled_scenarios_earn_no_error(scenarios: Path):
+    found = check_paths([str(scenarios)]).diagnostics
+    assert [d for d in found if d.severity == "error"] == []
+
+
+# ---- weaker expectations --------------------------------------------------------------------------------------------
+
+
+def expect(text: str) -> Expect:
+    model = parse(f"foresee 1\nscenario a {{\n expect {text}\n}}\n", "a").model
+    assert isinstance(model, Scenario)
+    return model.all(Expect)[0]
+
+
+WEAKER = [
+    ("always ttc(ego, a) > 1.5 s", "always ttc(ego, a) > 1 s"),
+    ("always ttc(ego, a) > 1 s", "always ttc(ego, a) >= 1 s"),
+    ("always ego.speed < 10 m/s", "always ego.speed < 40 km/h"),
+    ("never ego.speed > 10 m/s", "never ego.speed > 12 m/s"),
+    ("never ego.speed > 10 m/s", "always ego.speed < 12 m/s"),
+    ("never collision(ego)", "never (collision(ego) and ego.speed > 3 m/s)"),
+    ("never (collision(ego) or ego.speed > 20 m/s)", "never collision(ego)"),
+    ("always (ego.speed < 9 m/s and ttc(ego, a) > 1 s)", "always ttc(ego, a) > 1 s"),
+    ("always ttc(ego, a) > 1 s", "always (ttc(ego, a) > 1 s or ego.speed < 1 m/s)"),
+    ("always ttc(ego, a) > 1 s", "always within 10 s ttc(ego, a) > 1 s"),
+    ("eventually within 30 s arrived(ego)", "eventually within 40 s arrived(ego)"),
+    ("eventually within 30 s arrived(ego)", "eventually arrived(ego)"),
+    ("eventually arrived(ego)", "eventually (arrived(ego) or ego.speed > 1 m/s)"),
+    ("eventually ego.speed > 9 m/s for 5 s", "eventually ego.speed > 9 m/s for 2 s"),
+    ("eventually ego.speed > 9 m/s for 5 s", "eventually ego.speed > 8 m/s"),
+    ("always ego.speed < 9 m/s", "eventually ego.speed < 9 m/s"),
+]
+
+
+@pytest.mark.parametrize(("strong", "weak"), WEAKER)
+def test_weaker(strong: str, weak: str):
+    assert weaker(expect(strong), expect(weak)) is True
+    assert weaker(expect(weak), expect(strong)) is False
+    assert weaker(expect(strong), expect(strong)) is False
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("always ttc(ego, a) > 1 s", "always ttc(ego, b) > 1 s"),
+        ("always ttc(ego, a) > 1 s", "always distance(ego, a) > 1 m"),
+        ("never collision(ego)", "eventually arrived(ego)"),
+        ("always within 10 s ttc(ego, a) > 2 s", "always within 20 s ttc(ego, a) > 1 s"),
+        ("eventually within 30 s ego.speed > 9 m/s", "eventually within 20 s ego.speed > 8 m/s"),
+        ("always ego.speed < 9 m/s", "always ego.speed > 1 m/s"),
+    ],
+)
+def test_what_cannot_be_told(old: str, new: str):
+    assert weaker(expect(old), expect(new)) is None
+    assert weaker(expect(new), expect(old)) is None
+
+
+def test_the_same_written_otherwise_is_not_weaker():
+    assert weaker(expect("never ego.speed > 36 km/h"), expect("always ego.speed <= 10 m/s")) is False
+    assert weaker(expect("never not arrived(ego)"), expect("always arrived(ego)")) is False

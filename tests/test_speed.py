@@ -1,0 +1,125 @@
+"""What keeps the command line quick: what it imports, and how costs grow. No test asserts seconds."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from benchmarks.texts import scenario
+from foresee_dsl import kept
+from foresee_dsl.compile import compile_test_case, placement_mistakes
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.parser import format_text, load, parse
+from foresee_dsl.language.project import Project
+from foresee_dsl.resources import data_folder
+
+SCENARIO = data_folder("scenarios") / "scenario3.foresee"
+HEAVY = {"numpy", "scipy", "shapely", "networkx", "jinja2", "libsumo", "defusedxml"}
+
+
+def imported(*arguments):
+    """Run the command line in a new process and return the names of the modules that it imported."""
+    code = (
+        "import sys\nfrom foresee_dsl.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        "print('\\n'.join(sorted(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stderr.split())
+
+
+@pytest.fixture
+def edited(tmp_path):
+    """A scenario that was never placed before, beside a network that was built."""
+    (tmp_path / "networks").mkdir()
+    town = data_folder("scenarios") / "networks" / "town.foresee"
+    (tmp_path / "networks" / "town.foresee").write_text(town.read_text())
+    file = tmp_path / "edited.foresee"
+    file.write_text(SCENARIO.read_text().replace("start at 12 m along", f"start at {12 + hash_of(tmp_path)} m along"))
+    return file
+
+
+def hash_of(path: Path) -> float:
+    """A number under 1 that differs from path to path."""
+    return round(sum(k * ord(c) for k, c in enumerate(str(path), 1)) % 997 / 1000, 3)
+
+
+def test_a_check_imports_no_heavy_library(edited):
+    imported("check", SCENARIO)  # the network goes into the cache
+    assert imported("check", edited) & HEAVY == set()
+    again = imported("check", edited)
+    assert "foresee_dsl.compile.compiler" not in again, "an unchanged case is not placed again"
+
+
+def test_help_imports_neither_the_language_nor_a_heavy_library():
+    assert imported("--help") & (HEAVY | {"pydantic", "lark"}) == set()
+
+
+def test_placing_for_a_check_finds_what_the_compiler_finds(tmp_path):
+    text = SCENARIO.read_text().replace(
+        "networks/town.foresee", str(data_folder("scenarios") / "networks/town.foresee")
+    )
+    for right, wrong in (
+        ("start at 12 m along ego.route", "start at 12000 m along ego.route"),
+        ("start at 12 m along ego.route", "start at (900 m, 900 m)"),
+        ("goal 60 m past", "goal 6000 m past"),
+        ("offset -3.6 m", "offset -300 m"),
+        ("start speed 40 km/h", "start speed 400 km/h"),
+    ):
+        file = tmp_path / f"wrong{len(wrong)}.foresee"
+        file.write_text(text.replace(right, wrong))
+        for case in Project().test_cases([str(file)]):
+            try:
+                compile_test_case(case)
+                compiled = ()
+            except InputError as error:
+                compiled = error.diagnostics
+            assert compiled, wrong
+            assert placement_mistakes([case]) == compiled
+            assert placement_mistakes([case]) == compiled, "mistakes are found again"
+
+
+def test_a_kept_document_is_the_one_that_was_parsed():
+    file = data_folder("scenarios") / "networks" / "town.foresee"
+    load(file)
+    taken, parsed = load(file), parse(file.read_text(), str(file))
+    assert (taken.model, taken.comments, taken.text) == (parsed.model, parsed.comments, parsed.text)
+    for one, other in zip(taken.model.body, parsed.model.body, strict=True):
+        assert taken.span(one) == parsed.span(other) is not None
+    assert len(taken.spans) == len(parsed.spans)
+
+
+def test_a_damaged_kept_value_is_made_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("FORESEE_CACHE", str(tmp_path))
+    place = kept.place_of("things", ("a", b"b"))
+    assert kept.take(place) is None
+    kept.put(place, {"x": 1})
+    assert kept.take(place) == {"x": 1}
+    assert kept.place_of("things", ("ab", b"")) != place
+    place.write_bytes(place.read_bytes()[:-1])
+    assert kept.take(place) is None
+    monkeypatch.setenv("FORESEE_CACHE", str(place))  # a file: no folder can be made there
+    assert kept.place_of("things", ("a",)) is None
+    kept.put(None, 1)
+    assert kept.take(None) is None
+
+
+def test_a_check_is_linear_in_the_length_and_formatting_no_dearer_than_four_parses():
+    def cost(work):
+        spent = []
+        for _ in range(5):
+            begin = time.process_time()
+            work()
+            spent.append(time.process_time() - begin)
+        return min(spent)
+
+    short, long = scenario(500), scenario(4000)
+    for text in (short, long):
+        assert cost(lambda text=text: parse(text, "x")) >= 0  # the lexer's tables are made at the first use
+    assert cost(lambda: parse(long, "x")) / cost(lambda: parse(short, "x")) < 8 * 1.8
+    assert cost(lambda: format_text(short, "x")) / cost(lambda: parse(short, "x")) < 5
