@@ -33,7 +33,10 @@ class Figure:
         return self.target is None or self.value <= self.target
 
 
-def interleaved(works: Mapping[str, Callable[[], float | tuple[float, ...]]], rounds: int) -> dict[str, list[float]]:
+_Cost = float | tuple[float, ...]
+
+
+def interleaved(works: Mapping[str, Callable[[], _Cost]], rounds: int) -> dict[str, list[float]]:
     """Return the median cost of several works, each done once a round, so that a slow minute slows all of them.
 
     Args:
@@ -43,12 +46,21 @@ def interleaved(works: Mapping[str, Callable[[], float | tuple[float, ...]]], ro
     Returns:
         By name the median of each kind of cost.
     """
+    return {name: [statistics.median(kind) for kind in kinds] for name, kinds in costs(works, rounds).items()}
+
+
+def costs(works: Mapping[str, Callable[[], _Cost]], rounds: int) -> dict[str, list[tuple[float, ...]]]:
+    """Return every cost of several works, each done once a round.
+
+    Returns:
+        By name, for each kind of cost, one value a round.
+    """
     found: dict[str, list[tuple[float, ...]]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():
             cost = work()
             found[name].append(cost if isinstance(cost, tuple) else (cost,))
-    return {name: [statistics.median(kind) for kind in zip(*costs, strict=True)] for name, costs in found.items()}
+    return {name: list(zip(*rows, strict=True)) for name, rows in found.items()}
 
 
 def run_program(command: Sequence[str]) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.steps import clip_around, measure_clip
@@ -156,23 +155,26 @@ def test_catalogues_can_be_loaded(project: Path, name: str) -> None:
 
 def test_the_steps_that_are_shown_come_to_their_end(project: Path) -> None:
     """The example of sequences is one: every trigger fires, and every step of the first begins and ends."""
-    case = load_test_case(project / "stop_and_go.foresee")
-    events = drive(case).trace.events
+    result = drive(load_test_case(project / "stop_and_go.foresee"))
+    events = result.trace.events
     assert {e.detail["index"] for e in events if e.what == "trigger"} == {0, 1, 2}
     assert [e.detail["where"] for e in events if e.what == "then"] == [[1], [1, 2]]
     assert [1] in [e.detail["where"] for e in events if e.what == "complete"]
+    shown = result.expectations[1]
+    assert f"{shown.text}  (by {shown.margin:.2f} {shown.unit})" in LANGUAGE
 
 
 def test_cases_are_drawn_as_the_page_shows(project: Path) -> None:
     shown = LANGUAGE.partition("### What cases reach")[2]
-    done = CliRunner().invoke(typer.main.get_command(app), ["sample", str(project / "drawn.foresee")])
+    done = CliRunner().invoke(app, ["sample", str(project / "drawn.foresee")])
     assert done.exit_code == 0, done.output
     assert blocks(shown, "")[0].strip() == done.output.strip()
 
 
 def test_every_word_of_the_language_is_in_the_reference() -> None:
-    said = set(re.findall(r"\w+", " ".join(re.findall(r"`[^`]+`|```foresee\n.*?```", LANGUAGE, re.S))))
-    assert not {word for word in KEYWORDS} - said
+    text = re.sub(r"```.*?```", "", LANGUAGE, flags=re.S)
+    said = " ".join([*blocks(LANGUAGE, "foresee"), *re.findall(r"`[^`]+`", text)])
+    assert not KEYWORDS.keys() - set(re.findall(r"\w+", said))
 
 
 def test_every_unit_is_listed() -> None:
@@ -197,6 +199,11 @@ def test_every_unit_is_listed() -> None:
         ("counts as driving {:g} m/s at least", "foresee_dsl.simulate.behaviours.WAITS_MPS"),
         ("From {:g} m before the junction on", "foresee_dsl.simulate.behaviours.COMMITS_M"),
         ("({:g} m on a path)", "foresee_dsl.simulate.behaviours.COMMITS_WALKING_M"),
+        ("its front is within {:g} m of the lane's middle", "foresee_dsl.simulate.director.IN_LANE_M"),
+        ("its speed is within {:g} m/s", "foresee_dsl.simulate.actors.STANDS_MPS"),
+        ("draws {:,} cases at most", "foresee_dsl.language.sampling.MAX_CASES"),
+        ("up to {:,} times for one case", "foresee_dsl.language.sampling.MAX_TRIES"),
+        ("a range is {} parts at most", "foresee_dsl.language.coverage.BINS"),
         ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.behaviours.BOUND_FROM_M"),
         ("not under {:g} m/s, enters", "foresee_dsl.simulate.metrics.SLOWEST_MPS"),
     ],

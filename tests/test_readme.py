@@ -33,6 +33,17 @@ def test_the_first_scenario_of_the_readme(root: Path, tmp_path: Path) -> None:
     assert (tmp_path / "first.foresee").read_text(encoding="utf-8") == scenario.group(1)
 
 
+def test_the_mistake_that_is_shown_is_shown_so(root: Path, tmp_path: Path) -> None:
+    text = (root / "README.md").read_text(encoding="utf-8")
+    scenario, shown = (re.search(p, text, re.S) for p in (r"```foresee\n(.*?)```", r"```\n(first.foresee:.*?)```"))
+    assert scenario and shown
+    (tmp_path / "first.foresee").write_text(scenario[1].replace("speed 40 km/h", "speed 40 kmh"), encoding="utf-8")
+    command = [sys.executable, "-c", "from foresee_dsl.cli import main; main()", "check", "first.foresee"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert shown[1] in done.stderr
+
+
 def test_the_other_snippets_parse(root: Path) -> None:
     text = (root / "README.md").read_text(encoding="utf-8")
     snippets = re.findall(r"```foresee\n(.*?)```", text, re.S)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from foresee_dsl.campaign.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.repin import Child
 
@@ -24,11 +26,18 @@ class RunTask:
 def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
     """Drive each child twice, in new processes, with the driver and seed that it records (`pdm` and 0 otherwise).
 
+    Raises:
+        DriverError: files record programs as drivers, which are not started for a look; nothing was run.
+
     Returns:
         For each file what the run under the old parent ended with ("" where that parent is unknown), and the new run.
     """
     pool = WorkerPool(jobs)
     cases = {(str(child.file), when): case for child in children for when, case in _cases(child)}
+    programs = sorted({driver for case in cases.values() if ":" in (driver := _task(case).driver)})
+    if programs:
+        message = f"recorded with programs as drivers: {'; '.join(programs)}. `foresee verify --run-programs` runs them"
+        raise DriverError(message)
     tasks = {f"{file} {when}": (file, when) for file, when in cases}
     pool.add(Task(name, drive, _task(cases[key])) for name, key in tasks.items())
     ended: dict[tuple[str, str], str] = {}
@@ -56,5 +65,5 @@ def _cases(child: Child) -> list[tuple[str, TestCase]]:
 
 def _task(case: TestCase) -> RunTask:
     origin = case.mutant.origin if case.mutant is not None else None
-    driver = ((origin.driver if origin else None) or "pdm").split()[0]
+    driver = recorded_address((origin.driver if origin else None) or "pdm")
     return RunTask(case, driver, int(origin.seed.value) if origin and origin.seed else 0)

@@ -120,3 +120,6 @@ def main() -> None:
         if code == BUG and os.environ.get("FORESEE_DEBUG"):
             raise
         sys.exit(code)
+    finally:
+        # The process ends: looking through all that was imported for cycles would be a seventh of a check's time.
+        gc.freeze()

@@ -39,7 +39,7 @@ def expand(
     address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A child, or a test case.")],
     allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Print a child (or a case) as one full scenario, nothing referred to.
+    """Print a child, or a case, as one full scenario: its parents and its network written out.
 
     [dim]foresee expand out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
@@ -71,10 +71,12 @@ def drivers(json: JsonOption = False) -> None:
 
 
 def models(
-    catalogue: Annotated[Path | None, typer.Argument(help="A catalogue file; by default the bundled one.")] = None,
+    catalogue: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="A catalogue; by default the bundled one.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
-    """List the models of vehicles and pedestrians that scenarios can name."""
+    """List the models of vehicles, people and things that scenarios can name."""
     from foresee_dsl.compile.catalogue import spec_of
     from foresee_dsl.language.project import load_catalogue
 

@@ -26,7 +26,9 @@ _CPUS = os.cpu_count() or 1
 
 
 def campaign(
-    paths: Annotated[list[str], typer.Argument(help="Scenario files, folders, or test cases (FILE::CASE).")],
+    paths: Annotated[
+        list[str], typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).")
+    ],
     driver: DriverOption = "pdm",
     ranker: RankerOption = "foresee",
     preset: PresetOption = "focused",
@@ -45,7 +47,8 @@ def campaign(
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
-    [dim]foresee campaign scenarios --jobs 2 --out out    foresee campaign scenarios/scenario7.foresee::r02[/dim]
+    [dim]foresee campaign scenarios --jobs 2 --out out
+    foresee campaign scenarios/scenario7.foresee::r02[/dim]
     """
     from foresee_dsl.campaign.engine import run_campaign
     from foresee_dsl.campaign.settings import CampaignSettings
@@ -79,7 +82,9 @@ def campaign(
 
 
 def verify(
-    paths: Annotated[list[Path], typer.Argument(help="Recorded failures: mutants' files, or folders of them.")],
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="PATH", help="Recorded failures: mutants' files, or folders of them.")
+    ],
     driver: Annotated[str, typer.Option("--driver", help="Another driver than the recorded one.")] = "",
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
@@ -91,7 +96,8 @@ def verify(
 
     Exit code 1 when a failure is stale or changed: it no longer says what it said.
 
-    [dim]foresee verify out/children    foresee verify regressions --driver mine[/dim]
+    [dim]foresee verify out/children
+    foresee verify regressions --driver mine[/dim]
     """
     from foresee_dsl.campaign.verify import Status, as_dict, verify_files
     from foresee_dsl.language.project import recorded_children

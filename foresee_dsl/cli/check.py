@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import FAILED, AllowOutsideOption, JsonOption, print_diagnostics, print_json
+from foresee_dsl.cli.common import FAILED, AllowOutsideOption, JsonOption, counted, print_diagnostics, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from foresee_dsl.errors import Diagnostic
     from foresee_dsl.language.checked_files import Checked
 
-Paths = Annotated[list[str], typer.Argument(help="Files, folders, or test cases (FILE::CASE).")]
+Paths = Annotated[list[str], typer.Argument(metavar="PATH", help="Files, folders, or test cases (FILE::CASE).")]
 
 
 class Format(StrEnum):
@@ -31,7 +31,7 @@ class Format(StrEnum):
 def check(
     paths: Paths,
     format_: Annotated[
-        Format, typer.Option("--format", help="full for people; concise: one line each; the others for tools.")
+        Format, typer.Option("--format", help="full: for people; concise: one line each; the others: for tools.")
     ] = Format.full,
     json: JsonOption = False,
     places: Annotated[
@@ -50,7 +50,8 @@ def check(
 
     Exit code 1 where there is an error, or with --strict a warning. `foresee explain CODE` says more about each.
 
-    [dim]foresee check scenarios    foresee check --format github --strict scenarios[/dim]
+    [dim]foresee check scenarios
+    foresee check --format github --strict scenarios[/dim]
     """
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.checked_files import Checked, check_paths
@@ -120,4 +121,4 @@ def _print_full(result: Checked, shown: Sequence[Diagnostic]) -> None:
         print_diagnostics(tuple(shown))
     if not any(d.severity == "error" for d in shown):
         warned = "no mistakes, but warnings" if shown else "no mistakes found"
-        typer.echo(f"{result.files} files, {len(result.cases)} test cases: {warned}")
+        typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def repin(
-    paths: Annotated[list[Path], typer.Argument(metavar="CHILD...", help="Clips and mutants, or folders of them.")],
+    paths: Annotated[list[Path], typer.Argument(metavar="CHILD", help="Clips and mutants, or folders of them.")],
     write: Annotated[
         bool, typer.Option("--write/--dry-run", help="Write the new pins; by default only say what would happen.")
     ] = False,
@@ -31,7 +31,9 @@ def repin(
 
     A child that no longer fits its parent is a conflict: it is named, left alone, and the exit code is 1.
 
-    [dim]foresee repin out/children    foresee repin regressions --write    foresee repin clip.foresee --run[/dim]
+    [dim]foresee repin out/children
+    foresee repin regressions --write
+    foresee repin clip.foresee --run[/dim]
     """
     from foresee_dsl.language.repin import State, plan
     from foresee_dsl.language.repin import write as write_pins

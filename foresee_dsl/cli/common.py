@@ -45,6 +45,11 @@ def print_json(data: dict[str, Any]) -> None:
     typer.echo(json.dumps(data, indent=2))
 
 
+def counted(number: int, noun: str) -> str:
+    """Return `1 file` or `3 files`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
     """Print mistakes on standard error: place, line, underline, what to write instead."""
     from foresee_dsl.language.diagnostics import render_all
@@ -53,7 +58,7 @@ def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
     typer.echo(render_all(diagnostics, colour=colour) + "\n", err=True)
     errors = sum(d.severity == "error" for d in diagnostics)
     warnings = len(diagnostics) - errors
-    parts = [f"{n} {word}{'s' if n > 1 else ''}" for n, word in ((errors, "error"), (warnings, "warning")) if n]
+    parts = [counted(n, word) for n, word in ((errors, "error"), (warnings, "warning")) if n]
     typer.echo(", ".join(parts), err=True)
 
 

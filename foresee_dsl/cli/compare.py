@@ -27,7 +27,7 @@ def diff(
     old: Annotated[str, typer.Argument(metavar="OLD", help="A file, or FILE::CASE; alone: a child.")],
     new: Annotated[str, typer.Argument(metavar="NEW", help="Another; left out: OLD is compared with its parent.")] = "",
     format: Annotated[
-        Format, typer.Option("--format", help="For a terminal, a pull request, a program.")
+        Format, typer.Option("--format", help="text: for a terminal; markdown: for a pull request; json: for tools.")
     ] = Format.TEXT,
     json: JsonOption = False,
     exit_code: Annotated[
@@ -37,7 +37,9 @@ def diff(
 ) -> None:
     """Say what differs in meaning between two files, grouped by what it touches; layout, order and units do not count.
 
-    [dim]foresee diff a.foresee b.foresee    foresee diff a.foresee::r01 a.foresee::r02    foresee diff child[/dim]
+    [dim]foresee diff a.foresee b.foresee
+    foresee diff a.foresee::r01 a.foresee::r02
+    foresee diff out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
     from foresee_dsl.language.diff import compare_addresses, parent_address, render_groups, render_markdown
 
@@ -54,7 +56,7 @@ def diff(
 
 
 def textconv(
-    file: Annotated[Path, typer.Argument(help="A .foresee file.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A .foresee file.")],
     people: Annotated[
         bool, typer.Option("--people", help="Keep what only people read: doc, tags, risk, fidelity, origin.")
     ] = False,
@@ -76,7 +78,7 @@ def textconv(
 def git_diff(
     arguments: Annotated[list[str], typer.Argument(metavar="PATH OLD_FILE OLD_HEX OLD_MODE NEW_FILE NEW_HEX NEW_MODE")],
 ) -> None:
-    """Show one changed file in words, called by git with seven arguments.
+    """Show one changed file in words; git calls this itself.
 
     [dim]git config diff.foresee.command "foresee git-diff"[/dim]
     """

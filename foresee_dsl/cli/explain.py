@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,21 +12,22 @@ from foresee_dsl.cli.common import FAILED, JsonOption, console, print_json
 if TYPE_CHECKING:
     from foresee_dsl.language.codes import Code
 
-_SHOWN = 74
-"""Columns of an example's line that are shown: with its margin it stays under 80."""
+_FILE = "\n--- "
+"""What begins another file of an example, in front of its name."""
 _PIN = "sha256:5ef2c6120a41"
 """What stands for a parent's pin in an example."""
 
 
 def explain(
     code: Annotated[
-        str | None, typer.Argument(metavar="[CODE]", help="Such as FS012; without one all are listed.")
+        str | None, typer.Argument(metavar="CODE", help="Such as FS012; without one all are listed.")
     ] = None,
     json: JsonOption = False,
 ) -> None:
     """Say what a code means: why it is wrong, what to do, a wrong and a right example.
 
-    [dim]foresee explain FS012    foresee explain[/dim]
+    [dim]foresee explain FS012
+    foresee explain[/dim]
     """
     from foresee_dsl.report.codes import every_code
 
@@ -81,9 +83,9 @@ def _list(codes: list[Code], *, json: bool) -> None:
 
 
 def _show(code: Code) -> None:
-    from rich.padding import Padding
     from rich.text import Text
 
+    from foresee_dsl.editor.highlight import show
     from foresee_dsl.language.examples import FRAMES
 
     out = console()
@@ -92,18 +94,17 @@ def _show(code: Code) -> None:
     out.print()
     out.print(Text(code.explanation))
     said = FRAMES[code.frame].said
-    for word, example in (("wrong", code.wrong), ("right", code.right)):
+    right = _without_repeats(code.wrong, code.right)
+    for word, example in (("wrong", code.wrong), ("right", right)):
         if example:
-            where = f", {said}" if said and "\n--- " not in example and not example.startswith("$") else ""
+            where = f", {said}" if said and _FILE not in example and not example.startswith("$") else ""
             out.print(Text(f"\n{word}{where}:"))
-            out.print(
-                Padding(Text("\n".join(map(_cut, _lines(example))), "dim" if word == "wrong" else ""), (0, 0, 0, 4))
-            )
+            show(textwrap.indent(example.rstrip("\n").replace("PIN", _PIN), "  ") + "\n")
 
 
-def _lines(example: str) -> list[str]:
-    return example.rstrip("\n").replace("PIN", _PIN).split("\n")
-
-
-def _cut(line: str) -> str:
-    return line if len(line) <= _SHOWN else line[: _SHOWN - 3] + "..."
+def _without_repeats(wrong: str, right: str) -> str:
+    """Return the right example without the files that are as in the wrong one."""
+    shown = wrong.split(_FILE)
+    first, *files = right.split(_FILE)
+    kept = [f"{part.partition(chr(10))[0]} (as above)" if part in shown[1:] else part for part in files]
+    return _FILE.join([first, *kept])

@@ -31,7 +31,8 @@ class _Tally:
 
 def fmt(
     paths: Annotated[
-        list[str], typer.Argument(help="Files and folders; `-` formats standard input to standard output.")
+        list[str],
+        typer.Argument(metavar="PATH", help="Files and folders; `-` formats standard input to standard output."),
     ],
     check_only: Annotated[
         bool, typer.Option("--check", help="Change nothing; exit code 1 if something would change.")
@@ -44,7 +45,9 @@ def fmt(
 
     A file with mistakes is left alone and its mistakes are shown; the others are formatted.
 
-    [dim]foresee fmt scenarios    foresee fmt --check .    cat x.foresee | foresee fmt -[/dim]
+    [dim]foresee fmt scenarios
+    foresee fmt --check .
+    cat x.foresee | foresee fmt -[/dim]
     """
     if _STDIN in paths:
         if len(paths) > 1:
@@ -57,6 +60,8 @@ def fmt(
             _format_file(file, tally, check_only=check_only, show_diff=show_diff)
         except InputError as error:
             tally.mistakes |= dict.fromkeys(error.diagnostics)
+        except BrokenPipeError:  # nobody reads the diff any more: `main` says nothing then
+            raise
         except OSError as error:
             message = f"this file cannot be written: {(error.strerror or str(error)).lower()}"
             tally.mistakes[

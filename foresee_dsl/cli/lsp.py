@@ -21,7 +21,8 @@ def lsp(
 ) -> None:
     """Start the language server, for editors; they speak to it over standard input and output.
 
-    [dim]foresee lsp    foresee lsp --tcp 9257[/dim]
+    [dim]foresee lsp
+    foresee lsp --tcp 9257[/dim]
     """
     try:
         from foresee_dsl.editor.server import make_server

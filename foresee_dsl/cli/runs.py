@@ -157,7 +157,7 @@ def mutate(
 ) -> None:
     """Mutate a clip, run the children, and write each beside the clip, with what it found.
 
-    [dim]foresee mutate clips/red_light_runner_r01_p1.foresee --preset paper --children 8[/dim]
+    [dim]foresee mutate clips/red_light_runner_r01_p1.foresee --children 8[/dim]
     """
     from foresee_dsl.campaign.steps import mutate_file
     from foresee_dsl.resources import write_whole

@@ -34,16 +34,19 @@ def sample(
     count: Annotated[int | None, typer.Option("--count", min=1, max=10_000, help="Draw so many cases.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, max=10**9, help="Draw from this seed.")] = None,
     format_: Annotated[
-        Format, typer.Option("--format", help="table for people; json; cases: lines to paste into the scenario.")
+        Format,
+        typer.Option("--format", help="table: for people; json: for tools; cases: lines to paste into the scenario."),
     ] = Format.table,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Draw cases of a scenario, or show those that it has, and say how much of the ranges they reach.
 
-    The same file, count and seed give the same cases on every machine. Without --count and --seed the scenario's own
-    cases are shown, those of `cases ... from seed` among them.
+    The same file, count and seed give the same cases on every machine.
 
-    [dim]foresee sample my.foresee    foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
+    Without --count and --seed the scenario's own cases are shown, those of `cases ... from seed` among them.
+
+    [dim]foresee sample my.foresee
+    foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
     """
     from foresee_dsl.language.coverage import coverage
     from foresee_dsl.language.project import Project

@@ -9,7 +9,6 @@ from typing import cast
 from foresee_dsl import kept
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.netparts import NetParts, read_net
-from foresee_dsl.compile.signals import read_signals
 from foresee_dsl.language.model import Network
 
 _Read = tuple[NetParts, Mapping[str, Signal]]
@@ -28,6 +27,8 @@ def read_net_once(net_file: Path, network: Network | None) -> _Read:
     place = kept.place_of("read", (net_file.parent.name,))
     known = kept.take(place)
     if known is None:
+        from foresee_dsl.compile.signals import read_signals  # only for a net that is new
+
         known = read_net(net_file), read_signals(net_file, network)
         kept.put(place, known)
     return cast("_Read", known)

@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Literal, cast
 
 from foresee_dsl.editor.files import Files, Found
-from foresee_dsl.editor.meanings import CHANGEABLE, MEASURED, dimension_of_field, units_of, words_of_field
+from foresee_dsl.editor.meanings import dimension_of_field, units_of, words_of_field
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
 from foresee_dsl.editor.symbols import SymbolKind, kind_named
 from foresee_dsl.language import model as m
 from foresee_dsl.language.addresses import FOREIGN_NETWORKS, SUFFIX
+from foresee_dsl.language.check_values import MEASURED
 from foresee_dsl.language.codes import EXAMPLES
 from foresee_dsl.language.keywords import KEYWORDS
-from foresee_dsl.language.nodes import Node
+from foresee_dsl.language.nodes import CHANGEABLE, Node
 from foresee_dsl.language.units import Dimension
 
 _MOST_FILES = 500

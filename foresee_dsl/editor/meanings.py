@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from typing import Any, Literal, get_args, get_origin
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.check_values import _MEASURED
-from foresee_dsl.language.nodes import _CHANGEABLE
 from foresee_dsl.language.units import UNITS, Dimension
 
 _QUANTITIES: tuple[tuple[Any, Dimension], ...] = (
@@ -22,11 +20,6 @@ _QUANTITIES: tuple[tuple[Any, Dimension], ...] = (
     (m.Ratio, "ratio"),
     (m.Count, "count"),
 )
-
-MEASURED: Mapping[str, Dimension] = _MEASURED
-"""The dimension of what a condition measures."""
-CHANGEABLE: Mapping[str, tuple[str, ...]] = _CHANGEABLE
-"""What a `change` may name behind the dot: of an actor under `ego`, of the rest under their own words."""
 
 
 @cache

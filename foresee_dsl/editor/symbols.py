@@ -8,11 +8,10 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Literal
 
-from foresee_dsl.editor.meanings import CHANGEABLE
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.nodes import Node
+from foresee_dsl.language.nodes import CHANGEABLE, Node
 
 SymbolKind = Literal[
     "actor", "junction", "road", "stage", "parameter", "case", "model", "label", "file", "thing", "word"

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checking import CLASSES, VEHICLE_CLASSES, Findings, walk
+from foresee_dsl.language.keywords import TAKEN
+from foresee_dsl.language.nodes import CHANGEABLE
 from foresee_dsl.language.suggest import did_you_mean
 
 _WAYS = ("route", "edge_route", "path")
@@ -34,6 +36,9 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
         if name == "ego":
             actor = next(item for item, _, n in named if n == "ego")
             findings.add(actor, field, "FS030", "only the ego is called 'ego'", "give this actor another name")
+    for actor, field, name in named:
+        if name in TAKEN or name in CHANGEABLE.keys() - {"ego"}:
+            findings.add(actor, field, "FS049", f"'{name}' is a word of the language", "give this actor another name")
     findings.unique([*named, *((g, "name", g.name) for g in groups)], "actors")
     cases = [item for item in body if isinstance(item, m.Case)]
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}

@@ -26,7 +26,7 @@ _ALIASES: tuple[tuple[Any, Dimension], ...] = (
     (m.Ratio, "ratio"),
     (m.Count, "count"),
 )
-_MEASURED: MappingProxyType[str, Dimension] = MappingProxyType(
+MEASURED: MappingProxyType[str, Dimension] = MappingProxyType(
     {
         "time": "time",
         "eta": "time",
@@ -37,6 +37,7 @@ _MEASURED: MappingProxyType[str, Dimension] = MappingProxyType(
         "distance": "length",
     }
 )
+"""The dimension of what a condition measures."""
 _WORDS = MappingProxyType(
     {
         (m.Ego, "model"): "model",
@@ -120,7 +121,7 @@ def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> N
 
 
 def _check_comparison(findings: Findings, item: m.Comparison, measure: m.Measure) -> None:
-    needed = _MEASURED[measure.what]
+    needed = MEASURED[measure.what]
     if isinstance(item.right, m.Quantity) and item.right.dimension != needed:
         findings.wrong_dimension(item, "right", item.right, needed)
 
@@ -164,7 +165,7 @@ def _check_reference(
     if isinstance(item, m.Comparison):
         if not isinstance(item.left, m.Measure):
             return  # a requirement: `check_parameters` looks at both sides
-        needed = _MEASURED[item.left.what]
+        needed = MEASURED[item.left.what]
     if needed is None or parameter.type == needed or (needed == "ratio" and parameter.type == "count"):
         return
     message = f"'{reference.name}' is of type {parameter.type}, but {NOUNS[needed]} is needed here"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import cache
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import lint_codes as c
@@ -15,11 +16,9 @@ from foresee_dsl.language.lints_actors import Found, actor_lints
 from foresee_dsl.language.lints_logic import Limits, always, never
 from foresee_dsl.language.lints_routes import route_lints
 from foresee_dsl.language.phrases import value as written
-from foresee_dsl.language.registry.lints import CODES
 
 DEFAULT_END_S = 60.0
 """How long a run lasts where no `end` is said (docs/language.md)."""
-_SEVERITY: Mapping[str, str] = {code.code: code.severity for code in CODES}
 _SETTLED = (m.Param, m.Case, m.Cases, m.Require)
 """What a concrete scenario has no longer."""
 
@@ -52,7 +51,14 @@ def _keep(found: dict[tuple[Span | None, str], Diagnostic], document: Document, 
     if span is not None and span.end_line != span.line:  # underlining a whole block helps nobody
         end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
         span = Span(span.line, span.column, span.line, max(end, span.column + 1))
-    found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=_SEVERITY[lint_.code]))
+    found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=_severities()[lint_.code]))
+
+
+@cache
+def _severities() -> Mapping[str, str]:
+    from foresee_dsl.language.registry.lints import CODES  # here: a file without lints needs no explanations
+
+    return {code.code: code.severity for code in CODES}
 
 
 def _order(diagnostic: Diagnostic) -> tuple[int, int, str]:

@@ -139,7 +139,7 @@ _TURNS = ("straight", "left", "right", "back")
 RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
 """Words that mean themselves wherever they stand, so that no parameter may be called so."""
 
-_CHANGEABLE: dict[str, tuple[str, ...]] = {
+CHANGEABLE: dict[str, tuple[str, ...]] = {
     "ego": ("model", "steer", "timing", "speed", "delay"),
     "weather": ("rain", "fog", "wetness", "sun"),
     "end": ("after",),
@@ -345,7 +345,7 @@ class NodeMaker:
         self._fill(node, rest, ("was", "now", "start", "duration"))
         token = _token(what)
         owner = str(token).partition(".")[0]
-        known = _CHANGEABLE.get(owner, _CHANGEABLE["ego"])
+        known = CHANGEABLE.get(owner, CHANGEABLE["ego"])
         node.fields["property"] = self._dotted(token, node, "actor", known)
         node.places["property"] = span_of(token)
         return node

@@ -27,6 +27,7 @@ _OF_WHAT_IS_THERE = (
     *("FS038", "FS039", "FS043", "FS046", "FS047", "FS049", "FS050"),
 )
 """Mistakes that more statements could not mend."""
+_TAKEN = "FS049"
 _USES = 2
 _QUOTED = re.compile(r"'([^']+)'")
 
@@ -55,8 +56,22 @@ def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str
         for d in check_document(Document(path, text, model, builder.spans))
         if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
     ]
+    found = _without_uses(found, {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))})
     first = Span(0, 0, 0, 0)
     return tuple(sorted((*found, *more), key=lambda d: ((d.span or first).line, (d.span or first).column)))
+
+
+def _without_uses(found: tuple[Diagnostic, ...], taken: set[str]) -> tuple[Diagnostic, ...]:
+    """Leave out the mistakes at or right behind names that are words of the language: they go with the name."""
+    return tuple(d for d in found if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
+
+
+def _is_at(found: Diagnostic, name: str) -> bool:
+    if found.span is None:
+        return False
+    at = found.span.column - 1
+    before, here = found.source_line[:at], found.source_line[at:]
+    return re.search(rf"\b{name}\s*$", before) is not None or re.match(rf"{name}\b", here) is not None
 
 
 def _certain(found: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:

@@ -16,12 +16,14 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language.codes import USAGE
 from foresee_dsl.language.explain import PLACES, Refusal
 from foresee_dsl.language.grammar import parse_tree
+from foresee_dsl.language.keywords import TAKEN
 from foresee_dsl.language.nodes import MAX_DEPTH, Mistake
 from foresee_dsl.language.scan import MOST, Lines, Raw, scan
 from foresee_dsl.language.suggest import closest
 
 _Tree = Tree[Token]
 _EXTENDS = re.compile(r"\bextends\b")
+_LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
 _NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remove the braces"
 
 _DEFINITIONS = ("scenario", "clip", "mutant", "network", "models")
@@ -163,6 +165,10 @@ class _Recovery:
         return tree
 
     def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> Mistake:
+        label = _LABEL.match(head)
+        if label is not None and label[1] in TAKEN:
+            place = self._lines.span(raw.start + label.start(1), raw.start + label.end(1))
+            return Mistake("FS049", f"'{label[1]}' is a word of the language", "give it another label", place)
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)

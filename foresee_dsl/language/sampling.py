@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
-from statistics import NormalDist
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language.document import Document
@@ -265,6 +264,8 @@ def _normal(lot: int, axis: Axis, normal: Normal) -> int:
 
     By the inverse of its distribution function: one lot is one value, however much is cut off.
     """
+    from statistics import NormalDist  # here: few files draw from it, and all would pay for its import
+
     high = axis.low + (axis.size - 1) * axis.step
     bell = NormalDist(float(_in_unit(normal.mean, axis.unit)), float(_in_unit(normal.deviation, axis.unit)))
     least, most = bell.cdf(float(axis.low)), bell.cdf(float(high))

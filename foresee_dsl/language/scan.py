@@ -14,6 +14,8 @@ _LIST_REACH = 2000
 """How far the end of a list that goes over several lines is looked for (ours: some thirty points)."""
 MOST = 100
 """After this many mistakes the search stops (ours: nobody reads more, and a broken file must not cost minutes)."""
+_SHOWN = 3
+"""So many blocks that are not closed are reported one by one (ours: one brace too few can leave all open)."""
 _PLAUSIBLE = 3
 """More missing braces than this by indentation mean that the file is just not indented (ours)."""
 
@@ -71,7 +73,7 @@ def scan(text: str, lines: Lines) -> tuple[list[Raw], list[Mistake]]:
         return found, scanner.mistakes
     repaired = _Scanner(text, lines, trust_indentation=True)
     found_again = repaired.run()
-    if 0 < len(repaired.mistakes) <= max(_PLAUSIBLE, len(scanner.mistakes)):
+    if 0 < repaired.wrong <= max(_PLAUSIBLE, scanner.wrong):
         return found_again, repaired.mistakes
     return found, scanner.mistakes  # the file is not indented
 
@@ -83,17 +85,24 @@ class _Scanner:
         self._text = text
         self._lines = lines
         self._trusting = trust_indentation
+        self._open_blocks: list[Mistake] = []
         self._stack = [_Frame(Raw(0, 0), -1)]  # the file itself
         self._current: Raw | None = None
         self._after_brace = False
         self._in_list = False
         self._line_start, self._first_on_line = 0, -1
 
+    @property
+    def wrong(self) -> int:
+        """How many mistakes there are, those that are not reported too."""
+        return len(self.mistakes) + max(len(self._open_blocks) - _SHOWN - 1, 0)
+
     def run(self) -> list[Raw]:
         for piece in _PIECE.finditer(self._text):
             self._take(piece[0], piece.start())
         while len(self._stack) > 1:
             self._unclosed(len(self._text))
+        self._few_of_the_unclosed()
         return self._stack[0].found
 
     def _take(self, piece: str, at: int) -> None:
@@ -169,8 +178,17 @@ class _Scanner:
         name = first[0].rstrip(":")[:40] if first else "block"
         place = self._lines.span(raw.start, raw.open + 1)
         message = f"the block of `{name}` is not closed"
-        if len(self.mistakes) < MOST:
-            self.mistakes.append(Mistake("FS007", message, "add a `}` where it ends", place))
+        self._open_blocks.append(Mistake("FS007", message, "add a `}` where it ends", place))
+
+    def _few_of_the_unclosed(self) -> None:
+        """Report the outermost blocks that are not closed; of the others how many there are."""
+        unclosed = sorted(self._open_blocks, key=lambda mistake: (mistake.span.line, mistake.span.column))
+        self.mistakes += unclosed[:_SHOWN]
+        more = len(unclosed) - _SHOWN
+        if more > 0:
+            what = "1 more block is" if more == 1 else f"{more} more blocks are"
+            help = "close the outermost ones first"
+            self.mistakes.append(Mistake("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
 
     def _indent(self, at: int) -> int | None:
         """The indentation of what stands at an offset, or None when something is before it on its line."""

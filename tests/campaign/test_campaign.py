@@ -143,7 +143,10 @@ def test_a_real_map_runs_through_the_whole_line(carla: Path, tmp_path: Path) -> 
     scenario = tmp_path / file.name
     scenario.write_text(file.read_text().replace("Town10HD.xodr", str(network)))
     done = subprocess.run(
-        [FORESEE, "campaign", scenario, "--out", out, "--json"], capture_output=True, text=True, check=False
+        [FORESEE, "campaign", scenario, "--out", out, "--json", "--allow-outside"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     data = json.loads(done.stdout)

@@ -25,7 +25,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.checking import walk
 from foresee_dsl.language.grammar import parse_tree, parser
 from foresee_dsl.language.model.values import NAME_PATTERN
-from foresee_dsl.language.nodes import _CHANGEABLE, ANY_NAME
+from foresee_dsl.language.nodes import ANY_NAME, CHANGEABLE
 from foresee_dsl.language.units import UNITS, Dimension
 
 Strategy = st.SearchStrategy[Any]
@@ -227,13 +227,13 @@ def _some(kind: type[m.Item]) -> Callable[[int], Strategy]:
 
 
 def _changes(depth: int) -> Strategy:
-    owners = st.sampled_from(sorted(_CHANGEABLE)) | names
+    owners = st.sampled_from(sorted(CHANGEABLE)) | names
     return owners.flatmap(
         lambda owner: _builds(
             m.Change,
             depth,
             actor=st.just(owner),
-            property=names if not (known := _CHANGEABLE.get(owner, _CHANGEABLE["ego"])) else st.sampled_from(known),
+            property=names if not (known := CHANGEABLE.get(owner, CHANGEABLE["ego"])) else st.sampled_from(known),
         )
     )
 

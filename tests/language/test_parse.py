@@ -9,11 +9,14 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
+from lark.lexer import PatternStr
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks import check_document
 from foresee_dsl.language.document import Document
+from foresee_dsl.language.grammar import statement_parser
+from foresee_dsl.language.keywords import TAKEN
 from foresee_dsl.language.parser import load, parse
 
 ROOT = Path(__file__).parents[2]
@@ -86,6 +89,23 @@ def test_keywords_may_be_names():
     model = scenario(body).model
     assert [action.actor for action in model.one(m.When).actions] == ["start", "speed", "ego", "end", "when"]
     assert [a.name for a in model.one(m.Case).values] == ["speed", "step"]
+
+
+@pytest.mark.parametrize(
+    ("before", "rule"),
+    [("", "action"), ("when ", "scenario_item"), ("expect ", "scenario_item"), ("expect never ", "scenario_item")],
+)
+def test_the_words_that_no_actor_or_label_is_called(before: str, rule: str):
+    """`TAKEN` holds what the grammar takes for a keyword where an actor or a label begins, and nothing else."""
+    grammar = statement_parser()
+    reading = grammar.parse_interactive(before, start=rule)
+    list(reading.iter_parse())
+    words = {t.name: t.pattern.value for t in grammar.terminals if isinstance(t.pattern, PatternStr)}
+    starts = {words[name] for name in reading.accepts() if words.get(name, "").isidentifier()}
+    assert starts and starts <= TAKEN
+    for word in starts:
+        found = check_document(scenario(f"vehicle {word}: car.compact"))
+        assert f"'{word}' is a word of the language" in [d.message for d in found if d.code == "FS049"]
 
 
 def test_separators_and_lists_over_several_lines():

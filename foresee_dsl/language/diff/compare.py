@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.conditions import is_condition
 from foresee_dsl.language.diff import wording as w
-from foresee_dsl.language.diff.matching import match, renames
+from foresee_dsl.language.diff.matching import match, means_nothing, renames
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.model import (
@@ -18,6 +18,7 @@ from foresee_dsl.language.model import (
     Clip,
     Definition,
     Ego,
+    Extension,
     Item,
     Mutant,
     Network,
@@ -90,9 +91,16 @@ def _same(a: object, b: object) -> bool:
     return a is b or same_value(a, b)
 
 
+def _apart(a: Item, b: Item) -> list[str]:
+    """Return the fields in which two items of one class differ in meaning."""
+    nothing = set(means_nothing(a)) & set(means_nothing(b))
+    fields = (name for name in type(a).model_fields if name not in nothing)
+    return [name for name in fields if not _same(getattr(a, name), getattr(b, name))]
+
+
 def _no_field(item: Item) -> tuple[str, ...]:
     """Return the fields that are no setting: what the label says, and what means nothing."""
-    if isinstance(item, Scenario | Clip | Mutant | Network | Catalogue):
+    if isinstance(item, Scenario | Extension | Clip | Mutant | Network | Catalogue):
         return ("kind", "name")
     if isinstance(item, VehicleModel):
         return ("kind", "name", "source")
@@ -123,8 +131,7 @@ def _said(item: Item) -> str:
 
 
 def _statement(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
-    apart = [name for name in type(a).model_fields if not _same(getattr(a, name), getattr(b, name))]
-    if w.by_settings(a) or all(is_condition(getattr(a, name)) for name in apart):
+    if w.by_settings(a) or all(is_condition(getattr(a, name)) for name in _apart(a, b)):
         yield from _settings(place, a, b)
     else:
         yield _changed(place, a, b, w.tail(a), w.tail(b) if w.label(a) == w.label(b) else w.text(b))
@@ -132,9 +139,8 @@ def _statement(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
 
 def _settings(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
     """Compare two items of one class field by field."""
-    for name in type(a).model_fields:
-        before, after = getattr(a, name), getattr(b, name)
-        if name not in _no_field(a) and not _same(before, after):
+    for name in _apart(a, b):
+        if name not in _no_field(a):
             yield from _field(place, a, b, name)
 
 
@@ -167,6 +173,8 @@ def _absent(value: object) -> bool:
 def _changed(place: _Place, a: object, b: object, was: str | None, now: str | None) -> Difference:
     kind = kind_of(was, now)
     note = w.note(a, b) if kind == "changed" else ""
+    if kind == "changed" and was == now:  # what prints alike and is not the same
+        note = "a parameter in one of the two"
     return Difference(place.group, place.words, kind, was, now, note, Edit("set", place.at, b))
 
 
@@ -175,7 +183,7 @@ def _changed(place: _Place, a: object, b: object, was: str | None, now: str | No
 
 def _condition(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
     """Compare two conditions of one class: down to the smallest part that prints alone."""
-    apart = [name for name in type(a).model_fields if not _same(getattr(a, name), getattr(b, name))]
+    apart = _apart(a, b)
     for name in apart:
         before, after = getattr(a, name), getattr(b, name)
         whole = not (is_condition(before) and is_condition(after)) and not _are_conditions(before, after)

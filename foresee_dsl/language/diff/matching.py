@@ -41,11 +41,19 @@ def signature(value: object) -> Hashable:
     if isinstance(value, m.Quantity):
         return f"{value.si + 0.0:.{SIGNIFICANT_DIGITS}g} {value.dimension}"
     if isinstance(value, m.Item):
-        fields = ((name, getattr(value, name)) for name in type(value).model_fields)
+        nothing = means_nothing(value)
+        fields = ((name, getattr(value, name)) for name in type(value).model_fields if name not in nothing)
         return (type(value).__name__, *((name, signature(field)) for name, field in fields if field is not None))
     if isinstance(value, tuple):
         return tuple(signature(part) for part in value)
     return value
+
+
+def means_nothing(item: m.Item) -> tuple[str, ...]:
+    """Return the fields of an item that do not change what it means, as in `language.meaning`."""
+    if isinstance(item, m.When) and item.repeat in (None, "once"):  # `once` is what a trigger does anyway
+        return ("name", "repeat")
+    return ("name",) if isinstance(item, m.When | m.Expect) else ()
 
 
 def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
@@ -111,7 +119,7 @@ def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
     for item in gone:
         for other in by_kind[type(item)]:
             old_name, new_name = name_of(item) or "", name_of(other) or ""
-            if same_value(renamed(item, old_name, new_name), other):
+            if not same_value(item, other) and same_value(renamed(item, old_name, new_name), other):
                 return old_name, new_name
     return None
 

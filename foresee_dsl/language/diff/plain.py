@@ -25,6 +25,8 @@ _T = TypeVar("_T", bound=m.Item)
 def plain_text(model: m.Definition, *, people: bool = False) -> str:
     """Return a definition as text: one unit a dimension, no comments, statements in a fixed order.
 
+    Names and labels stay, because other files address by them.
+
     Args:
         model: what the file says.
         people: keep what only people read: `doc`, tags, risk, fidelity, origin.
@@ -58,6 +60,8 @@ def _plain(item: _T, people: bool) -> _T:
             fields[name] = _plain(value, people)
         elif isinstance(value, tuple):
             fields[name] = _parts(item, name, value, people)
+    if isinstance(item, m.When) and item.repeat == "once":
+        fields["repeat"] = None  # it is what a trigger does anyway
     return item.model_copy(update=fields)
 
 

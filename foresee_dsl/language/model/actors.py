@@ -8,6 +8,7 @@ from pydantic import Field
 
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.values import (
+    ONE_OF,
     Acceleration,
     Angle,
     Count,
@@ -160,7 +161,7 @@ ActorItem = Annotated[
     | Steers
     | Timing
     | Delay,
-    Field(discriminator="kind"),
+    ONE_OF,
 ]
 
 
@@ -247,7 +248,7 @@ class Ignores(Item):
 
 
 class Starts(Item):
-    """`walker starts`: an actor that any trigger starts stands still until then."""
+    """`walker starts`: an actor that any trigger starts stands still until then, or until it is told another speed."""
 
     kind: Literal["starts"] = "starts"
     actor: Name
@@ -301,7 +302,7 @@ class Then(Item):
 
 Action = Annotated[
     Meets | Ignores | Starts | ChangesSpeed | ChangesLane | Stops | Wait | Then,
-    Field(discriminator="kind"),
+    ONE_OF,
 ]
 
 Then.model_rebuild()

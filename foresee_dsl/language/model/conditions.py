@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model.values import (
+    ONE_OF,
     AlongEdge,
     AlongRoute,
     Id,
@@ -88,7 +89,7 @@ class Within(Item):
     kind: Literal["within"] = "within"
     actor: Name
     distance: Length
-    of: Annotated[Named | Point | AlongEdge | AlongRoute | PastJunction, Field(discriminator="kind")]
+    of: Annotated[Named | Point | AlongEdge | AlongRoute | PastJunction, ONE_OF]
 
 
 class Shows(Item):
@@ -132,7 +133,7 @@ class Either(Item):
 
 Condition = Annotated[
     Comparison | Equals | Predicate | InJunction | Within | Shows | Sustained | Not | Both | Either,
-    Field(discriminator="kind"),
+    ONE_OF,
 ]
 
 Sustained.model_rebuild()

@@ -10,6 +10,7 @@ from foresee_dsl.language.model.actors import Actor, Ego, When
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.scenario import ParamValue, SignalState
 from foresee_dsl.language.model.values import (
+    ONE_OF,
     FilePath,
     Item,
     Length,
@@ -58,9 +59,7 @@ class Fidelity(Item):
     deviation: Length
 
 
-ClipItem = Annotated[
-    Doc | Window | Risk | Ego | Goal | Actor | SignalState | When | Fidelity, Field(discriminator="kind")
-]
+ClipItem = Annotated[Doc | Window | Risk | Ego | Goal | Actor | SignalState | When | Fidelity, ONE_OF]
 
 
 class Clip(Item):
@@ -122,7 +121,7 @@ class Origin(Item):
     preventable: Literal["yes", "no", "unknown"] | None = None
 
 
-MutantItem = Annotated[Doc | Change | Origin, Field(discriminator="kind")]
+MutantItem = Annotated[Doc | Change | Origin, ONE_OF]
 
 
 class Mutant(Item):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.derived import Change
 from foresee_dsl.language.model.network import Doc, Network
@@ -22,7 +20,7 @@ from foresee_dsl.language.model.scenario import (
     UseNetwork,
     Weather,
 )
-from foresee_dsl.language.model.values import FilePath, Id, Item, Name
+from foresee_dsl.language.model.values import ONE_OF, FilePath, Id, Item, Name
 
 Statement = Annotated[
     UseNetwork
@@ -40,7 +38,7 @@ Statement = Annotated[
     | End
     | Case
     | Cases,
-    Field(discriminator="kind"),
+    ONE_OF,
 ]
 """What can be added to a scenario or replaced in one."""
 
@@ -86,7 +84,7 @@ class Drop(Item):
     name: Id | None = None
 
 
-ExtensionItem = Annotated[Doc | Tags | Add | Replace | Change | Drop, Field(discriminator="kind")]
+ExtensionItem = Annotated[Doc | Tags | Add | Replace | Change | Drop, ONE_OF]
 
 
 class Extension(Item):

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model.values import (
+    ONE_OF,
     Acceleration,
     Angle,
     AngularRate,
@@ -78,7 +79,7 @@ class Road(Item):
     via: tuple[Point, ...] = ()
 
 
-NetworkItem = Annotated[Doc | Junction | Road, Field(discriminator="kind")]
+NetworkItem = Annotated[Doc | Junction | Road, ONE_OF]
 
 
 class Network(Item):
@@ -115,4 +116,4 @@ class Catalogue(Item):
 
     kind: Literal["models"] = "models"
     name: Name
-    body: tuple[Annotated[Doc | VehicleModel, Field(discriminator="kind")], ...]
+    body: tuple[Annotated[Doc | VehicleModel, ONE_OF], ...]

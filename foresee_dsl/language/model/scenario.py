@@ -9,7 +9,7 @@ from pydantic import Field
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.network import Doc, Network
-from foresee_dsl.language.model.values import FilePath, Id, Item, Name, Quantity, Ratio, Ref, Time
+from foresee_dsl.language.model.values import ONE_OF, FilePath, Id, Item, Name, Quantity, Ratio, Ref, Time
 
 ParamType = Literal[
     "time",
@@ -87,7 +87,7 @@ class Grid(Item):
     kind: Literal["grid"] = "grid"
 
 
-Distribution = Annotated[Uniform | Normal | Choice | Grid, Field(discriminator="kind")]
+Distribution = Annotated[Uniform | Normal | Choice | Grid, ONE_OF]
 
 
 class Param(Item):
@@ -195,7 +195,7 @@ ScenarioItem = Annotated[
     | End
     | Case
     | Cases,
-    Field(discriminator="kind"),
+    ONE_OF,
 ]
 
 _T = TypeVar("_T", bound=Item)

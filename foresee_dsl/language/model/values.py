@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from decimal import Decimal
-from typing import Annotated, Literal
+from functools import cache
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapter
+from pydantic_core import CoreSchema, core_schema
 
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -26,7 +28,46 @@ FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r
 class Item(BaseModel):
     """Base of everything that a file can say: immutable, compared by value, no unknown fields."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    # A class's validator is built at its first use: a file uses a third of the classes.
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+
+
+class _OneOf:
+    """Marks a union of items, told apart by their `kind`, whose parts are built only when they are used.
+
+    Items are built bottom up, so that a part is nearly always an instance already, which was validated when it was
+    made. With pydantic's own union, every class that holds a statement would build the validators of all statements.
+    """
+
+    def __get_pydantic_core_schema__(self, union: Any, handler: object) -> CoreSchema:  # noqa: ANN401 - a type form
+        del handler
+        kinds = get_args(union)
+
+        @cache
+        def whole() -> TypeAdapter[Item]:
+            return TypeAdapter(Annotated[union, Field(discriminator="kind")])
+
+        def check(value: object) -> object:
+            return value if isinstance(value, kinds) else whole().validate_python(value)
+
+        return core_schema.no_info_plain_validator_function(
+            check, serialization=core_schema.plain_serializer_function_ser_schema(_dump, info_arg=True)
+        )
+
+
+def _dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
+    return item.model_dump(
+        mode=info.mode,
+        by_alias=info.by_alias,
+        exclude_unset=info.exclude_unset,
+        exclude_defaults=info.exclude_defaults,
+        exclude_none=info.exclude_none,
+        round_trip=info.round_trip,
+    )
+
+
+ONE_OF = _OneOf()
+"""`Annotated[A | B, ONE_OF]`: one of these items."""
 
 
 def _known_unit(word: str) -> str:
@@ -142,4 +183,4 @@ class PastJunction(Item):
     offset: Length | None = None
 
 
-Place = Annotated[Point | AlongEdge | AlongRoute | PastJunction, Field(discriminator="kind")]
+Place = Annotated[Point | AlongEdge | AlongRoute | PastJunction, ONE_OF]

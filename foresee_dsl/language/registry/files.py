@@ -311,7 +311,7 @@ _MEANING = (
     Code(
         "FS049",
         "a name that the language needs itself",
-        "A parameter of this name could not be told from the language's own word.",
+        "A parameter, an actor or a label of this name could not be told from the language's own word.",
         "param straight: time = 9 s\nend after straight",
         "param limit: time = 9 s\nend after limit",
     ),
