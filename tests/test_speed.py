@@ -1,5 +1,6 @@
 """What keeps the command line quick: what it imports, and how costs grow. No test asserts seconds."""
 
+import os
 import subprocess
 import sys
 import time
@@ -129,6 +130,17 @@ def test_a_damaged_kept_value_is_made_again(tmp_path, monkeypatch):
     assert kept.place_of("things", ("a",)) is None
     kept.put(None, 1)
     assert kept.take(None) is None
+
+
+def test_the_older_half_of_too_much_is_thrown_away(tmp_path, monkeypatch):
+    monkeypatch.setenv("FORESEE_CACHE", str(tmp_path))
+    monkeypatch.setattr(kept, "MOST", 6)
+    places = [kept.place_of("many", (str(k),)) for k in range(7)]
+    for k, place in enumerate(places[:6]):
+        kept.put(place, k)
+        os.utime(place, ns=(k, k))
+    kept.put(places[6], 6)
+    assert [kept.take(place) for place in places] == [None, None, None, 3, 4, 5, 6]
 
 
 def test_a_check_is_linear_in_the_length_and_formatting_no_dearer_than_four_parses():
