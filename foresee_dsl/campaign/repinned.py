@@ -11,7 +11,7 @@ from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.repin import Child
+from foresee_dsl.language.repinning.repin import Child
 
 
 @dataclass(frozen=True)

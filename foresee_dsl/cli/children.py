@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.errors import Diagnostic
     from foresee_dsl.language.document import TestCase
-    from foresee_dsl.language.repin import Child
+    from foresee_dsl.language.repinning.repin import Child
 
 
 def repin(
@@ -35,8 +35,8 @@ def repin(
     foresee repin regressions --write
     foresee repin clip.foresee --run[/dim]
     """
-    from foresee_dsl.language.repin import State, plan
-    from foresee_dsl.language.repin import write as write_pins
+    from foresee_dsl.language.repinning.repin import State, plan
+    from foresee_dsl.language.repinning.repin import write as write_pins
 
     children = plan(paths, _placement)
     verdicts = _verdicts(children) if run else {}
@@ -61,13 +61,13 @@ def _placement(case: TestCase) -> Sequence[Diagnostic]:
 def _verdicts(children: Sequence[Child]) -> dict[Path, tuple[str, str]]:
     """Drive the stale children under their old parent and under the new one; what each run ended with."""
     from foresee_dsl.campaign.repinned import before_and_after
-    from foresee_dsl.language.repin import State
+    from foresee_dsl.language.repinning.repin import State
 
     return before_and_after([child for child in children if child.state is State.STALE])
 
 
 def _print(children: Sequence[Child], verdicts: dict[Path, tuple[str, str]], *, write: bool) -> None:
-    from foresee_dsl.language.repin_text import describe, summary
+    from foresee_dsl.language.repinning.text import describe, summary
 
     for child in children:
         typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)

@@ -12,8 +12,8 @@ import typer
 from foresee_dsl.cli.common import AllowOutsideOption, print_json
 
 if TYPE_CHECKING:
-    from foresee_dsl.language.coverage import Coverage, Reach
     from foresee_dsl.language.model import Case, Scenario
+    from foresee_dsl.language.sampling.coverage import Coverage, Reach
 
 DEFAULT_COUNT = 20
 """How many cases are drawn where nothing says how many (ours: what fits on a screen with its coverage)."""
@@ -48,8 +48,8 @@ def sample(
     [dim]foresee sample my.foresee
     foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
     """
-    from foresee_dsl.language.coverage import coverage
     from foresee_dsl.language.project import Project
+    from foresee_dsl.language.sampling.coverage import coverage
 
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
     cases = _cases(scenario, count, seed)
@@ -66,7 +66,7 @@ def sample(
 def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[Case]:
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.language import model as m
-    from foresee_dsl.language.sampling import TooFewError, axis_of, draw
+    from foresee_dsl.language.sampling.draws import TooFewError, axis_of, draw
 
     written = scenario.all(m.Case)
     if count is None and seed is None and written:
@@ -91,7 +91,7 @@ def _print_cases(cases: Sequence[Case]) -> None:
 
 def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
     from foresee_dsl.language.concretise import value_text
-    from foresee_dsl.language.coverage import values_of
+    from foresee_dsl.language.sampling.coverage import values_of
 
     print_json(
         {
@@ -115,8 +115,8 @@ def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Co
 
 def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
     from foresee_dsl.language.concretise import value_text
-    from foresee_dsl.language.coverage import values_of
     from foresee_dsl.language.model import Param
+    from foresee_dsl.language.sampling.coverage import values_of
 
     names = [param.name for param in scenario.all(Param)]
     rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]

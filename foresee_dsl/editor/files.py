@@ -14,8 +14,8 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.addresses import scenario_files
 from foresee_dsl.language.expand import absolute
-from foresee_dsl.language.nodes import Node
 from foresee_dsl.language.parser import MAX_BYTES
+from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.resources import data_folder
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)

@@ -38,7 +38,7 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
 
 def find_alone(text: str, name: str) -> tuple[Diagnostic, ...]:
     """Return what is wrong with a text that is no file yet."""
-    from foresee_dsl.language.checks import check_document
+    from foresee_dsl.language.checks.documents import check_document
 
     try:
         return check_document(parse(text, name))

@@ -14,7 +14,7 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.addresses import shown
 from foresee_dsl.language.keywords import KEYWORDS
-from foresee_dsl.language.nodes import Node
+from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.language.units import SI_WORD, UNITS, Unit
 
 _TOKEN = re.compile(

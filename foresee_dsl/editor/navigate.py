@@ -13,7 +13,7 @@ from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.addresses import shown
-from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.expand import absolute
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.editor.syntax import plain, read_syntax, walk
 from foresee_dsl.errors import Span
-from foresee_dsl.language.nodes import Node
+from foresee_dsl.language.syntax.nodes import Node
 
 _UNNAMED = {"When": "when", "Expect": "expect", "Origin": "origin", "Window": "window", "Weather": "weather"}
 """Statements without a name of their own that an outline still shows."""

@@ -18,9 +18,9 @@ from lark.lexer import PatternStr
 from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 from foresee_dsl.editor.syntax import plain, root_of, walk
-from foresee_dsl.language.grammar import parser
 from foresee_dsl.language.model import Item
-from foresee_dsl.language.nodes import Node
+from foresee_dsl.language.syntax.grammar import parser
+from foresee_dsl.language.syntax.nodes import Node
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|[{};\[\]()\n]|[^"#{};\[\]()\n]+')
 _WORD_BEFORE = re.compile(r"[^\W\d][\w.]*$|(?<=[0-9\s])[^\W\d][\w/^]*$")

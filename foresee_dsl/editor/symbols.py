@@ -11,7 +11,7 @@ from typing import Literal
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.nodes import CHANGEABLE, Node
+from foresee_dsl.language.syntax.nodes import CHANGEABLE, Node
 
 SymbolKind = Literal[
     "actor", "junction", "road", "stage", "parameter", "case", "model", "label", "file", "thing", "word"

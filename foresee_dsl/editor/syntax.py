@@ -9,9 +9,9 @@ from functools import lru_cache
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
-from foresee_dsl.language.grammar import parse_tree
-from foresee_dsl.language.nodes import Node, NodeMaker
 from foresee_dsl.language.parser import MAX_BYTES
+from foresee_dsl.language.syntax.grammar import parse_tree
+from foresee_dsl.language.syntax.nodes import Node, NodeMaker
 
 _KEPT = 256
 """Texts whose syntax is kept (ours: the files of a folder and some edits; about 100 kB each)."""
@@ -48,7 +48,7 @@ def read_syntax(text: str) -> Syntax:
     try:
         tree, comments = parse_tree(text)
     except UnexpectedInput:
-        from foresee_dsl.language.recover import recover
+        from foresee_dsl.language.syntax.recover import recover
 
         tree, mistakes = recover(text)
         whole = not mistakes

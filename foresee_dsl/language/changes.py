@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from foresee_dsl.language.catalogues import check_model
 from foresee_dsl.language.concretise import Reporter, complaint, same_kind, value_text
 from foresee_dsl.language.conditions import mapped, parts
-from foresee_dsl.language.lints_weaker import weaker
+from foresee_dsl.language.lints.weaker import weaker
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.model import (
     Actor,

@@ -10,7 +10,7 @@ from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.addresses import kind_of, kind_of_text, missing, parse_address, scenario_files
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.expand import absolute
-from foresee_dsl.language.lints import lint
+from foresee_dsl.language.lints.lint import lint
 from foresee_dsl.language.project import Project
 
 

@@ -22,7 +22,7 @@ from foresee_dsl.language.model import (
     Scenario,
 )
 from foresee_dsl.language.project_codes import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
-from foresee_dsl.language.sampling import case_names, draw
+from foresee_dsl.language.sampling.draws import case_names, draw
 from foresee_dsl.language.suggest import did_you_mean
 from foresee_dsl.language.units import UNITS
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.checking import walk
+from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.document import Document, Problem, TestCase
 from foresee_dsl.language.model import Actor, Change, Ego, Item, Mutant, Traffic
 

@@ -13,13 +13,13 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from foresee_dsl import kept
 from foresee_dsl.errors import Diagnostic, InputError, Span
-from foresee_dsl.language.builder import Builder
-from foresee_dsl.language.checking import walk
-from foresee_dsl.language.comments import attach
+from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.document import Document
-from foresee_dsl.language.grammar import parse_tree
 from foresee_dsl.language.model import Catalogue, Clip, Extension, Item, Mutant, Network, Scenario
-from foresee_dsl.language.nodes import Mistake, Node, NodeMaker, span_of
+from foresee_dsl.language.syntax.builder import Builder
+from foresee_dsl.language.syntax.comments import attach
+from foresee_dsl.language.syntax.grammar import parse_tree
+from foresee_dsl.language.syntax.nodes import Mistake, Node, NodeMaker, span_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +64,7 @@ def parse(text: str, path: str) -> Document:
     models = [builder.build(node) for node in nodes]
     mistakes += [*maker.mistakes, *builder.mistakes, *_nameless(nodes)]
     if mistakes:
-        from foresee_dsl.language.partial import with_certain
+        from foresee_dsl.language.syntax.partial import with_certain
 
         raise InputError(with_certain(_diagnostics(mistakes, text, path), nodes, text, path))
     model = models[0]
@@ -169,7 +169,7 @@ def format_text(text: str, path: str) -> str:
 
 def _look_further(text: str, error: UnexpectedInput) -> tuple[Tree[Token], list[Mistake]]:
     """Find all mistakes of a text that the grammar refused."""
-    from foresee_dsl.language.recover import recover
+    from foresee_dsl.language.syntax.recover import recover
 
     if len(text) <= _MAX_RECOVERED:
         tree, mistakes = recover(text)

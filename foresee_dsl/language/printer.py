@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.comments import END, HEADER
 from foresee_dsl.language.document import Comments
-from foresee_dsl.language.layout import Layout, layout
-from foresee_dsl.language.nodes import ANY_NAME, Key
+from foresee_dsl.language.printing.layout import Layout, layout
+from foresee_dsl.language.syntax.comments import END, HEADER
+from foresee_dsl.language.syntax.nodes import ANY_NAME, Key
 
 _INDENT = "  "
 _NONE = Comments()

@@ -55,7 +55,7 @@ from foresee_dsl.language.project_codes import (
     WHICH_CASE,
     WRONG_KIND,
 )
-from foresee_dsl.language.sampling import with_drawn_cases
+from foresee_dsl.language.sampling.draws import with_drawn_cases
 from foresee_dsl.language.suggest import did_you_mean
 
 __all__ = [
@@ -252,7 +252,7 @@ class Project:
         extension = file.document.model
         if not isinstance(extension, Extension):
             return file.document
-        from foresee_dsl.language.checks import check_document
+        from foresee_dsl.language.checks.documents import check_document
 
         above = _Use(file, extension, "parent", extension.parent)
         chain = chain if chain and chain[-1] is file else (*chain, file)
@@ -283,7 +283,7 @@ class Project:
 
     def _read(self, path: Path, shown_as: str) -> _File:
         if path not in self._files:
-            from foresee_dsl.language.checks import check_document
+            from foresee_dsl.language.checks.documents import check_document
             from foresee_dsl.language.parser import load, parse
 
             text = self._overlay.get(path)

@@ -27,7 +27,7 @@ from foresee_dsl.language.model import (
     Wait,
     When,
 )
-from foresee_dsl.language.phrases import place as text_of
+from foresee_dsl.language.printing.phrases import place as text_of
 from foresee_dsl.simulate.behaviours import BOUND_FROM_M, Command, Meeting, Ramp, Stop
 from foresee_dsl.simulate.cast import Cast
 from foresee_dsl.simulate.conditions import Conditions

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from foresee_dsl.language.concrete import si_of
 from foresee_dsl.language.model import Expect
-from foresee_dsl.language.phrases import condition as text_of
 from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.printing.phrases import condition as text_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.conditions import Conditions
 from foresee_dsl.simulate.margins import Outcome, every, some

@@ -19,9 +19,9 @@ from foresee_dsl.editor.highlight import highlighted
 from foresee_dsl.editor.lexer import NAMED, ForeseeLexer
 from foresee_dsl.editor.meanings import model_words
 from foresee_dsl.language import model as m
-from foresee_dsl.language.check_values import MEASURED
-from foresee_dsl.language.grammar import parser
+from foresee_dsl.language.checks.values import MEASURED
 from foresee_dsl.language.keywords import KEYWORDS, USAGE, words_of
+from foresee_dsl.language.syntax.grammar import parser
 from foresee_dsl.language.units import UNITS
 
 TABLE = "foresee_dsl/language/keywords.py"

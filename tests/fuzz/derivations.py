@@ -14,7 +14,7 @@ from lark import Lark
 from lark.grammar import NonTerminal, Symbol
 from lark.lexer import PatternStr
 
-from foresee_dsl.language.grammar import parser
+from foresee_dsl.language.syntax.grammar import parser
 from tests.fuzz.corpus import texts
 
 _START = "file"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.language.grammar import parser
+from foresee_dsl.language.syntax.grammar import parser
 from tests.fuzz.derivations import derivation
 from tests.fuzz.generators import GENERATORS, make
 from tests.fuzz.minimise import minimise

@@ -15,7 +15,7 @@ from examples_at_work import pin_by_hand
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checked_files import check_paths
-from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.diagnostics import render_all, render_concise, render_full, to_json
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.registry import CODES

@@ -8,7 +8,7 @@ import pytest
 
 from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.examples import FRAMES, example
-from foresee_dsl.language.lints_weaker import weaker
+from foresee_dsl.language.lints.weaker import weaker
 from foresee_dsl.language.model import Expect, Scenario
 from foresee_dsl.language.parser import parse
 from foresee_dsl.report.codes import every_code

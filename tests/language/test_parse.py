@@ -13,11 +13,11 @@ from lark.lexer import PatternStr
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.document import Document
-from foresee_dsl.language.grammar import statement_parser
 from foresee_dsl.language.keywords import TAKEN
 from foresee_dsl.language.parser import load, parse
+from foresee_dsl.language.syntax.grammar import statement_parser
 
 ROOT = Path(__file__).parents[2]
 CASES = ROOT / "tests" / "cases" / "language"
@@ -164,7 +164,7 @@ def test_spans_of_fields_elements_and_values():
 
 
 def test_every_item_of_the_samples_has_a_place():
-    from foresee_dsl.language.checking import walk
+    from foresee_dsl.language.checks.findings import walk
 
     for file in CASES.glob("*.foresee"):
         document = load(file)
@@ -274,7 +274,7 @@ def test_no_cache_can_be_made(tmp_path: Path):
 def test_the_language_loads_nothing_heavy():
     code = (
         "import sys, foresee_dsl.language; assert 'pydantic' not in sys.modules and 'lark' not in sys.modules;"
-        "import foresee_dsl.language.parser, foresee_dsl.language.checks, foresee_dsl.language.printer;"
+        "import foresee_dsl.language.parser, foresee_dsl.language.checks.documents, foresee_dsl.language.printer;"
         "heavy = {'numpy', 'networkx', 'scipy', 'shapely', 'jinja2', 'rich', 'libsumo'} & set(sys.modules);"
         "assert not heavy, heavy"
     )

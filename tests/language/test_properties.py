@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checking import walk
-from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.diff import diff_models
 from foresee_dsl.language.document import Document
 from foresee_dsl.language.meaning import clip_pin, meaning_hash

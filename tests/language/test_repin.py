@@ -10,8 +10,8 @@ from repin_project import Repository
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.project import load_test_case
 from foresee_dsl.language.project_codes import MISSING_FILE, STALE_PIN, WRONG_KIND, WRONG_WAS
-from foresee_dsl.language.repin import State, plan, write
-from foresee_dsl.language.repin_text import describe, summary
+from foresee_dsl.language.repinning.repin import State, plan, write
+from foresee_dsl.language.repinning.text import describe, summary
 
 
 @pytest.fixture

@@ -10,13 +10,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.checks import check_document
+from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.concretise import cases, concretise
-from foresee_dsl.language.coverage import coverage
 from foresee_dsl.language.model import Case, Cases, End, Param, ParamValue, Quantity, Require, Scenario
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.requirements import holds
-from foresee_dsl.language.sampling import TooFewError, axis_of, case_names, draw, with_drawn_cases
+from foresee_dsl.language.sampling.coverage import coverage
+from foresee_dsl.language.sampling.draws import TooFewError, axis_of, case_names, draw, with_drawn_cases
+from foresee_dsl.language.sampling.requirements import holds
 
 BODY = """foresee 1
 

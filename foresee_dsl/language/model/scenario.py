@@ -99,7 +99,7 @@ class Param(Item):
     type: ParamType
     default: ParamValue
     range: Range | None = None
-    options: tuple[ParamValue, ...] | None = None
+    options: Annotated[tuple[ParamValue, ...], Field(min_length=1)] | None = None
     distribution: Distribution | None = None
     """How `cases ... from seed` and `foresee sample` draw its values."""
 

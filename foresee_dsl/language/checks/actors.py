@@ -1,0 +1,163 @@
+"""Actors: their names, their models' classes, where they are, and whoever is named by triggers and expectations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.checks.findings import CLASSES, VEHICLE_CLASSES, Findings, walk
+from foresee_dsl.language.keywords import TAKEN
+from foresee_dsl.language.suggest import did_you_mean
+from foresee_dsl.language.syntax.nodes import CHANGEABLE
+
+_WAYS = ("route", "edge_route", "path")
+_ABOUT_ONE = (
+    m.AlongRoute,
+    m.PastJunction,
+    m.Predicate,
+    m.Starts,
+    m.ChangesSpeed,
+    m.ChangesLane,
+    m.Stops,
+    m.Ignores,
+    m.InJunction,
+    m.Within,
+)
+_MAY_REPEAT = ("ignores", "meets_state")
+
+
+def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
+    """Check the actors of a scenario or clip, and every mention of one."""
+    actors = [item for item in body if isinstance(item, (m.Ego, m.Actor))]
+    groups = [item for item in body if isinstance(item, m.Traffic)]
+    named: list[tuple[m.Item, str, str]] = [(a, "name", a.name) for a in actors if isinstance(a, m.Actor)]
+    for _, field, name in named:
+        if name == "ego":
+            actor = next(item for item, _, n in named if n == "ego")
+            findings.add(actor, field, "FS030", "only the ego is called 'ego'", "give this actor another name")
+    for actor, field, name in named:
+        if name in TAKEN or name in CHANGEABLE.keys() - {"ego"}:
+            findings.add(actor, field, "FS049", f"'{name}' is a word of the language", "give this actor another name")
+    findings.unique([*named, *((g, "name", g.name) for g in groups)], "actors")
+    cases = [item for item in body if isinstance(item, m.Case)]
+    parameters = {item.name: item for item in body if isinstance(item, m.Param)}
+    for actor in actors:
+        _check_place(findings, actor)
+        _check_once(findings, actor)
+        _check_class(findings, actor, parameters, cases)
+    for group in groups:
+        for k, model in enumerate(group.models):
+            _known_class(findings, group, f"models.{k}", model)
+    _check_mentions(findings, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups})
+
+
+def _check_place(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    """Every actor is somewhere, and whatever moves has somewhere to go."""
+    kinds = {item.kind for item in actor.body}
+    moves = bool(kinds & set(_WAYS))
+    if isinstance(actor, m.Ego):
+        if not moves or "path" in kinds:
+            help = "write it like `route from south straight over j4`"
+            findings.add(actor, "", "FS042", "the ego has no route", help, head_only=True)
+        return
+    placed = actor.state is not None or moves or ("start_at" in kinds and actor.kind in ("obstacle", "pedestrian"))
+    if not placed:
+        help = "add a `route ...` or a `path [...]`"
+        if actor.kind == "obstacle":
+            help = "add `start at 20 m along ego.route`, or a position in front of the brace"
+        findings.add(actor, "", "FS042", f"'{actor.name}' is nowhere", help, head_only=True)
+
+
+def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    seen: dict[str, m.Item] = {}
+    for item in actor.body:
+        kind = "way" if item.kind in _WAYS else item.kind
+        if kind in seen and kind not in _MAY_REPEAT:
+            what = "a second route or path" if kind == "way" else "a second statement of this kind"
+            findings.add(item, "", "FS047", f"{what} for '{actor.name}'", "keep one of the two")
+        seen[kind] = item
+
+
+def _check_class(
+    findings: Findings, actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
+) -> None:
+    """The keyword and the model's class agree, for every model that a parameter can be."""
+    for item, field, model in _models(actor, parameters, cases):
+        if not _known_class(findings, item, field, model):
+            continue
+        wanted = VEHICLE_CLASSES if actor.kind in ("ego", "vehicle") else (actor.kind,)
+        class_ = model.partition(".")[0]
+        if class_ not in wanted:
+            keyword = "vehicle" if class_ in VEHICLE_CLASSES else class_
+            help = f"`{actor.kind}` takes models of the classes {', '.join(wanted)}"
+            if isinstance(actor, m.Actor) and item is actor:
+                help = f"write `{keyword} {actor.name}: {model}`, or take a model of {_or(wanted)}"
+            findings.add(item, field, "FS038", f"'{actor.name}' is a {actor.kind}, but `{model}` is none", help)
+
+
+def _or(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _models(
+    actor: m.Ego | m.Actor, parameters: dict[str, m.Param], cases: Sequence[m.Case]
+) -> Iterator[tuple[m.Item, str, str]]:
+    """The models that an actor can have, each with the place that says so."""
+    if isinstance(actor.model, str):
+        yield actor, "model", actor.model
+        return
+    parameter = parameters.get(actor.model.name)
+    if parameter is None or parameter.type != "model":
+        return
+    if isinstance(parameter.default, str) and "." in parameter.default:
+        yield parameter, "default", parameter.default
+    for k, option in enumerate(parameter.options or ()):
+        if isinstance(option, str) and "." in option:
+            yield parameter, f"options.{k}", option
+    for case in cases:
+        for assignment in case.values:
+            if assignment.name == parameter.name and isinstance(assignment.value, str) and "." in assignment.value:
+                yield assignment, "value", assignment.value
+
+
+def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bool:
+    class_, _, variant = model.partition(".")
+    if class_ in CLASSES:
+        return True
+    help = did_you_mean(f"{class_}", CLASSES).replace("'?", f".{variant}'?")
+    findings.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
+    return False
+
+
+def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str]) -> None:
+    """Whoever is named exists; an actor of the traffic is named `others_03`."""
+    for root in body:
+        for item in walk(root):
+            for field, name in _mentions(item):
+                group = re.fullmatch(r"(.+)_[0-9]+", name)
+                if name in actors or (group is not None and group[1] in groups):
+                    continue
+                help = did_you_mean(name, sorted(actors))
+                if name in groups:
+                    help = f"name one of its actors: `{name}_01`"
+                findings.add(item, field, "FS037", f"unknown actor '{name}'", help)
+
+
+def _mentions(item: m.Item) -> Iterator[tuple[str, str]]:
+    """The names of actors in one item, with their fields."""
+    if isinstance(item, _ABOUT_ONE):
+        yield "actor", item.actor
+    elif isinstance(item, m.Meets):
+        yield "actor", item.actor
+        yield "other", item.other
+    elif isinstance(item, m.MeetsState):
+        yield "other", item.other
+    elif isinstance(item, m.Risk) and item.actor is not None:
+        yield "actor", item.actor
+    elif isinstance(item, m.Measure) and item.actor is not None:
+        yield "actor", item.actor
+        if item.what in ("ttc", "headway") and isinstance(item.other, str):
+            yield "other", item.other
+    elif isinstance(item, m.Shows) and item.actor is not None:
+        yield "actor", item.actor

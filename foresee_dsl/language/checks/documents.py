@@ -1,0 +1,154 @@
+"""What can be said about a file without its network: names, references, dimensions, what is missing or said twice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from foresee_dsl.errors import Diagnostic
+from foresee_dsl.language import model as m
+from foresee_dsl.language.changes import OF_A_MUTANT, OWNERS
+from foresee_dsl.language.checks.actors import check_actors
+from foresee_dsl.language.checks.findings import Findings
+from foresee_dsl.language.checks.network import check_catalogue, check_network
+from foresee_dsl.language.checks.parameters import check_parameters
+from foresee_dsl.language.checks.values import check_values
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.units import Dimension
+
+
+def check_document(document: Document) -> tuple[Diagnostic, ...]:
+    """Return every mistake that shows in this file alone, in the order of their places."""
+    findings = Findings(document)
+    model = document.model
+    if isinstance(model, m.Scenario):
+        _check_scenario(findings, model)
+    elif isinstance(model, m.Clip):
+        _check_clip(findings, model)
+    elif isinstance(model, m.Mutant):
+        _check_mutant(findings, model)
+    elif isinstance(model, m.Extension):
+        _check_extension(findings, model)
+        return findings.sorted()  # values and names: once it is joined with the other
+    elif isinstance(model, m.Network):
+        check_network(findings, model)
+    else:
+        check_catalogue(findings, model)
+    check_values(findings, model)
+    return findings.sorted()
+
+
+# ---- scenarios ------------------------------------------------------------------------------------------------------
+
+
+def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
+    egos, networks = scenario.all(m.Ego), (*scenario.all(m.UseNetwork), *scenario.all(m.Network))
+    if not egos:
+        help = "add the vehicle that is driven by the software under test: `ego: car.sedan { route ... }`"
+        findings.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
+    for ego in egos[1:]:
+        findings.add(ego, "", "FS035", "a second ego", "a scenario has exactly one", head_only=True)
+    if not networks:
+        help = 'add `use network "town.foresee"` or a block `network { ... }`'
+        findings.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
+    for network in networks[1:]:
+        findings.add(network, "", "FS036", "a second network", "a scenario has exactly one", head_only=True)
+    for kind, word in ((m.End, "end"), (m.Weather, "weather"), (m.Tags, "tags")):
+        findings.only_once(scenario.all(kind), f"`{word}`")
+    for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
+        findings.unique(((item, "name", item.name) for item in named if item.name is not None), what)
+    for block in scenario.all(m.Network):
+        check_network(findings, block)
+    check_parameters(findings, scenario)
+    check_actors(findings, scenario.body)
+
+
+# ---- clips ----------------------------------------------------------------------------------------------------------
+
+
+def _check_clip(findings: Findings, clip: m.Clip) -> None:
+    needed: tuple[tuple[type[m.Item], str, str], ...] = (
+        (m.Window, "window", "window 12.40 s..22.40 s"),
+        (m.Ego, "ego", "ego: car.sedan at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"),
+        (m.Goal, "goal", "goal (118.30 m, 40.10 m)"),
+    )
+    for kind, word, usage in needed:
+        found = [item for item in clip.body if isinstance(item, kind)]
+        if not found:
+            findings.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", f"write it like `{usage}`")
+        findings.only_once(found, f"`{word}`")
+    for item in clip.body:
+        if isinstance(item, m.Window) and _ends_early(item):
+            help = "the window's end comes after its start"
+            findings.add(item, "", "FS039", "this window ends before it begins", help)
+        if isinstance(item, (m.Ego, m.Actor)) and item.state is None:
+            help = "in a clip every actor has a state: `at (1 m, 2 m) heading 90 deg speed 8 m/s`"
+            findings.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
+    check_actors(findings, clip.body)
+
+
+def _ends_early(window: m.Window) -> bool:
+    start, end = window.start, window.end
+    return isinstance(start, m.Quantity) and isinstance(end, m.Quantity) and end.si <= start.si
+
+
+# ---- mutants --------------------------------------------------------------------------------------------------------
+
+_CHANGED: dict[str, Dimension] = {"steer": "ratio", "timing": "ratio", "speed": "speed", "delay": "time"}
+_CHANGED_IN: dict[str, Dimension] = {"weather": "ratio", "end": "time"}
+
+
+def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
+    if not mutant.changes:
+        help = "add a line such as `change runner.timing: 1.00 => 0.80`"
+        findings.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
+    findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)], "`origin`")
+    _check_changes(findings, mutant.changes, parameters=False)
+    for change in mutant.changes:
+        if change.actor in OWNERS and change.actor not in OF_A_MUTANT:
+            what = "has no parameters" if change.actor == "param" else "ends with its window"
+            help = f"a mutant changes actors, {' and '.join(f'`{owner}`' for owner in OF_A_MUTANT)}"
+            findings.add(change, "property", "FS006", f"a clip {what}, so nothing of that can change", help)
+
+
+def _check_extension(findings: Findings, extension: m.Extension) -> None:
+    """What shows before it is joined with what it extends."""
+    findings.only_once([item for item in extension.body if isinstance(item, m.Tags)], "`tags`")
+    _check_changes(findings, [item for item in extension.body if isinstance(item, m.Change)], parameters=True)
+
+
+def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameters: bool) -> None:
+    """Check `change` lines; `parameters`: whether their values may be names of parameters."""
+    seen: set[tuple[str, str]] = set()
+    for change in changes:
+        path = (change.actor, change.property)
+        if path in seen:
+            findings.add(change, "property", "FS013", f"'{'.'.join(path)}' is changed twice", "keep one of the two")
+        seen.add(path)
+        for side in ("was", "now"):
+            _check_changed(findings, change, side, parameters=parameters)
+        if change.property != "steer" or change.actor in OWNERS:
+            for field in ("start", "duration"):
+                if getattr(change, field) is not None:
+                    help = "only `steer` takes times, such as `from 4.00 s for 1.00 s`"
+                    findings.add(change, field, "FS124", f"'{'.'.join(path)}' has no times", help)
+
+
+def _check_changed(findings: Findings, change: m.Change, side: str, *, parameters: bool) -> None:
+    value: m.Quantity | str = getattr(change, side)
+    if change.actor in OWNERS:
+        needed = _CHANGED_IN.get(change.actor)
+    elif change.property == "model":
+        if not isinstance(value, str):
+            findings.add(change, side, "FS046", "the model of an actor is a name", "such as `car.compact`")
+        return
+    else:
+        needed = _CHANGED.get(change.property)
+    if needed is None:
+        return  # of any kind: it is compared with what there is when the files are joined
+    if isinstance(value, str):
+        if parameters:
+            return  # the name of one, or else the joined scenario is refused
+        help = f"write {findings.example(needed)}"
+        findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
+    elif value.dimension != needed:
+        findings.wrong_dimension(change, side, value, needed, code="FS046")

@@ -1,0 +1,87 @@
+"""Gathers what the checks find."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import EXAMPLES, NOUNS
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.units import Dimension
+
+VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
+"""The classes of models that the keyword `vehicle` (and the ego) takes."""
+CLASSES = (*VEHICLE_CLASSES, "bicycle", "pedestrian", "obstacle")
+"""Every class of models: the part of a model's name before the dot."""
+
+
+class Findings:
+    """The diagnostics of one document."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._found: list[Diagnostic] = []
+
+    def add(
+        self, item: m.Item, field: str, code: str, message: str, help: str = "", *, head_only: bool = False
+    ) -> None:
+        """Report something about a field of an item; `head_only` underlines no more than its first line."""
+        found = self._document.diagnostic(item, field, code, message, help)
+        if head_only and found.span is not None and found.span.end_line != found.span.line:
+            start = found.span.column - 1
+            end = start + len(found.source_line[start:].split("{")[0].rstrip()) + 1
+            span = Span(found.span.line, found.span.column, found.span.line, end)
+            found = Diagnostic(code, message, help, found.path, span, found.source_line)
+        self._found.append(found)
+
+    def only_once(self, items: Sequence[m.Item], what: str) -> None:
+        """Report every item after the first."""
+        for item in items[1:]:
+            self.add(item, "", "FS047", f"{what} stands twice", "keep one of the two", head_only=True)
+
+    def unique(self, named: Iterable[tuple[m.Item, str, str]], what: str) -> None:
+        """Report names that are given twice: (item, field of the name, name)."""
+        seen: set[str] = set()
+        for item, field, name in named:
+            if name in seen:
+                self.add(item, field, "FS030", f"there are two {what} called '{name}'", "give one of them another name")
+            seen.add(name)
+
+    def wrong_dimension(
+        self, item: m.Item, field: str, value: m.Quantity, needed: Dimension, *, code: str = "FS010"
+    ) -> None:
+        """Report a quantity that should be of another dimension."""
+        has = "has no unit" if not value.unit else f"is {NOUNS[value.dimension]}"
+        message = f"`{written(value)}` {has}, but {NOUNS[needed]} is needed here"
+        self.add(item, field, code, message, f"write {self.example(needed)}")
+
+    @staticmethod
+    def example(dimension: Dimension) -> str:
+        """Return `a time such as `2.5 s``."""
+        return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`"
+
+    def sorted(self) -> tuple[Diagnostic, ...]:
+        """Return what was found, in the order of the places, each once."""
+        first = Span(0, 0, 0, 0)
+        unique = dict.fromkeys(self._found)
+        return tuple(sorted(unique, key=lambda d: ((d.span or first).line, (d.span or first).column, d.code)))
+
+
+def walk(item: m.Item) -> Iterator[m.Item]:
+    """Return an item and everything in it, in the order of the file."""
+    yield item
+    for _, inner in fields_of(item):
+        yield from walk(inner)
+
+
+def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:
+    """Return the items that are direct parts of an item, with the names of their fields (`legs.1` in a tuple)."""
+    for name, value in vars(item).items():  # the fields and nothing else: `model_fields` is four times slower
+        if isinstance(value, m.Item):
+            yield name, value
+        elif isinstance(value, tuple):
+            for k, part in enumerate(value):
+                if isinstance(part, m.Item):
+                    yield f"{name}.{k}", part

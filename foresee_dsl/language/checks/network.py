@@ -1,0 +1,65 @@
+"""Networks and catalogues: names, roads that end somewhere, stages of roads that touch their junction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.checks.findings import CLASSES, Findings
+from foresee_dsl.language.suggest import did_you_mean
+
+
+def check_network(findings: Findings, network: m.Network) -> None:
+    """Check a network, in a file of its own or inside a scenario."""
+    junctions = [item for item in network.body if isinstance(item, m.Junction)]
+    roads = [item for item in network.body if isinstance(item, m.Road)]
+    findings.unique(((j, "name", j.name) for j in junctions), "junctions")
+    findings.unique(((r, "name", r.name) for r in roads), "roads")
+    names = [junction.name for junction in junctions]
+    for road in roads:
+        _check_road(findings, road, names, {r.name for r in roads})
+    for junction in junctions:
+        _check_junction(findings, junction, roads)
+    if not roads:
+        findings.add(network, "name", "FS014", "this network has no roads", "add `road main from a to b`")
+
+
+def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
+    """Check a catalogue of models."""
+    models = [item for item in catalogue.body if isinstance(item, m.VehicleModel)]
+    findings.unique(((model, "name", model.name) for model in models), "models")
+    for model in models:
+        class_ = model.name.partition(".")[0]
+        if class_ not in CLASSES:
+            help = did_you_mean(class_, CLASSES)
+            findings.add(model, "name", "FS012", f"unknown class of models '{class_}'", help)
+
+
+def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
+    for field, name in (("start", road.start), ("end", road.end)):
+        if name not in junctions:
+            findings.add(road, field, "FS040", f"unknown junction '{name}'", did_you_mean(name, junctions))
+    if road.start == road.end:
+        findings.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions")
+    if road.name.removesuffix("_back") in roads - {road.name}:
+        other = road.name.removesuffix("_back")
+        message = f"'{road.name}' is also the other direction of road '{other}'"
+        findings.add(road, "name", "FS030", message, "give it another name")
+
+
+def _check_junction(findings: Findings, junction: m.Junction, roads: Sequence[m.Road]) -> None:
+    findings.unique(((s, "name", s.name) for s in junction.stages), f"stages of '{junction.name}'")
+    if junction.control == "signals" and not junction.stages:
+        help = "add at least one: `stage ns_go for 25 s green [north, south]`"
+        findings.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
+    if junction.control != "signals" and junction.stages:
+        help = f"write `signals` after its position, or remove the stages of '{junction.name}'"
+        findings.add(junction.stages[0], "", "FS048", "a stage at a junction without signals", help)
+    touching = [road.name for road in roads if junction.name in (road.start, road.end)]
+    for stage in junction.stages:
+        for k, name in enumerate(stage.green):
+            if name in touching:
+                continue
+            known = name in {road.name for road in roads}
+            message = f"road '{name}' does not touch '{junction.name}'" if known else f"unknown road '{name}'"
+            findings.add(stage, f"green.{k}", "FS041", message, did_you_mean(name, touching))

@@ -1,0 +1,190 @@
+"""Values wherever they stand: references to parameters, dimensions, and numbers that make no sense."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any, get_args
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.checks.findings import Findings, fields_of, walk
+from foresee_dsl.language.codes import NOUNS
+from foresee_dsl.language.printing.phrases import condition
+from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.suggest import did_you_mean
+from foresee_dsl.language.units import Dimension
+
+_ALIASES: tuple[tuple[Any, Dimension], ...] = (
+    (m.Time, "time"),
+    (m.Length, "length"),
+    (m.Speed, "speed"),
+    (m.Acceleration, "acceleration"),
+    (m.Angle, "angle"),
+    (m.AngularRate, "angular_rate"),
+    (m.Mass, "mass"),
+    (m.Ratio, "ratio"),
+    (m.Count, "count"),
+)
+MEASURED: MappingProxyType[str, Dimension] = MappingProxyType(
+    {
+        "time": "time",
+        "eta": "time",
+        "ttc": "time",
+        "headway": "time",
+        "speed": "speed",
+        "acceleration": "acceleration",
+        "distance": "length",
+    }
+)
+"""The dimension of what a condition measures."""
+_WORDS = MappingProxyType(
+    {
+        (m.Ego, "model"): "model",
+        (m.Actor, "model"): "model",
+        (m.Route, "start"): "arm",
+        (m.AlongEdge, "edge"): "arm",
+        (m.Leg, "turn"): "turn",
+        (m.ChangesLane, "side"): "side",
+        (m.SignalState, "stage"): "stage",
+        (m.Shows, "state"): "stage",
+        (m.Measure, "other"): "junction",
+        (m.Named, "name"): "junction",
+    }
+    | {
+        (kind, "junction"): "junction"
+        for kind in (
+            m.Leg,
+            m.PastJunction,
+            m.Meets,
+            m.MeetsState,
+            m.Ignores,
+            m.IgnoresRule,
+            m.InJunction,
+            m.Shows,
+            m.SignalState,
+        )
+    }
+)
+"""Which type of parameter may stand for a word."""
+
+_LIMITS: MappingProxyType[tuple[type[m.Item], str], tuple[float, float, str]] = MappingProxyType(
+    {(m.Weather, name): (0.0, 1.0, "FS043") for name in ("rain", "fog", "wetness", "sun")}
+    | {
+        (m.Steers, "value"): (-1.0, 1.0, "FS043"),
+        (m.Timing, "factor"): (0.01, 10.0, "FS043"),  # ours: the operator's own range is 0.6 to 1.4
+        (m.Road, "lanes"): (1, 8, "FS050"),  # ours: the widest motorway halves have eight lanes
+        (m.Road, "back"): (0, 8, "FS050"),
+        (m.Traffic, "count"): (0, 500, "FS050"),  # ours: more is a traffic study, not a test case
+        (m.Delay, "time"): (0.0, 1e9, "FS050"),
+        (m.Walked, "along"): (0.0, 1e9, "FS050"),
+        (m.CruiseSpeed, "speed"): (0.0, 1e9, "FS050"),
+        (m.StartSpeed, "speed"): (0.0, 1e9, "FS050"),
+        (m.State, "speed"): (0.0, 1e9, "FS050"),
+        (m.Stage, "duration"): (0.1, 1e9, "FS050"),
+        (m.End, "after"): (0.05, 1e9, "FS050"),  # one step of the simulation
+        (m.Expect, "within"): (0.0, 1e9, "FS050"),
+        (m.VehicleModel, "length"): (0.01, 100.0, "FS050"),
+        (m.VehicleModel, "width"): (0.01, 100.0, "FS050"),
+        (m.Road, "lane_width"): (1.0, 10.0, "FS050"),  # ours: a cycle lane to a bus stop
+        (m.Road, "speed"): (0.1, 1e9, "FS050"),
+        (m.Road, "sidewalk"): (0.0, 50.0, "FS050"),
+        (m.Road, "median"): (0.0, 50.0, "FS050"),
+    }
+)
+"""The smallest and largest SI value of a field."""
+
+
+def check_values(findings: Findings, model: m.Definition) -> None:
+    """Check every value of a definition."""
+    body = model.body if isinstance(model, m.Scenario) else ()
+    parameters = {item.name: item for item in body if isinstance(item, m.Param)}
+    required = {id(part) for item in body if isinstance(item, m.Require) for part in walk(item)}
+    for item in walk(model):
+        if isinstance(item, m.Comparison | m.Equals) and isinstance(item.left, m.Ref) and id(item) not in required:
+            _not_about_the_world(findings, item)
+            continue
+        if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure):
+            _check_comparison(findings, item, item.left)
+        for field, value in fields_of(item):
+            if isinstance(value, m.Ref):
+                _check_reference(findings, parameters, item, field, value)
+            elif isinstance(value, m.Quantity):
+                _check_limits(findings, item, field, value)
+
+
+def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
+    """Triggers and expectations are about the running world, in which a parameter never changes."""
+    name = item.left.name if isinstance(item.left, m.Ref) else ""
+    help = f"compare something of the world, such as `ego.speed`; or write `require {condition(item)}` in the scenario"
+    findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
+
+
+def _check_comparison(findings: Findings, item: m.Comparison, measure: m.Measure) -> None:
+    needed = MEASURED[measure.what]
+    if isinstance(item.right, m.Quantity) and item.right.dimension != needed:
+        findings.wrong_dimension(item, "right", item.right, needed)
+
+
+def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantity) -> None:
+    limits = _LIMITS.get((type(item), field))
+    if limits is None:
+        return
+    low, high, code = limits
+    if low <= value.si <= high:
+        return
+    dimension = _dimensions(type(item)).get(field, "ratio")
+    if value.si < low:
+        help = f"use at least {low:g}" if dimension in ("ratio", "count") else "use a larger value"
+    else:
+        help = f"use at most {high:g}" if dimension in ("ratio", "count") else "use a smaller value"
+    size = "small" if value.si < low else "large"
+    findings.add(item, field, code, f"`{written(value)}` is too {size} for `{field}`", help)
+
+
+def _check_reference(
+    findings: Findings, parameters: Mapping[str, m.Param], item: m.Item, field: str, reference: m.Ref
+) -> None:
+    parameter = parameters.get(reference.name)
+    if parameter is None:
+        help = did_you_mean(reference.name, parameters)
+        if not parameters and _is_model(item, field):
+            help = "models are called class.variant, such as `car.compact`"
+        if not help and (dimension := _dimensions(type(item)).get(field)) is not None:
+            help = f"write {findings.example(dimension)}"
+        findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
+        return
+    word = _WORDS.get((type(item), field))
+    if word is not None:
+        if parameter.type != word:
+            help = f"a parameter of type `{word}` is needed here"
+            message = f"'{reference.name}' is of type {parameter.type}, which cannot stand here"
+            findings.add(item, field, "FS032", message, help)
+        return
+    needed: Dimension | None = _dimensions(type(item)).get(field)
+    if isinstance(item, m.Comparison):
+        if not isinstance(item.left, m.Measure):
+            return  # a requirement: `check_parameters` looks at both sides
+        needed = MEASURED[item.left.what]
+    if needed is None or parameter.type == needed or (needed == "ratio" and parameter.type == "count"):
+        return
+    message = f"'{reference.name}' is of type {parameter.type}, but {NOUNS[needed]} is needed here"
+    findings.add(item, field, "FS032", message, f"use a parameter of type `{needed}`")
+
+
+def _is_model(item: m.Item, field: str) -> bool:
+    return _WORDS.get((type(item), field)) == "model"
+
+
+@cache
+def _dimensions(kind: type[m.Item]) -> Mapping[str, Dimension]:
+    """The dimension of each field of a class that holds a quantity, read off its annotations."""
+    found: dict[str, Dimension] = {}
+    for name, field in kind.model_fields.items():
+        markers = [*field.metadata]
+        for part in get_args(field.annotation):
+            markers += getattr(part, "__metadata__", ())
+        for alias, dimension in _ALIASES:
+            if any(marker is alias.__metadata__[0] for marker in markers):
+                found[name] = dimension
+    return MappingProxyType(found)

@@ -1,0 +1,97 @@
+"""`# foresee: allow FS301`: comments that allow what a lint would report.
+
+At the end of a line it is for the statement on that line (with its block, if one opens there), on a line of its own for
+the statement that follows, and before the definition for the whole file. Only warnings can be allowed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language import lint_codes
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.syntax.scan import Lines, Raw, scan
+
+_COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*')
+_ALLOW = re.compile(r"#\s*foresee:\s*allow\b([^\n]*)")
+_CODE = re.compile(r"FS[0-9]{3}")
+
+
+@dataclass
+class _Allowance:
+    """One code in one comment: where it stands, the lines that it is for, whether it was needed."""
+
+    code: str
+    span: Span
+    first: int
+    last: int
+    needed: bool = field(default=False)
+
+
+def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Leave out the warnings that comments of the file allow, and report the comments that allow nothing."""
+    allowances = list(_allowances(document.text))
+    kept = [found for found in diagnostics if not _allowed(found, allowances)]
+    lines = document.text.split("\n")
+    for allowance in allowances:
+        if not allowance.needed:
+            span = allowance.span
+            message = f"nothing here is reported as {allowance.code}, so there is nothing to allow"
+            source = lines[span.line - 1]
+            kept.append(
+                Diagnostic(
+                    lint_codes.NEEDLESS_ALLOW, message, "remove the comment", document.path, span, source, "warning"
+                )
+            )
+    return tuple(sorted(kept, key=lambda d: (d.span.line, d.span.column) if d.span is not None else (0, 0)))
+
+
+def _allowed(found: Diagnostic, allowances: Sequence[_Allowance]) -> bool:
+    if found.severity == "error" or found.span is None:
+        return False
+    matching = [a for a in allowances if a.code == found.code and a.first <= found.span.line <= a.last]
+    for allowance in matching:
+        allowance.needed = True
+    return bool(matching)
+
+
+def _allowances(text: str) -> Iterator[_Allowance]:
+    if "foresee:" not in text:
+        return
+    lines = Lines(text)
+    statements = list(_statements(scan(text, lines)[0], lines))
+    definition = max((s for s in statements if s[2]), default=(1, 1, True))
+    for comment in _COMMENT.finditer(text):
+        found = _ALLOW.match(comment[0])
+        if found is None:
+            continue
+        line, column = lines.place(comment.start())
+        own_line = not text[: comment.start()].rpartition("\n")[2].strip()
+        first, last = _reach(line, own_line, statements, definition[0], text.count("\n") + 1)
+        for code in _CODE.finditer(found[1]):
+            at = column + found.start(1) + code.start()
+            yield _Allowance(code[0], Span(line, at, line, at + len(code[0])), first, last)
+
+
+def _reach(
+    line: int, own_line: bool, statements: Sequence[tuple[int, int, bool]], definition: int, end: int
+) -> tuple[int, int]:
+    """Return the first and the last line that a comment is for."""
+    if line <= definition:
+        return 1, end
+    if own_line:
+        following = [s for s in statements if s[0] > line]
+        return min(following)[:2] if following else (line, line)
+    on_line = [s for s in statements if s[0] == line]
+    return line, max((s[1] for s in on_line), default=line)
+
+
+def _statements(found: Sequence[Raw], lines: Lines, *, top: bool = True) -> Iterator[tuple[int, int, bool]]:
+    """Return first line, last line and whether it is at the top, for every statement."""
+    for raw in found:
+        end = raw.close - 1 if raw.block is not None else raw.end
+        yield lines.place(raw.start)[0], lines.place(end)[0], top
+        yield from _statements(raw.block or (), lines, top=False)

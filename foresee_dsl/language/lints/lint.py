@@ -1,0 +1,194 @@
+"""Lints: what is allowed, and hardly meant. `lint` looks at one file and the test cases that it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import cache
+
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language import lint_codes as c
+from foresee_dsl.language import model as m
+from foresee_dsl.language.checks.findings import fields_of, walk
+from foresee_dsl.language.document import Document, TestCase
+from foresee_dsl.language.lints.actors import Found, actor_lints
+from foresee_dsl.language.lints.allowances import without_allowed
+from foresee_dsl.language.lints.logic import Limits, always, never
+from foresee_dsl.language.lints.routes import route_lints
+from foresee_dsl.language.printing.phrases import value as written
+
+DEFAULT_END_S = 60.0
+"""How long a run lasts where no `end` is said (docs/language.md)."""
+_SETTLED = (m.Param, m.Case, m.Cases, m.Require)
+"""What a concrete scenario has no longer."""
+
+
+def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
+    """Return the lints of a file, in the order of their places; those that a comment allows are left out.
+
+    Args:
+        document: the file, without mistakes.
+        cases: the test cases that it gives (none for a network or a catalogue). What shows in several is said once.
+            Children are not looked at: what is odd about them is their parents'.
+    """
+    found: dict[tuple[Span | None, str], Diagnostic] = {}
+    for lint_ in _of_text(document.model):
+        _keep(found, document, lint_)
+    for case in cases:
+        if case.clip is None and case.mutant is None:
+            places = _places(case, document.model)
+            for lint_ in _of_case(case):
+                item = places.get(id(lint_.item), lint_.item)
+                _keep(found, document, replace(lint_, item=item))
+    return without_allowed(document, sorted(found.values(), key=_order))
+
+
+def _keep(found: dict[tuple[Span | None, str], Diagnostic], document: Document, lint_: Found) -> None:
+    if document.span(lint_.item) is None:
+        return  # it is written in a file that this one extends, which is looked at for itself
+    diagnostic = document.diagnostic(lint_.item, lint_.field, lint_.code, lint_.message, lint_.help)
+    span = diagnostic.span
+    if span is not None and span.end_line != span.line:  # underlining a whole block helps nobody
+        end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
+        span = Span(span.line, span.column, span.line, max(end, span.column + 1))
+    found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=_severities()[lint_.code]))
+
+
+@cache
+def _severities() -> Mapping[str, str]:
+    from foresee_dsl.language.registry.lints import CODES  # here: a file without lints needs no explanations
+
+    return {code.code: code.severity for code in CODES}
+
+
+def _order(diagnostic: Diagnostic) -> tuple[int, int, str]:
+    span = diagnostic.span or Span(0, 0, 0, 0)
+    return span.line, span.column, diagnostic.code
+
+
+# ---- what the text shows --------------------------------------------------------------------------------------------
+
+
+def _of_text(model: m.Definition) -> Iterator[Found]:
+    if isinstance(model, m.Scenario):
+        yield from _unused_parameters(model)
+        yield from _dead_cases(model)
+
+
+def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
+    users = (item for item in scenario.body if not isinstance(item, m.Param | m.Case))
+    used = {part.name for item in users for part in walk(item) if isinstance(part, m.Ref)}
+    for parameter in scenario.all(m.Param):
+        if parameter.name not in used:
+            help = f"write `{parameter.name}` where its value is meant, or remove it"
+            yield Found(parameter, "name", c.UNUSED_PARAMETER, f"nothing uses parameter '{parameter.name}'", help)
+
+
+def _dead_cases(scenario: m.Scenario) -> Iterator[Found]:
+    defaults = {parameter.name: _comparable(parameter.default) for parameter in scenario.all(m.Param)}
+    seen: dict[tuple[tuple[str, object], ...], str] = {}
+    for case in scenario.all(m.Case):
+        values = defaults | {given.name: _comparable(given.value) for given in case.values}
+        key = tuple(sorted(values.items()))
+        if key in seen:
+            message = f"case '{case.name}' has the same values as case '{seen[key]}'"
+            yield Found(case, "name", c.DEAD_CASE, message, "change a value, or remove one of the two")
+        seen.setdefault(key, case.name)
+
+
+def _comparable(value: m.ParamValue) -> object:
+    return f"{value.si:.9g}" if isinstance(value, m.Quantity) else value
+
+
+# ---- what a test case shows -----------------------------------------------------------------------------------------
+
+
+def _of_case(case: TestCase) -> Iterator[Found]:
+    scenario = case.scenario
+    limits = Limits(_end_s(scenario), frozenset(actor.name for actor in scenario.actors))
+    for when in scenario.all(m.When):
+        yield from _triggers(when, limits)
+    for expect in scenario.all(m.Expect):
+        yield from _expectation(expect, limits)
+    yield from _nothing_expected(scenario)
+    yield from actor_lints(case)
+    yield from route_lints(case)
+
+
+def _end_s(scenario: m.Scenario) -> float:
+    end = scenario.one(m.End)
+    return end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
+
+
+def _triggers(when: m.When, limits: Limits) -> Iterator[Found]:
+    for part in walk(when):
+        if isinstance(part, m.When | m.Then) and part.condition is not None:
+            reason = never(part.condition, limits)
+            if reason:
+                message = f"this can never happen: {reason}"
+                yield Found(
+                    part, "condition", c.NEVER_FIRES, message, "change the condition, or remove what it sets off"
+                )
+                return  # what comes after it is as dead
+
+
+def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
+    until = expect.within.si if isinstance(expect.within, m.Quantity) else limits.end_s
+    if until > limits.end_s and expect.within is not None:
+        message = f"the run ends after {limits.end_s:g} s, before the {written(expect.within)} are over"
+        help = f"write `end after {written(expect.within)}`, or a shorter time"
+        yield Found(expect, "within", c.CUT_SHORT, message, help)
+    inside = Limits(min(until, limits.end_s), limits.actors)
+    cannot, must = never(expect.condition, inside), always(expect.condition, inside)
+    if not (cannot or must):
+        return
+    met = bool(cannot) if expect.mode == "never" else bool(must)
+    message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
+    yield Found(expect, "condition", c.DECIDED, message, "expect something that a driver can meet or miss")
+
+
+def _nothing_expected(scenario: m.Scenario) -> Iterator[Found]:
+    expects = scenario.all(m.Expect)
+    if any("ego" in _names(part) for expect in expects for part in walk(expect)):
+        return
+    message = f"scenario '{scenario.name}' expects nothing of the ego"
+    yield Found(scenario, "name", c.NOTHING_EXPECTED, message, "add `expect never collision(ego)`, for example")
+
+
+def _names(item: m.Item) -> set[object]:
+    return {getattr(item, field, None) for field in ("actor", "other", "name")}
+
+
+# ---- places ---------------------------------------------------------------------------------------------------------
+
+
+def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
+    """Find the written items from which the items of a concrete scenario were made, by their ids."""
+    found: dict[int, m.Item] = {id(case.scenario): model}
+    if not isinstance(model, m.Scenario):
+        return found
+    left: list[m.Item] = [item for item in model.body if not isinstance(item, _SETTLED)]
+    for item in case.scenario.body:
+        same = next((line for line in left if _same(line, item)), None)
+        if same is not None:
+            left.remove(same)
+            _pair(item, same, found)
+    return found
+
+
+def _same(line: m.Item, item: m.Item) -> bool:
+    """Whether a concrete statement can be this written one: of its kind, with its name."""
+    if type(line) is not type(item):
+        return False
+    if isinstance(line, m.When | m.Expect) and line.name is None:
+        return line == item or any(isinstance(part, m.Ref) for part in walk(line))
+    return getattr(line, "name", None) == getattr(item, "name", None)
+
+
+def _pair(item: m.Item, line: m.Item, found: dict[int, m.Item]) -> None:
+    if type(item) is type(line):
+        found[id(item)] = line
+        inner = dict(fields_of(line))
+        for name, part in fields_of(item):
+            if name in inner:
+                _pair(part, inner[name], found)

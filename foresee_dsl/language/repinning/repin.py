@@ -1,0 +1,294 @@
+"""Stale children: what their parent's edit does to each, and the new pin where nothing speaks against it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.addresses import is_folder, kind_of, scenario_files, shown
+from foresee_dsl.language.diff import Difference, diff_cases, to_dict
+from foresee_dsl.language.document import Document, TestCase
+from foresee_dsl.language.expand import absolute, expand_clip, expand_mutant
+from foresee_dsl.language.meaning import clip_pin, pin_of
+from foresee_dsl.language.model import Clip, Mutant
+from foresee_dsl.language.parser import load
+from foresee_dsl.language.project import Project
+from foresee_dsl.language.project_codes import STALE_PIN, WRONG_KIND
+from foresee_dsl.language.repinning.history import History
+from foresee_dsl.resources import write_whole
+
+Validate = Callable[[TestCase], Sequence[Diagnostic]]
+"""Looks for mistakes that show only with the network built; the command line hands in the compiler's."""
+
+
+class State(StrEnum):
+    """What can be done about a child."""
+
+    FRESH = "fresh"
+    """Its pin is right."""
+    STALE = "stale"
+    """Its parent changed; nothing speaks against the new pin."""
+    CONFLICT = "conflict"
+    """Its parent changed so that the child makes no sense any more: not re-pinned."""
+    BLOCKED = "blocked"
+    """Its parent is stale itself, and is not, or cannot be, re-pinned."""
+
+
+@dataclass(frozen=True)
+class Child:
+    """A child and what its parent's edit does to it.
+
+    Attributes:
+        file: as the user named it, or beside a file that was named.
+        state: what can be done.
+        parent: the parent's address.
+        pin: as the file has it. new_pin: what the parent means now; "" where the parent cannot be read.
+        follows: the pin changes only because the parent is itself re-pinned.
+        commit: where in git the pinned version is; "" where it is unknown.
+        reaching: differences between the child under the old parent and under the new one.
+        overridden: what changed in the parent and does not reach the child, which has its own.
+        mistakes: why it is a conflict or blocked.
+        old, new: the child in full under the old parent (where known) and the new one.
+    """
+
+    file: Path
+    state: State
+    parent: str
+    pin: str
+    new_pin: str = ""
+    follows: bool = False
+    commit: str = ""
+    reaching: tuple[Difference, ...] = ()
+    overridden: tuple[Difference, ...] = ()
+    mistakes: tuple[Diagnostic, ...] = ()
+    old: TestCase | None = field(default=None, compare=False, repr=False)
+    new: TestCase | None = field(default=None, compare=False, repr=False)
+    document: Document | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def known(self) -> bool:
+        """Whether the version of the parent that is pinned was found."""
+        return self.follows or bool(self.commit)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `foresee repin --json` prints about it."""
+        return {
+            "file": str(self.file),
+            "state": self.state.value,
+            "parent": self.parent,
+            "pin": self.pin,
+            "new_pin": self.new_pin,
+            "follows": self.follows,
+            "commit": self.commit,
+            "reaching": [to_dict(change) for change in self.reaching],
+            "overridden": [to_dict(change) for change in self.overridden],
+            "mistakes": [{"code": d.code, "message": d.message, "help": d.help} for d in self.mistakes],
+        }
+
+
+def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple[Child, ...]:
+    """Look at children whose parent may have changed, parents before their own children.
+
+    Children of what would be re-pinned, in the same folder, are looked at too: they would be stale otherwise.
+
+    Args:
+        paths: files of clips and mutants, or folders of them.
+        validate: looks at every child under the new parent.
+
+    Raises:
+        InputError: a path that does not exist, a named file that is no child, or a child with mistakes of its own.
+    """
+    with History() as history:
+        return _Planner(_children(paths), validate or (lambda _: ()), history).all()
+
+
+def write(children: Iterable[Child]) -> tuple[Path, ...]:
+    """Write the new pins of stale children: one line of each file changes.
+
+    Returns:
+        The files that were written.
+    """
+    written = []
+    for child in children:
+        if child.state is State.STALE and child.document is not None:
+            write_whole(child.file, with_pin(child.file.read_bytes().decode("utf-8"), child.document, child.new_pin))
+            written.append(child.file)
+    return tuple(written)
+
+
+def with_pin(text: str, document: Document, pin: str) -> str:
+    """Return a child's text with another pin; all else stays, byte for byte (line ends too).
+
+    Args:
+        text: as it stands in the file.
+        document: the same text, parsed.
+        pin: the new one.
+    """
+    model = document.model
+    span = document.span(model, "pin")
+    if not isinstance(model, Clip | Mutant) or span is None:
+        raise TypeError("only clips and mutants have a pin")
+    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
+    at = 2 * (span.line - 1)
+    line = lines[at]
+    lines[at] = line[: span.column - 1] + line[span.column - 1 :].replace(model.pin, pin, 1)
+    return "".join(lines)
+
+
+def _children(paths: Iterable[str | Path]) -> dict[Path, Path]:
+    """Return the children's files by their absolute path, as the user named them."""
+    named = tuple(map(Path, paths))
+    found: dict[Path, Path] = {}
+    for file in scenario_files(named):
+        kind = kind_of(file)
+        if kind in ("clip", "mutant"):
+            found[absolute(file)] = file
+        elif file in named and not is_folder(file):
+            message = f"this holds {f'a {kind}' if kind else 'no definition'}, which pins nothing"
+            help = "name clips and mutants, or a folder of them"
+            raise InputError((Diagnostic(WRONG_KIND, message, help, shown(file)),))
+    return found
+
+
+class _Planner:
+    """Works through children, each after its parent."""
+
+    def __init__(self, files: dict[Path, Path], validate: Validate, history: History) -> None:
+        self._files = files
+        self._validate = validate
+        self._history = history
+        self._project = Project(check_pin=False)
+        self._strict = Project()
+        self._done: dict[Path, Child] = {}
+        self._open: set[Path] = set()
+
+    def all(self) -> tuple[Child, ...]:
+        todo = list(self._files)
+        while todo:
+            path = todo.pop(0)
+            child = self._child(path)
+            if child.state is State.STALE:
+                new = [beside for beside in _siblings(path) if beside not in self._files]
+                self._files |= {beside: self._files[path].with_name(beside.name) for beside in new}
+                todo += new
+        return tuple(self._done.values())
+
+    def _child(self, path: Path) -> Child:
+        if path in self._done:
+            return self._done[path]
+        self._open.add(path)
+        document = load(path, shown_as=shown(self._files[path]))
+        model = self._project.definition(self._files[path])
+        if not (isinstance(model, Clip | Mutant) and isinstance(document.model, Clip | Mutant)):
+            raise TypeError("only clips and mutants get here")
+        parent = absolute(path.parent / model.parent)
+        before = self._child(parent) if parent in self._files and parent not in self._open else None
+        child = self._judge(path, document, document.model, parent, before)
+        self._open.discard(path)
+        self._done[path] = replace(child, document=document)
+        return self._done[path]
+
+    def _judge(self, path: Path, document: Document, model: Clip | Mutant, parent: Path, before: Child | None) -> Child:
+        case = model.case if isinstance(model, Clip) else None
+        address = _address((self._files[path].parent / model.parent), case)
+        child = Child(self._files[path], State.FRESH, address, model.pin)
+        blocked = before is not None and before.state in (State.CONFLICT, State.BLOCKED)
+        if blocked:
+            return replace(child, state=State.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),))
+        try:
+            now = self._parent(address, before)
+        except InputError as error:
+            stale = any(found.code == STALE_PIN for found in error.diagnostics)
+            state = State.BLOCKED if stale else State.CONFLICT
+            why = (_because(document, model, "is stale itself"),) if stale else error.diagnostics
+            return replace(child, state=state, mistakes=why)
+        child = replace(child, new_pin=pin_of(now))
+        if child.new_pin == model.pin:
+            return child
+        return self._stale(child, document, parent, case, now, before)
+
+    def _parent(self, address: str, before: Child | None) -> TestCase:
+        """Return the parent as it will be: with the pin that it gets in this very call."""
+        if before is None:
+            return self._strict.test_case(address)
+        now = before.new if before.new is not None else self._strict.test_case(address)
+        if now.clip is None or now.mutant is not None or before.state is not State.STALE:
+            return now
+        return replace(now, clip=now.clip.model_copy(update={"pin": before.new_pin}))
+
+    def _stale(
+        self, child: Child, document: Document, parent: Path, case: str | None, now: TestCase, before: Child | None
+    ) -> Child:
+        child = replace(child, state=State.STALE)
+        if before is not None and _pin_before(before) == child.pin:
+            return self._compared(replace(child, follows=True), document, before.old, now)
+        found = self._history.parent(parent, case, child.pin)
+        if found is None:
+            return self._compared(child, document, None, now)
+        return self._compared(replace(child, commit=found.commit), document, found.case, now)
+
+    def _compared(self, child: Child, document: Document, was: TestCase | None, now: TestCase) -> Child:
+        try:
+            new = _expanded(document, child.file, now)
+            mistakes = tuple(found for found in self._validate(new) if found.severity == "error")
+        except InputError as error:
+            new, mistakes = None, error.diagnostics
+        old = _expanded_before(document, child.file, was)
+        edit = diff_cases(was, now) if was is not None else ()
+        reaching = diff_cases(old, new) if old is not None and new is not None else ()
+        told = {(change.path, change.was, change.now) for change in reaching}
+        overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in told) if new is not None else edit
+        state = State.CONFLICT if mistakes else child.state
+        return replace(
+            child, state=state, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes
+        )
+
+
+def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
+    if isinstance(document.model, Clip):
+        return expand_clip(document.model, parent, source=file, document=document)
+    if isinstance(document.model, Mutant):
+        return expand_mutant(document.model, parent, source=file, document=document)
+    raise TypeError("only clips and mutants can be expanded")
+
+
+def _expanded_before(document: Document, file: Path, parent: TestCase | None) -> TestCase | None:
+    """Return the child under its old parent; None where that is unknown, or it did not fit then either."""
+    try:
+        return _expanded(document, file, parent) if parent is not None else None
+    except InputError:
+        return None
+
+
+def _pin_before(parent: Child) -> str:
+    """Return what a child of this one pins as long as it is not re-pinned itself; "" where that is unknown."""
+    model = parent.document.model if parent.document is not None else None
+    if isinstance(model, Clip):
+        return clip_pin(model, model.pin)
+    return pin_of(parent.old) if parent.old is not None else ""
+
+
+def _siblings(path: Path) -> list[Path]:
+    """Return the children in a file's folder that name it as their parent."""
+    needle = f'"{path.name}"'.encode()
+    found = []
+    for file in sorted(path.parent.glob("*.foresee")):
+        if file != path and kind_of(file) in ("clip", "mutant") and needle in file.read_bytes():
+            model = load(file).model
+            if isinstance(model, Clip | Mutant) and absolute(file.parent / model.parent) == path:
+                found.append(file)
+    return found
+
+
+def _because(document: Document, model: Clip | Mutant, why: str) -> Diagnostic:
+    message = f"the parent '{model.parent}' {why}"
+    return document.diagnostic(model, "parent", STALE_PIN, message, "name it too, or mend it first")
+
+
+def _address(file: Path, case: str | None) -> str:
+    return f"{shown(file)}::{case}" if case else shown(file)

@@ -1,0 +1,285 @@
+"""Drawn cases: `cases 20 from seed 7` becomes twenty cases, the same ones on every machine.
+
+A number is drawn for one parameter of one case by hashing: the first 64 bits of SHA-256 over the seed, the parameter's
+name, the case's position and the number of the try. So a draw depends on nothing else: neither on the other parameters
+(adding one leaves the rest as they were) nor on how many cases there are (of 30 cases, the first 20 are those of
+`cases 20`). A generator with a state, such as `random.Random`, would need an instance of its own for every draw to give
+the same. Everything but the normal distribution is exact arithmetic on whole numbers; that one is rounded to the step,
+which hides how the last bit of a logarithm differs from machine to machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from fractions import Fraction
+
+from foresee_dsl.errors import InputError, Span
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.model import (
+    Assignment,
+    Case,
+    Cases,
+    Choice,
+    Grid,
+    Item,
+    Normal,
+    Param,
+    ParamValue,
+    Quantity,
+    Require,
+    Scenario,
+    ScenarioItem,
+)
+from foresee_dsl.language.project_codes import TOO_FEW_DRAWS
+from foresee_dsl.language.sampling.requirements import holds, said
+from foresee_dsl.language.units import UNITS
+
+MAX_CASES = 10_000
+"""How many cases one statement may draw (ours: at 25 ms a run on two cores, two minutes; more is rather a mistake)."""
+MAX_TRIES = 10_000
+"""How often values for one case are drawn until they satisfy every `require` (ours: a tenth of a second)."""
+_TRIES_OF_A_COMBINATION = 100
+"""How often the rest is drawn for one combination of the grids before the next one is taken (ours)."""
+_FREE_DIGITS = 3
+"""Without a step, values have this many digits after the leading one of the range's width: `0 s..4 s` in
+milliseconds, `10 m..60 m` in centimetres (ours: a thousand values at least, and none that is tedious to read)."""
+_BITS = 64
+_SLACK = Decimal("1e-6")
+"""How far below a whole number of steps a range may be and still reach it (of mixed units; as `check_parameters`)."""
+_EXACT = 12
+"""Digits that are kept where a range mixes units (ours: below a float's own, far beyond any step)."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The values that a parameter can be drawn from: steps of its range, or its options.
+
+    Attributes:
+        name: of the parameter.
+        options: its options, or None for a range.
+        low, step: in `unit`, for a range. size: how many values there are.
+        stepped: whether the author gave the step (or options).
+    """
+
+    name: str
+    size: int
+    options: tuple[ParamValue, ...] | None = None
+    low: Decimal = Decimal(0)
+    step: Decimal = Decimal(1)
+    unit: str = ""
+    stepped: bool = True
+
+    def value(self, k: int) -> ParamValue:
+        """Return the value number `k`, from 0."""
+        if self.options is not None:
+            return self.options[k]
+        return Quantity(value=self.low + k * self.step, unit=self.unit)
+
+    def position(self, value: ParamValue) -> int | None:
+        """Return the number of the nearest of the values, or None for one that is none of the options."""
+        if self.options is not None:
+            return self.options.index(value) if value in self.options else None
+        if isinstance(value, str):
+            return None
+        return min(max(round((_in_unit(value, self.unit) - self.low) / self.step), 0), self.size - 1)
+
+
+def axis_of(param: Param) -> Axis | None:
+    """Return what a parameter is drawn from, or None for one that keeps its default (no range, no options)."""
+    if param.options is not None:
+        return Axis(param.name, len(param.options), options=param.options)
+    if param.range is None:
+        return None
+    limits, unit = param.range, param.range.low.unit
+    low, high = limits.low.value, _in_unit(limits.high, unit)
+    if limits.step is not None:
+        step = _in_unit(limits.step, unit)
+    elif param.type == "count":
+        step = Decimal(1)
+    else:
+        step = Decimal(1).scaleb((high - low).adjusted() - _FREE_DIGITS) if high > low else Decimal(1)
+    size = int((high - low) / step + _SLACK) + 1
+    return Axis(param.name, size, None, low, step, unit, limits.step is not None or param.type == "count")
+
+
+def case_names(cases: Cases) -> tuple[str, ...]:
+    """Return what drawn cases are called: `seed7_01`, `seed7_02`, ..., with as many digits as the last one needs."""
+    count, seed = int(cases.count.value), int(cases.seed.value)
+    digits = max(2, len(str(count)))
+    return tuple(f"seed{seed}_{k:0{digits}d}" for k in range(1, count + 1))
+
+
+def draw(scenario: Scenario, cases: Cases) -> tuple[Case, ...]:
+    """Return the drawn cases of one `cases` statement, each with a value for every parameter that has a range.
+
+    Raises:
+        TooFewError: not enough draws satisfy every `require`.
+    """
+    drawer = _Drawer(scenario, int(cases.seed.value))
+    found = []
+    for k, name in enumerate(case_names(cases)):
+        values = drawer.values_of(k)
+        if values is None:
+            raise TooFewError(drawer.complaint(k, len(case_names(cases))))
+        given = tuple(Assignment(name=n, value=v) for n, v in values.items() if n in drawer.drawn)
+        found.append(Case(name=name, values=given))
+    return tuple(found)
+
+
+class TooFewError(Exception):
+    """Not enough draws satisfy every `require`; the message says how many did, and which requirement failed most."""
+
+
+def with_drawn_cases(document: Document) -> Document:
+    """Return the scenario with its drawn cases in place of each `cases` statement.
+
+    The same document where nothing is drawn. The cases' place is that of the statement.
+
+    Raises:
+        InputError: not enough draws satisfy every `require`.
+    """
+    scenario = document.model
+    if not isinstance(scenario, Scenario) or not scenario.all(Cases):
+        return document
+    body: list[ScenarioItem] = []
+    spans: dict[tuple[int, str], Span] = {}
+    kept: list[Item] = []
+    for item in scenario.body:
+        if not isinstance(item, Cases):
+            body.append(item)
+            continue
+        try:
+            drawn = draw(scenario, item)
+        except TooFewError as error:
+            help = "make a range wider, or ask for less: a `require` that nearly nothing satisfies draws nearly nothing"
+            raise InputError((document.diagnostic(item, "", TOO_FEW_DRAWS, str(error), help),)) from None
+        place = document.span(item)
+        if place is not None:
+            spans |= {(id(part), ""): place for case in drawn for part in (case, *case.values)}
+        body += drawn
+        kept.append(item)
+    model = Scenario(name=scenario.name, body=tuple(body))
+    spans |= {(id(model), f): s for f in ("", "name") if (s := document.span(scenario, f)) is not None}
+    return replace(document, model=model, spans={**document.spans, **spans}, kept=(*document.kept, *kept, scenario))
+
+
+class _Drawer:
+    """Draws the values of one seed's cases, one case after the other."""
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        self._seed = seed
+        self._requires = scenario.all(Require)
+        self._fixed: dict[str, ParamValue] = {}
+        self._free: list[tuple[Param, Axis]] = []
+        self._grid: list[Axis] = []
+        for param in scenario.all(Param):
+            axis = axis_of(param)
+            if axis is None:
+                self._fixed[param.name] = param.default
+            elif isinstance(param.distribution, Grid):
+                self._grid.append(axis)
+            else:
+                self._free.append((param, axis))
+        self.drawn = {axis.name for axis in self._grid} | {param.name for param, _ in self._free}
+        self._order = [param.name for param in scenario.all(Param)]
+        self._combination = 0
+        self._tried = 0
+        self._failed: Counter[int] = Counter()
+
+    def values_of(self, case: int) -> dict[str, ParamValue] | None:
+        """Return the values of every parameter in the next case, in the order of the file; None when none are found."""
+        attempt = 0
+        while attempt < MAX_TRIES:
+            known = self._fixed | self._gridded()
+            tries = (
+                1 if not self._free or self._fails(known) else (_TRIES_OF_A_COMBINATION if self._grid else MAX_TRIES)
+            )
+            for _ in range(min(tries, MAX_TRIES - attempt)):
+                values = known | {p.name: _drawn(p, a, self._seed, case, attempt) for p, a in self._free}
+                attempt += 1
+                self._tried += 1
+                failed = [k for k, require in enumerate(self._requires) if holds(require.condition, values) is False]
+                if not failed:
+                    return {name: values[name] for name in self._order}
+                self._failed.update(failed)
+        return None
+
+    def complaint(self, found: int, wanted: int) -> str:
+        """Return in words how many draws were good, and which requirement was violated most."""
+        worst, times = self._failed.most_common(1)[0]
+        only = "none" if not found else f"only {found}"
+        return (
+            f"of {self._tried} draws {only} satisfied every `require`, but {wanted} cases are asked for; "
+            f"`{said(self._requires[worst])}` failed most, {times} times"
+        )
+
+    def _fails(self, values: Mapping[str, ParamValue]) -> bool:
+        """Return whether the grids' values alone violate a requirement, whatever the rest will be."""
+        return any(holds(require.condition, values) is False for require in self._requires)
+
+    def _gridded(self) -> dict[str, ParamValue]:
+        """Return the next combination of the grids: mixed radix, the first parameter of the file changes fastest."""
+        rest, self._combination = self._combination, self._combination + 1
+        values = {}
+        for axis in self._grid:
+            rest, k = divmod(rest, axis.size)
+            values[axis.name] = axis.value(k)
+        return values
+
+
+def _drawn(param: Param, axis: Axis, seed: int, case: int, attempt: int) -> ParamValue:
+    lot = _lot(seed, param.name, case, attempt)
+    match param.distribution:
+        case Choice(weights=weights):
+            return axis.value(_chosen(lot, [weight.value for weight in weights]))
+        case Normal() as normal:
+            return axis.value(_normal(lot, axis, normal))
+        case _:
+            return axis.value(lot * axis.size >> _BITS)
+
+
+def _lot(seed: int, name: str, case: int, attempt: int) -> int:
+    """Return a whole number from 0 to 2**64 - 1 that depends on nothing but the arguments."""
+    digest = hashlib.sha256(f"foresee 1 draw\n{seed}\n{name}\n{case}\n{attempt}".encode()).digest()
+    return int.from_bytes(digest[: _BITS // 8], "big")
+
+
+def _chosen(lot: int, weights: Sequence[Decimal]) -> int:
+    """Return which option a lot falls on, exactly in proportion to the weights."""
+    shares = [Fraction(weight) for weight in weights]
+    rest = Fraction(lot, 1 << _BITS) * sum(shares)
+    for k, share in enumerate(shares):
+        rest -= share
+        if rest < 0:
+            return k
+    return len(shares) - 1
+
+
+def _normal(lot: int, axis: Axis, normal: Normal) -> int:
+    """Return the step nearest to a draw from the normal distribution, cut off at the ends of the range.
+
+    By the inverse of its distribution function: one lot is one value, however much is cut off.
+    """
+    from statistics import NormalDist  # here: few files draw from it, and all would pay for its import
+
+    high = axis.low + (axis.size - 1) * axis.step
+    bell = NormalDist(float(_in_unit(normal.mean, axis.unit)), float(_in_unit(normal.deviation, axis.unit)))
+    least, most = bell.cdf(float(axis.low)), bell.cdf(float(high))
+    share = least + (most - least) * ((lot >> 11) + 0.5) / (1 << (_BITS - 11))  # 53 bits: what a float holds
+    if not 0.0 < share < 1.0:
+        return 0 if share <= 0.0 else axis.size - 1
+    steps = (bell.inv_cdf(share) - float(axis.low)) / float(axis.step)
+    return min(max(round(steps), 0), axis.size - 1)
+
+
+def _in_unit(value: Quantity, unit: str) -> Decimal:
+    """Return a quantity's number in another unit of its dimension; the author's own digits where it is the same."""
+    if value.unit == unit:
+        return value.value
+    ratio = Fraction(UNITS[value.unit].to_si if value.unit else 1) / Fraction(UNITS[unit].to_si if unit else 1)
+    exact = Fraction(value.value) * ratio
+    return Decimal(f"{float(exact):.{_EXACT}g}")

@@ -1,0 +1,90 @@
+"""Whether the values of a case satisfy what a scenario requires of them, and in words why not."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+
+from foresee_dsl.language.conditions import parts
+from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
+from foresee_dsl.language.model import (
+    Both,
+    Comparison,
+    Condition,
+    Either,
+    Equals,
+    Not,
+    ParamValue,
+    Quantity,
+    Ref,
+    Require,
+)
+from foresee_dsl.language.printing.phrases import condition as condition_text
+from foresee_dsl.language.printing.phrases import value as quantity_text
+
+_COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(
+    {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+)
+
+
+def holds(condition: Condition, values: Mapping[str, ParamValue]) -> bool | None:
+    """Return whether a condition over parameters holds; None where the values that are given do not decide it.
+
+    Quantities are compared by their SI value, to as many digits as the hash of a meaning has: `7.2 km/h` is `2 m/s`.
+
+    Args:
+        condition: of a `require`.
+        values: of the parameters, by name; any may be absent.
+    """
+    match condition:
+        case Comparison(left=Ref(name=name), op=op, right=right):
+            one, other = _si(values.get(name)), _si(right, values)
+            return None if one is None or other is None else _COMPARED[op](one, other)
+        case Equals(left=left, right=word):
+            value = values.get(left.name)
+            return value == word if isinstance(value, str) else None
+        case Not(condition=inner):
+            found = holds(inner, values)
+            return None if found is None else not found
+        case Both(conditions=several):
+            return _joined([holds(part, values) for part in several], decisive=False)
+        case Either(conditions=several):
+            return _joined([holds(part, values) for part in several], decisive=True)
+    return None  # about the world: the checks report it
+
+
+def said(require: Require) -> str:
+    """Return a requirement as it is written."""
+    return f"require {condition_text(require.condition)}"
+
+
+def violation(require: Require, values: Mapping[str, ParamValue]) -> str:
+    """Return in words why values do not satisfy a requirement: `gap is 3 s, but `require gap < 2 s``."""
+    names = dict.fromkeys(name for name in parameters_of(require.condition) if name in values)
+    described = " and ".join(f"{name} is {_text(values[name])}" for name in names)
+    return f"{described or 'this'}, but `{said(require)}`"
+
+
+def parameters_of(condition: Condition) -> Iterator[str]:
+    """Yield the parameters that a condition of a `require` is about, in the order in which they are written."""
+    for part in parts(condition):
+        if isinstance(part, Comparison | Equals):
+            sides = (part.left, part.right)
+            yield from (side.name for side in sides if isinstance(side, Ref))
+
+
+def _joined(found: list[bool | None], *, decisive: bool) -> bool | None:
+    if decisive in found:
+        return decisive
+    return None if None in found else not decisive
+
+
+def _si(value: object, values: Mapping[str, ParamValue] = MappingProxyType({})) -> float | None:
+    if isinstance(value, Ref):
+        value = values.get(value.name)
+    return float(f"{value.si:.{SIGNIFICANT_DIGITS}g}") if isinstance(value, Quantity) else None
+
+
+def _text(value: ParamValue) -> str:
+    return quantity_text(value) if isinstance(value, Quantity) else value

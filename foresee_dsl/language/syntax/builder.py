@@ -1,0 +1,205 @@
+"""From positioned nodes to the pydantic model; every validation error becomes a mistake at the field's place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import get_args
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from foresee_dsl.errors import Span
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import EXAMPLES, NOUNS
+from foresee_dsl.language.suggest import closest, unit_mend
+from foresee_dsl.language.syntax.nodes import Mistake, Node
+from foresee_dsl.language.units import Dimension
+
+_SHOWN = 40
+"""How many characters of a value a message repeats."""
+_NEEDS = re.compile(r"needs (\w+), but")
+
+
+class Builder:
+    """Builds a model from nodes, bottom up; keeps on after a mistake so that all of them are found.
+
+    Attributes:
+        spans: the place of every item and field that was built, as `Document.spans` wants it.
+        mistakes: what was wrong.
+    """
+
+    def __init__(self, *, partial: bool = False) -> None:
+        """Make a builder; `partial`: parts of the tree are missing, so say nothing of what is absent."""
+        self.spans: dict[tuple[int, str], Span] = {}
+        self.mistakes: list[Mistake] = []
+        self._partial = partial
+
+    def build(self, node: Node) -> m.Item | None:
+        """Return the node's item, or None when it (or something in it) is wrong."""
+        values: dict[str, object] = {}
+        failed: set[str] = set()
+        for name, raw in node.fields.items():
+            if isinstance(raw, Node):
+                built = self.build(raw)
+                if built is None:
+                    failed.add(name)
+                else:
+                    values[name] = built
+            elif isinstance(raw, tuple):
+                parts = [self.build(part) if isinstance(part, Node) else part for part in raw]
+                values[name] = tuple(part for part in parts if part is not None)
+                if None in parts:
+                    failed.add(name)
+            else:
+                values[name] = raw
+        return self._construct(node, values, failed)
+
+    def _construct(self, node: Node, values: dict[str, object], failed: set[str]) -> m.Item | None:
+        try:
+            item = node.kind(**values)
+        except ValidationError as error:
+            self._explain(node, error, failed)
+            return None
+        if failed:
+            return None
+        spans, own = self.spans, id(item)
+        spans[own, ""] = node.span
+        for name, span in node.places.items():
+            spans[own, name] = span
+        return item
+
+    def _explain(self, node: Node, error: ValidationError, failed: set[str]) -> None:
+        """Turn the errors of one item into mistakes, one for each field."""
+        if not node.fields:
+            return  # nested too deeply, which was said where it was seen
+        seen: set[str] = set()
+        for detail in error.errors(include_url=False):
+            field = str(detail["loc"][0]) if detail["loc"] else ""
+            index = f"{field}.{detail['loc'][1]}" if len(detail["loc"]) > 1 else field
+            place = node.places.get(index) or node.places.get(field) or node.span
+            key = index if index in node.places else field
+            if field in failed or key in seen or (self._partial and detail["type"] in ("missing", "too_short")):
+                continue
+            seen.add(key)
+            self.mistakes.append(_mistake(node, field, detail, place))
+
+
+def _mistake(node: Node, field: str, detail: ErrorDetails, place: Span) -> Mistake:
+    shown = _short(detail["input"])
+    if field == "unit":
+        return Mistake("FS005", f"unknown unit '{shown}'", unit_mend(str(detail["input"])), place)
+    text = str(detail["input"])
+    match detail["type"]:
+        case "missing":
+            found = Mistake("FS014", f"{_what(node)} needs `{field}`", f"add a `{field}`", _head(node))
+        case "literal_error":
+            found = _not_one_of(node, field, text, place)
+        case "value_error":
+            found = _wrong_dimension(detail, shown, place)
+        case "string_pattern_mismatch":
+            found = _wrong_text(node, field, text, place)
+        case "too_short":
+            found = Mistake("FS014", f"{_what(node)} needs more in `{field}`", _at_least(detail), place)
+        case "string_too_long" | "string_too_short":
+            found = Mistake("FS017", "this text is empty or too long", _length(detail), place)
+        case "greater_than_equal" | "less_than_equal" | "finite_number":
+            found = Mistake("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
+        case _:
+            found = Mistake("FS010", f"`{shown}` cannot stand here", _asked_for(node.kind, field), place)
+    return found
+
+
+def _length(detail: ErrorDetails) -> str:
+    most = detail.get("ctx", {}).get("max_length")
+    return f"use at most {most} characters" if most else "write something between the quotes"
+
+
+def _at_least(detail: ErrorDetails) -> str:
+    least = detail.get("ctx", {}).get("min_length", 1)
+    return f"give at least {least}"
+
+
+def _not_one_of(node: Node, field: str, word: str, place: Span) -> Mistake:
+    known = [k for k in _literals(node.kind.model_fields[field].annotation) if isinstance(k, str)]
+    help = f"known are {', '.join(known)}"
+    found = closest(word, known)
+    if found is not None:
+        help = f"did you mean '{found}'?"
+    noun = {"what": "rule", "preventable": "answer", "property": "property"}.get(field, field)
+    return Mistake("FS012", f"unknown {noun} '{_short(word)}'", help, place)
+
+
+def _literals(annotation: object) -> Iterable[object]:
+    """All members of the Literals in an annotation."""
+    for part in get_args(annotation):
+        if isinstance(part, str):
+            yield part
+        else:
+            yield from _literals(part)
+
+
+def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> Mistake:
+    if "whole number" in detail["msg"]:
+        return Mistake("FS010", f"`{shown}` is no whole number", "write one such as `2`", place)
+    found = _NEEDS.search(detail["msg"])
+    if found is None:
+        return Mistake("FS010", detail["msg"].removeprefix("Value error, "), "", place)
+    needed = _dimension(found[1])
+    value = detail["input"]
+    help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}`"
+    if isinstance(value, m.Quantity) and not value.unit:
+        return Mistake("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
+    is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
+    return Mistake("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
+
+
+def _dimension(word: str) -> Dimension:
+    return next((d for d in NOUNS if d == word), "count")
+
+
+def _wrong_text(node: Node, field: str, text: str, place: Span) -> Mistake:
+    if field == "pin":
+        return Mistake(
+            "FS019", f"`{_short(text)}` is no pin", "a pin is `sha256:` and twelve digits or letters a-f", place
+        )
+    if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
+        help = "models are called class.variant, such as `car.compact`"
+        return Mistake("FS011", f"`{_short(text)}` is no name of a model", help, place)
+    if not text:
+        return Mistake("FS017", f"this {field} is empty", "write something between the quotes", place)
+    plain = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_0123456789")
+    help = "names are snake_case: small letters a-z, digits and underscores, a letter first"
+    if plain and plain != text and text.isascii():
+        help += f", such as `{_short(plain)}`"
+    return Mistake("FS011", f"`{_short(text)}` is no name", help, place)
+
+
+def _asked_for(kind: type[m.Item], field: str) -> str:
+    if kind is m.Change:
+        return "write a value with its unit, or the name of a model"
+    return f"`{field}` is something else" if field else ""
+
+
+def _what(node: Node) -> str:
+    name = node.fields.get("name")
+    word = {m.VehicleModel: "model", m.When: "this trigger", m.Stage: "stage"}.get(
+        node.kind, node.kind.__name__.lower()
+    )
+    return f"{word} '{_short(name)}'" if isinstance(name, str) else word
+
+
+def _head(node: Node) -> Span:
+    """The statement up to its brace: underlining a whole block helps nobody."""
+    if node.block is None:
+        return node.span
+    return Span(node.span.line, node.span.column, node.block.line, node.block.column)
+
+
+def _short(value: object) -> str:
+    if isinstance(value, m.Quantity):
+        value = f"{value.value:f} {value.unit}".strip()
+    elif isinstance(value, m.Ref):
+        value = value.name
+    text = str(value)
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."

@@ -1,0 +1,160 @@
+"""Which comment and which blank line belongs to which statement."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from lark import Token
+
+from foresee_dsl.errors import Span
+from foresee_dsl.language.document import Comments
+from foresee_dsl.language.syntax.nodes import Key, Node
+
+_Place = tuple[int, int]
+
+HEADER: Key = ("header",)
+"""The key of the line `foresee 1`."""
+END: Key = ("end",)
+"""The key of what stands after the last brace."""
+BARE = " "
+"""How a comment without a text is kept (an empty string is a blank line)."""
+
+
+@dataclass
+class _Entry:
+    """One statement: where it is, what is inside it (in the order of the file), and the comments found so far."""
+
+    key: Key
+    start: _Place
+    end: _Place
+    block: tuple[_Place, _Place] | None = None
+    children: list[_Entry] = field(default_factory=list)
+    before: list[tuple[int, str]] = field(default_factory=list)  # line (0: no place of its own), text
+    after: str | None = None
+    at_end: list[tuple[int, str]] = field(default_factory=list)
+    after_end: str | None = None
+
+
+def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Mapping[Key, Comments]:
+    """Return the comments and blank lines of each statement that has any, by its path in the model.
+
+    Args:
+        root: the definition.
+        header: where `foresee 1` stands.
+        comments: all comment tokens, in order.
+        text: the file, newlines as `\\n`.
+    """
+    head = _Entry(HEADER, *_places(header))
+    file = _Entry(END, (0, 0), (10**9, 0), ((0, 0), (10**9, 0)), [head, _entry((), root.span, root)])
+    lines = text.split("\n")
+    for comment in comments:
+        line, column = comment.line or 1, comment.column or 1
+        own_line = not lines[line - 1][: column - 1].strip()
+        _place(file, (line, column), _text(comment), own_line)
+    found: dict[Key, Comments] = {}
+    _collect(file, found)
+    at_end = found.pop(END, None)
+    if at_end is not None and at_end.at_end:
+        texts = at_end.at_end
+        found[END] = Comments(before=texts[1:] if not texts[0] else texts)
+    return found
+
+
+def _text(comment: Token) -> str:
+    text = str(comment)[1:].rstrip()
+    return text.removeprefix(" ") or BARE
+
+
+def _places(span: Span) -> tuple[_Place, _Place]:
+    return (span.line, span.column), (span.end_line, span.end_column)
+
+
+def _entry(key: Key, span: Span, node: Node | None) -> _Entry:
+    block = _places(node.block) if node is not None and node.block is not None else None
+    entry = _Entry(key, *_places(span), block)
+    if node is not None:
+        entry.children = sorted((_entry((*key, *inner), at, child) for inner, at, child in node.lines), key=_start)
+    return entry
+
+
+def _start(entry: _Entry) -> _Place:
+    return entry.start
+
+
+def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
+    """Give one comment to the statement that it belongs to."""
+    k = bisect_left(container.children, at, key=_start)
+    last = container.children[k - 1] if k else None
+    if last is not None and last.block is not None and last.block[0] <= at < last.block[1]:
+        return _place(last, at, text, own_line)
+    if last is not None and at < last.end:
+        _inside(last, at, text)
+    elif own_line:
+        following = container.children[k] if k < len(container.children) else None
+        (following.before if following is not None else container.at_end).append((at[0], text))
+    elif last is None or last.end[0] < at[0]:
+        _behind(container, text)
+    elif last.block is None or last.start[0] == last.end[0]:
+        _behind(last, text)
+    else:
+        last.after_end = text
+    return None
+
+
+def _inside(leaf: _Entry, at: _Place, text: str) -> None:
+    """A comment inside a list that goes over several lines."""
+    if leaf.after is None and leaf.start[0] == at[0]:
+        leaf.after = text
+    else:
+        leaf.before.append((0, text))
+
+
+def _behind(entry: _Entry, text: str) -> None:
+    if entry.after is None:
+        entry.after = text
+    else:
+        entry.before.append((0, text))
+
+
+def _collect(container: _Entry, found: dict[Key, Comments]) -> None:
+    previous = container.block[0][0] if container.block is not None else container.start[0]
+    for child in container.children:
+        before, blank = _with_gaps(child.before, previous, child.start[0])
+        _collect(child, found)  # first, because it finds the comments at the child's end
+        inner = found.get(child.key)
+        found[child.key] = Comments(
+            before=before,
+            blank_before=blank,
+            after=child.after,
+            at_end=inner.at_end if inner is not None else (),
+            after_end=child.after_end,
+        )
+        if found[child.key] == Comments():
+            del found[child.key]
+        previous = child.end[0]
+    if container.at_end:
+        texts, blank = _with_gaps(container.at_end, previous, None)
+        leading = ("",) if blank and container.children else ()
+        found[container.key] = Comments(at_end=leading + texts)
+
+
+def _with_gaps(
+    comments: Sequence[tuple[int, str]], previous: int, following: int | None
+) -> tuple[tuple[str, ...], bool]:
+    """Return comment texts with an empty string for each gap, and whether a gap stands before the first."""
+    texts: list[str] = []
+    blank = False
+    placed = [(line, text) for line, text in comments if line]
+    for line, text in (*placed, *([(following, None)] if following is not None else [])):
+        if line > previous + 1:
+            if texts:
+                texts.append("")
+            else:
+                blank = True
+        if text is not None:
+            texts.append(text)
+        previous = max(previous, line)
+    texts += [text for line, text in comments if not line]  # from inside the statement: right above it
+    return tuple(texts), blank

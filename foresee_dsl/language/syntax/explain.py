@@ -1,0 +1,344 @@
+"""What to say about a statement that the grammar refuses: spelling first, then what was expected, in people's words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
+from lark.lexer import PatternStr
+
+from foresee_dsl.language.codes import ACTION_USAGE, EXAMPLES, NOUNS, USAGE
+from foresee_dsl.language.suggest import closest
+from foresee_dsl.language.syntax.grammar import STARTS, statement_parser
+from foresee_dsl.language.units import UNITS, Dimension
+
+_WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
+_UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
+_LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
+_WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
+_SHOWN = 40
+_END = "the end of the statement"
+_STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
+
+PLACES = MappingProxyType(
+    {
+        "scenario_item": "a scenario",
+        "extension_item": "a scenario that extends another",
+        "clip_item": "a clip",
+        "mutant_item": "a mutant",
+        "network_item": "a network",
+        "models_item": "a catalogue of models",
+        "actor_item": "an actor's block",
+        "action": "a trigger's block",
+        "assignment": "a case",
+        "traffic_item": "traffic",
+        "junction_item": "a junction",
+        "road_item": "a road",
+        "model_item": "a model",
+        "origin_item": "an origin block",
+        "header": "the first line",
+        "definition": "a file",
+    }
+)
+"""What a block is called, by the rule of its statements."""
+
+_ABOUT_HERE = (
+    (re.compile(r"\bin\s+$"), "ego in junction j4"),
+    (re.compile(r"^expect\s+\w+\s+$"), "expect safe: never collision(ego)"),
+    (re.compile(r"^when\s+(once\s+|every\s+|next\s+)?\w+\s+$"), "when late: ego.eta(j4) < 4 s { runner stops }"),
+)
+"""What stands before the place, and how what it began is written."""
+
+_DIMENSIONS: MappingProxyType[str, Dimension] = MappingProxyType(
+    {
+        "after": "time",
+        "before": "time",
+        "elapsed": "time",
+        "for": "time",
+        "over": "time",
+        "delay": "time",
+        "window": "time",
+        "from": "time",
+        "speed": "speed",
+        "max_speed": "speed",
+        "to": "speed",
+        "heading": "angle",
+        "steer": "angle",
+        "max_steer": "angle",
+        "steer_rate": "angular_rate",
+        "acceleration": "acceleration",
+        "braking": "acceleration",
+        "emergency_braking": "acceleration",
+        "mass": "mass",
+        "offset": "length",
+        "moving": "length",
+        "fidelity": "length",
+        "lane_width": "length",
+        "sidewalk": "length",
+        "median": "length",
+        "length": "length",
+        "width": "length",
+        "wheelbase": "length",
+        "front_overhang": "length",
+        "within": "length",
+        "(": "length",
+        "lanes": "count",
+        "back": "count",
+        "count": "count",
+        "seed": "count",
+        "timing": "ratio",
+        "steers": "ratio",
+        "rain": "ratio",
+        "fog": "ratio",
+        "wetness": "ratio",
+        "sun": "ratio",
+    }
+)
+"""What kind of value follows a word; only for messages, the model decides."""
+
+
+_OFTEN = (
+    (
+        re.compile(
+            r"expect\s+(?:[^\W\d]\w*\s*:\s*)?(?P<place>(?!never|always|eventually)[a-z][\w.]*)\s*(?P<rest>[(.<>].*)$"
+        ),
+        "an expectation begins with `never`, `always` or `eventually`",
+        r"write `expect never \g<place>\g<rest>`, or how it is to hold",
+    ),
+    (
+        re.compile(r"expect\s+.*?(?P<place>within)\s+(?P<rest>[a-z]\w*\(.*)$"),
+        "`within` needs a time",
+        r"write `within 60 s \g<rest>`, for example",
+    ),
+)
+"""Mistakes that are often made and that the grammar notices only later: what it looks like, and what to say."""
+
+
+class Refusal:
+    """One statement that the grammar refused, and what to say about it.
+
+    Attributes:
+        start, end: the place inside the statement's text.
+    """
+
+    def __init__(self, error: UnexpectedInput, text: str, rule: str) -> None:
+        """Look at an error.
+
+        Args:
+            error: what Lark raised.
+            text: the statement; braces are already empty.
+            rule: what it was to be (`actor_item`).
+        """
+        self._text = text
+        self._rule = rule
+        self._accepted = _accepted(error)
+        self._meant = ""
+        at_end = isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END")
+        where = None if at_end else error.pos_in_stream
+        self.start = len(text) if where is None else where
+        found = _WORD.match(text, self.start)
+        self.word = found[0] if found else ""
+        self.end = self.start + max(1, len(self.word))
+        self.code, self.message, self.help = self._explain(error)
+
+    def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
+        words, _ = self._literals()
+        for pattern, message, help_ in _OFTEN:
+            found = pattern.match(self._text)
+            if found is not None and self._rule in ("scenario_item", "action"):
+                self.start, self.end = found.span("place")
+                return "FS003", message, found.expand(help_)
+        shown = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
+        if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
+            return "FS015", "this text is not closed", 'end it with `"` on the same line'
+        unit = _UNIT_BEFORE.search(self._text, 0, self.start)
+        if unit is not None and unit[1] not in UNITS and unit[1] not in _keywords():
+            return self._unknown_unit(unit, words)
+        if self.start == 0:
+            return self._unknown_statement(words, shown)
+        return self._unexpected(error, words, shown)
+
+    def _unexpected(self, error: UnexpectedInput, words: Collection[str], shown: str) -> tuple[str, str, str]:
+        usage = self._usage()
+        if self._is_word() and (found := closest(self.word, words)) is not None and found != self.word:
+            return "FS004", f"unknown word '{shown}'", f"did you mean '{found}'?"
+        if isinstance(error, UnexpectedCharacters) and not self._is_word():
+            return self._stray(shown, usage)
+        if self._misspelt_before(error):
+            return "FS004", f"unknown word '{self.word}'", f"did you mean '{self._meant}'?"
+        return self._out_of_place(words, shown, usage)
+
+    def _out_of_place(self, words: Collection[str], shown: str, usage: str) -> tuple[str, str, str]:
+        if not self.word:
+            return "FS003", f"the statement stops too early: expected {self._expected()}", usage
+        if self._rule == "action" and self._is_word() and "starts" in words:
+            return "FS004", f"unknown action '{shown}'", f"an actor can do one of: {', '.join(sorted(words))}"
+        if self._expected() == _END and not usage:
+            return "FS003", f"unexpected `{shown}`: expected {_END}", "begin a new line, or write `;` between them"
+        return "FS003", f"unexpected `{shown}`: expected {self._expected()}", usage
+
+    def _misspelt_before(self, error: UnexpectedInput) -> bool:
+        """Whether the word before was taken for a name but meant as a keyword: `expect nevr collision(ego)`."""
+        before = _WORD_BEFORE.search(self._text, 0, self.start)
+        if before is None or isinstance(error, UnexpectedEOF):
+            return False
+        if before.start() == 0 and (self._rule != "action" or (self._is_word() and self.word != "when")):
+            return False  # the name of an actor, most likely
+        state: Any = statement_parser().parse_interactive(self._text[: before.start()], start=self._rule)
+        try:
+            state.exhaust_lexer()
+        except UnexpectedInput:
+            return False
+        words = [word for name in sorted(state.accepts()) if (word := _terminal(name)) and word[0].isalpha()]
+        meant = closest(before[1], words)
+        if meant is None or before[1] in words:
+            return False
+        self.word, self._meant = before[1], meant
+        self.start, self.end = before.span(1)
+        return True
+
+    def _unknown_unit(self, unit: re.Match[str], words: Collection[str]) -> tuple[str, str, str]:
+        """`start at 20 alng west`: the word after a number was taken for a unit."""
+        self.start, self.end = unit.span(1)
+        found = closest(unit[1], [*UNITS, *words])
+        if found is not None and found not in UNITS:
+            return "FS004", f"unknown word '{unit[1]}'", f"did you mean '{found}'?"
+        return "FS005", f"unknown unit '{unit[1]}'", f"did you mean '{found}'?" if found else self._usage()
+
+    def _unknown_statement(self, words: Collection[str], shown: str) -> tuple[str, str, str]:
+        place = PLACES.get(self._rule, "a file")
+        homes = _homes().get(self.word, ())
+        if homes and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in homes:
+            help = f"put `add` or `change` in front of it: `add {self.word} ...`"
+            return "FS008", f"'{shown}' cannot stand alone in {place}", help
+        if homes and self.word not in words:
+            return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {' or '.join(homes)}"
+        found = closest(self.word, words) if self._is_word() else None
+        if found is not None:
+            return "FS004", f"unknown statement '{shown}'", f"did you mean '{found}'?"
+        if self._is_word() and words:
+            return "FS004", f"unknown statement '{shown}'", f"in {place} you can write: {', '.join(sorted(words))}"
+        return "FS003", f"unexpected `{shown}` in {place}", self._usage()
+
+    def _stray(self, shown: str, usage: str) -> tuple[str, str, str]:
+        if self.word == "'":
+            return "FS015", "unexpected `'`", 'texts stand in double quotes: `"like this"`'
+        if self._text.startswith("->", self.start):
+            return "FS015", "unexpected `->`", "did you mean `=>`?"
+        if self.word == "-":
+            return "FS015", "unexpected `-`", "names are written with underscores: `red_light`"
+        if self.word.isprintable():
+            return "FS015", f"unexpected character `{shown}`: expected {self._expected()}", usage
+        return "FS015", f"unexpected character U+{ord(self.word[0]):04X}", "remove it"
+
+    def _is_word(self) -> bool:
+        return bool(self.word) and (self.word[0].isalpha() or self.word[0] == "_")
+
+    def _usage(self) -> str:
+        example = self._example()
+        return f"write it like `{example}`" if example else ""
+
+    def _example(self) -> str:
+        """How what is at fault is written."""
+        first = re.match(r"[^\W\d]\w*", self._text)
+        word = first[0] if first is not None else ""
+        found = next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), "")
+        if self._rule == "traffic_item" and word == "models":
+            found = "models [car.compact, van.delivery]"
+        elif self._rule in ("scenario_item", "clip_item") and re.search(r":\s*[\w.]+\s+at\b", self._text):
+            found = _STATE_USAGE
+        elif not found and self._rule == "action" and word not in ("wait", "then"):
+            found = ACTION_USAGE
+        elif not found:
+            found = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else "")
+        return found
+
+    def _literals(self) -> tuple[list[str], list[str]]:
+        """The words and the signs that were expected, in a fixed order."""
+        texts = []
+        for name in sorted(self._accepted):
+            pattern = _terminal(name)
+            if pattern is not None:
+                texts.append(pattern)
+        words = [text for text in texts if text[0].isalpha()]
+        return words, [text for text in texts if not text[0].isalpha()]
+
+    def _expected(self) -> str:
+        """What was expected, in people's words, most telling first."""
+        accepted = self._accepted
+        words, signs = self._literals()
+        parts: list[str] = []
+        if "NUMBER" in accepted:
+            parts.append(self._value())
+        elif "DOTTED" in accepted:
+            parts.append("a model such as `car.compact`" if "route" not in self._text else "`ego.route`")
+        elif "NAME" in accepted:
+            parts.append("a name")
+        if "STRING" in accepted and "NAME" not in accepted:
+            parts.append("a text in double quotes")
+        if "PIN" in accepted:
+            parts.append("a pin such as `sha256:5ef2c6120a41`")
+        if "COMPARE" in accepted:
+            parts += ["`<`", "`<=`", "`>`", "`>=`"]
+        if "ttc" in words:
+            return "a condition such as `ego.speed < 3 m/s`"
+        parts += [f"`{word}`" for word in words]
+        parts += [f"`{sign}`" for sign in signs if sign not in "{};" and not (sign == "(" and "NUMBER" in accepted)]
+        if not parts and accepted & {"$END", "_NEWLINE", "SEMICOLON", "RBRACE"}:
+            return _END
+        if not parts:
+            return "`{`" if "LBRACE" in accepted else "something else"
+        return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} or {parts[-1]}"
+
+    def _value(self) -> str:
+        if "LPAR" in self._accepted:
+            return "a place such as `20 m along ego.route`"
+        before = _LAST_WORD.search(self._text, 0, self.start)
+        dimension = _DIMENSIONS.get(before[1]) if before is not None else None
+        if before is not None and before[1] == "," and "(" in self._text:
+            dimension = "length"
+        return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`" if dimension else "a value such as `2.5 s`"
+
+
+def _accepted(error: UnexpectedInput) -> set[str]:
+    """The names of the terminals that could have stood at the place."""
+    state = getattr(error, "interactive_parser", None)
+    if state is not None:
+        return set(state.accepts())
+    return set(getattr(error, "expected", None) or getattr(error, "allowed", None) or ())
+
+
+@cache
+def _keywords() -> frozenset[str]:
+    """Every fixed word of the grammar."""
+    names = [terminal.name for terminal in statement_parser().terminals]
+    return frozenset(word for name in names if (word := _terminal(name)) is not None and word[0].isalpha())
+
+
+@cache
+def _homes() -> Mapping[str, tuple[str, ...]]:
+    """Where the first word of a statement may stand, read off the grammar."""
+    found: dict[str, list[str]] = {}
+    for rule, place in PLACES.items():
+        if rule not in STARTS:
+            continue
+        state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
+        for name in sorted(state.accepts()):
+            word = _terminal(name)
+            if word is not None and word[0].isalpha():
+                found.setdefault(word, []).append(place)
+    return {word: tuple(places) for word, places in found.items()}
+
+
+def _terminal(name: str) -> str | None:
+    """The text of a terminal that is a fixed word or sign."""
+    if name == "$END":
+        return None
+    pattern = statement_parser().get_terminal(name).pattern
+    if name == "MEASURE_TIME":
+        return "time"
+    return pattern.value if isinstance(pattern, PatternStr) else None

@@ -1,0 +1,135 @@
+"""The mistakes of names and values in a file that also has mistakes of its grammar: those that are certain.
+
+Only statements that were read whole are looked at. What is absent may be in one that was not, so nothing is said of
+it; and a name is unknown only if no statement that was not read holds that word.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.document import Document
+from foresee_dsl.language.model import Catalogue, Clip, Extension, Mutant, Network, Scenario
+from foresee_dsl.language.suggest import closest
+from foresee_dsl.language.syntax.builder import Builder
+from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
+
+_WHOLE_FILE = ("FS007", "FS008", "FS009")
+"""After these it is not clear what belongs to what."""
+_OF_NAMES = ("FS031", "FS037", "FS040", "FS041")
+_OF_WHAT_IS_THERE = (
+    *("FS010", "FS012", "FS013", "FS030", "FS032", "FS033", "FS034"),
+    *("FS038", "FS039", "FS043", "FS046", "FS047", "FS049", "FS050"),
+)
+"""Mistakes that more statements could not mend."""
+_TAKEN = "FS049"
+_USES = 2
+_QUOTED = re.compile(r"'([^']+)'")
+
+
+def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str, path: str) -> tuple[Diagnostic, ...]:
+    """Add the mistakes that are certain to those that the text alone shows; in the order of their places.
+
+    Args:
+        found: what is known to be wrong.
+        nodes: the definitions, without the statements that could not be parsed.
+        text, path: the file.
+    """
+    if len(nodes) != 1 or len(found) >= MOST or any(d.code in _WHOLE_FILE for d in found):
+        return found
+    lines = Lines(text)
+    statements = list(_flat(scan(text, lines)[0]))
+    broken = [_around(d, statements, lines) for d in found]
+    unread = frozenset(word for raw in broken if raw is not None for word in _definable(raw, text))
+    node = _whole(nodes[0])
+    builder = Builder(partial=True)
+    model = builder.build(node) if node is not None else None
+    if None in broken or not isinstance(model, Scenario | Extension | Clip | Mutant | Network | Catalogue):
+        return found
+    more = [
+        certain
+        for d in check_document(Document(path, text, model, builder.spans))
+        if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
+    ]
+    found = _without_uses(found, {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))})
+    first = Span(0, 0, 0, 0)
+    return tuple(sorted((*found, *more), key=lambda d: ((d.span or first).line, (d.span or first).column)))
+
+
+def _without_uses(found: tuple[Diagnostic, ...], taken: set[str]) -> tuple[Diagnostic, ...]:
+    """Leave out the mistakes at or right behind names that are words of the language: they go with the name."""
+    return tuple(d for d in found if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
+
+
+def _is_at(found: Diagnostic, name: str) -> bool:
+    if found.span is None:
+        return False
+    at = found.span.column - 1
+    before, here = found.source_line[:at], found.source_line[at:]
+    return re.search(rf"\b{name}\s*$", before) is not None or re.match(rf"{name}\b", here) is not None
+
+
+def _certain(found: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
+    if found.code in _OF_WHAT_IS_THERE:
+        return found
+    name = _QUOTED.search(found.message)
+    if found.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
+        return None
+    meant = closest(name[1], sorted(unread)) if "did you mean" not in found.help else None
+    return replace(found, help=f"did you mean '{meant}'?") if meant is not None else found
+
+
+def _whole(node: Node) -> Node | None:
+    """Return a node without the statements in its blocks that cannot be built; None if it cannot be built itself."""
+    if Builder(partial=True).build(node) is not None:
+        return node
+    blocks = {key[0] for key, _, inner in node.lines if inner is not None and len(key) == 2}
+    fields = dict(node.fields)
+    for name in blocks:
+        parts = fields.get(str(name))
+        if isinstance(parts, tuple):
+            fields[str(name)] = tuple(w for part in parts if isinstance(part, Node) and (w := _whole(part)) is not None)
+    trimmed = replace(node, fields=fields)
+    return trimmed if Builder(partial=True).build(trimmed) is not None else None
+
+
+def _around(found: Diagnostic, statements: Sequence[Raw], lines: Lines) -> Raw | None:
+    """Return the innermost statement that a mistake is in; None when it is in none."""
+    if found.span is None:
+        return None
+    at = lines.offset(found.span.line, found.span.column)
+    return max((raw for raw in statements if raw.start <= at <= _end(raw)), key=lambda raw: raw.start, default=None)
+
+
+def _definable(raw: Raw, text: str) -> Iterator[str]:
+    """The words that a statement that was not read could define: its first ones, and those of the longer ones in it.
+
+    A name stands behind a keyword, or behind two (`add vehicle runner: ...`); in a block it takes three words to define
+    something (`param gap: time`), and two to use it (`speed gap`).
+    """
+    yield from _first_words(raw, text)
+    for inner in _flat(raw.block or ()):
+        words = _first_words(inner, text)
+        if len(words) > _USES:
+            yield from words
+
+
+def _first_words(raw: Raw, text: str) -> list[str]:
+    return re.findall(r"[^\W\d]\w*", text[raw.start : raw.end].lower())[:3]
+
+
+def _flat(found: Iterable[Raw]) -> Iterator[Raw]:
+    waiting = [*found][::-1]  # no recursion: braces may be nested by the thousand
+    while waiting:
+        raw = waiting.pop()
+        yield raw
+        waiting += (raw.block or [])[::-1]
+
+
+def _end(raw: Raw) -> int:
+    return raw.close if raw.block is not None else raw.end

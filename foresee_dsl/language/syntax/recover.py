@@ -1,0 +1,216 @@
+"""Finds the further mistakes of a file that the grammar refused: every statement is parsed on its own.
+
+Only files with a mistake come here; a good file is parsed once, as a whole.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from types import MappingProxyType
+
+from lark import Token, Tree
+from lark.exceptions import UnexpectedInput
+
+from foresee_dsl.errors import Span
+from foresee_dsl.language.codes import USAGE
+from foresee_dsl.language.keywords import TAKEN
+from foresee_dsl.language.suggest import closest
+from foresee_dsl.language.syntax.explain import PLACES, Refusal
+from foresee_dsl.language.syntax.grammar import parse_tree
+from foresee_dsl.language.syntax.nodes import MAX_DEPTH, Mistake
+from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
+
+_Tree = Tree[Token]
+_EXTENDS = re.compile(r"\bextends\b")
+_LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
+_NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remove the braces"
+
+_DEFINITIONS = ("scenario", "clip", "mutant", "network", "models")
+_ACTORS = ("ego", "vehicle", "bicycle", "pedestrian", "obstacle")
+_HOLDERS = ("add", "change")
+"""Words in front of a whole statement, in a scenario that extends another."""
+_BLOCKS = MappingProxyType(
+    {word: f"{word}_item" for word in (*_DEFINITIONS, "traffic", "junction", "road", "model", "origin")}
+    | dict.fromkeys(_ACTORS, "actor_item")
+    | {"when": "action", "then": "action", "case": "assignment"}
+)
+"""The rule of the statements inside the braces of a statement, by its first word."""
+
+
+def recover(text: str) -> tuple[_Tree, list[Mistake]]:
+    """Return a tree of the statements that are well-formed, and what is wrong with the others."""
+    return _Recovery(text).run()
+
+
+class _Recovery:
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._lines = Lines(text)
+        self._mistakes: list[Mistake] = []
+        self._depth = 0
+
+    def run(self) -> tuple[_Tree, list[Mistake]]:
+        statements, self._mistakes = scan(self._text, self._lines)
+        broken_braces = bool(self._mistakes)
+        trees: list[Token | _Tree] = []
+        definitions = statements
+        if statements and self._first_word(statements[0]) == "foresee":
+            tree = self._parse(statements[0], "header")
+            trees += [tree] if tree is not None else []
+            definitions = statements[1:]
+        elif statements:
+            self._header_missing(statements[0])
+            near = closest(self._first_word(statements[0]), ("foresee", *_DEFINITIONS))
+            definitions = statements[1:] if near == "foresee" else statements
+        if not definitions and not self._mistakes:
+            place = self._lines.span(len(self._text), len(self._text) + 1)
+            self._mistakes.append(Mistake("FS014", "this file defines nothing", _one_of_the_definitions(), place))
+        for k, raw in enumerate(definitions):
+            if k > 0 and broken_braces:
+                break  # what follows a brace too many belongs to the first definition
+            tree = self._definition(raw, is_first=k == 0)
+            trees += [tree] if tree is not None else []
+        return Tree("file", trees), self._mistakes
+
+    def _header_missing(self, first: Raw) -> None:
+        place = self._span(first)
+        help = "write `foresee 1`, the version of the language, on the first line"
+        self._mistakes.append(Mistake("FS009", "the first line must be `foresee 1`", help, place))
+
+    def _definition(self, raw: Raw, *, is_first: bool) -> _Tree | None:
+        word = self._first_word(raw)
+        if len(self._mistakes) >= MOST:
+            return None
+        if not word:
+            place = self._lines.span(raw.open, raw.open + 1)
+            self._mistakes.append(Mistake("FS003", "a block without a statement in front of it", _NO_HEAD, place))
+            return None
+        meant = word if word in _DEFINITIONS else closest(word, _DEFINITIONS)
+        if not is_first:
+            message = f"a second definition, `{word[:40]}`, in one file"
+            if word in _DEFINITIONS:
+                self._mistakes.append(Mistake("FS008", message, "give it a file of its own", self._span(raw)))
+            else:
+                self._mistakes.append(
+                    Mistake("FS008", f"`{word[:40]}` stands outside the braces", "move it inside", self._span(raw))
+                )
+            return None
+        if meant is None:
+            what = f"`{word[:40]}` cannot be what a file defines"
+            self._mistakes.append(Mistake("FS004", what, _one_of_the_definitions(), self._span(raw)))
+            return None
+        if word != meant:
+            self._misspelt(raw, word, meant)
+            return None
+        extends = meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end)
+        return self._statement(raw, "extension", "extension_item") if extends else self._statement(raw, meant)
+
+    def _misspelt(self, raw: Raw, word: str, meant: str) -> None:
+        at = self._lines.span(raw.start, raw.start + len(word))
+        self._mistakes.append(Mistake("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
+        self._block(raw, f"{meant}_item")
+
+    def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
+        """Parse one statement; its block's statements (of the rule `inner`) one by one."""
+        if len(self._mistakes) >= MOST:
+            return None
+        inner = inner or self._inner(raw, rule)
+        tree = self._parse(raw, rule)
+        children = self._block(raw, inner) if raw.block is not None and inner is not None else []
+        if tree is None:
+            return None
+        holder = tree
+        if tree.data in ("add", "replace"):
+            holder = next(c for c in tree.children if isinstance(c, Tree))
+        block = next((c for c in holder.children if isinstance(c, Tree) and c.data == "block"), None)
+        if block is not None:
+            block.children = list(children)
+            block.meta.line, block.meta.column = self._lines.place(raw.open)
+            block.meta.end_line, block.meta.end_column = self._lines.place(raw.close)
+            for at in (tree.meta, holder.meta):
+                at.end_line, at.end_column = block.meta.end_line, block.meta.end_column
+        return tree
+
+    def _inner(self, raw: Raw, rule: str) -> str | None:
+        """Return the rule of the statements in a statement's braces, by its first word."""
+        word = self._first_word(raw)
+        if rule == "extension_item" and word in _HOLDERS:
+            word = self._word(raw, 1)
+        if rule == "action" and word != "then":
+            return None
+        near = closest(word, _BLOCKS) if word not in _BLOCKS and raw.block is not None else word
+        return _BLOCKS.get(near or "")
+
+    def _block(self, raw: Raw, rule: str) -> list[_Tree]:
+        if self._depth > MAX_DEPTH:
+            message = "this is nested too deeply"
+            self._mistakes.append(Mistake("FS018", message, "split it into several statements", self._span(raw)))
+            return []
+        self._depth += 1
+        trees = [self._statement(inner, rule) for inner in raw.block or ()]
+        self._depth -= 1
+        return [tree for tree in trees if tree is not None]
+
+    def _parse(self, raw: Raw, rule: str) -> _Tree | None:
+        """Parse the head of a statement, with empty braces if it has any."""
+        head = self._text[raw.start : raw.end]
+        try:
+            tree, _ = parse_tree(head + " {}" if raw.block is not None else head, rule)
+        except UnexpectedInput as error:
+            self._mistakes.append(self._explained(error, raw, head, rule))
+            return None
+        line, column = self._lines.place(raw.start)
+        _shift(tree, line - 1, column - 1)
+        return tree
+
+    def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> Mistake:
+        label = _LABEL.match(head)
+        if label is not None and label[1] in TAKEN:
+            place = self._lines.span(raw.start + label.start(1), raw.start + label.end(1))
+            return Mistake("FS049", f"'{label[1]}' is a word of the language", "give it another label", place)
+        refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
+        if refusal.start >= len(head) and raw.block is not None:
+            return self._at_brace(refusal, raw, rule)
+        place = self._lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
+        return Mistake(refusal.code, refusal.message, refusal.help, place)
+
+    def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> Mistake:
+        place = self._lines.span(raw.open, raw.open + 1)
+        word = self._first_word(raw)
+        if raw.start == raw.end:
+            return Mistake("FS003", "a block without a statement in front of it", _NO_HEAD, place)
+        if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
+            return Mistake("FS003", f"`{word}` has no block", f"write it like `{USAGE[word]}`", place)
+        return Mistake(refusal.code, refusal.message, refusal.help, place)
+
+    def _first_word(self, raw: Raw) -> str:
+        return self._word(raw, 0)
+
+    def _word(self, raw: Raw, index: int) -> str:
+        words = self._text[raw.start : raw.end].split(maxsplit=index + 1)
+        return words[index].rstrip(":") if index < len(words) else ""
+
+    def _span(self, raw: Raw) -> Span:
+        return self._lines.span(raw.start, max(raw.end, raw.start + 1))
+
+
+def _one_of_the_definitions() -> str:
+    return f"a file holds one of: {', '.join(_DEFINITIONS)}"
+
+
+def _shift(tree: _Tree, lines: int, columns: int) -> None:
+    """Move a tree from the beginning of a text to where its statement stands."""
+    for subtree in tree.iter_subtrees():
+        metas: Sequence[object] = (subtree.meta, *(c for c in subtree.children if isinstance(c, Token)))
+        for at in metas:
+            _shift_one(at, lines, columns)
+
+
+def _shift_one(at: object, lines: int, columns: int) -> None:
+    if getattr(at, "line", None) is None:
+        return
+    for line, column in (("line", "column"), ("end_line", "end_column")):
+        if getattr(at, line) == 1:
+            setattr(at, column, getattr(at, column) + columns)
+        setattr(at, line, getattr(at, line) + lines)

@@ -1,0 +1,195 @@
+"""Cuts a broken file into statements by its braces and lines, so that each can be looked at on its own."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from dataclasses import dataclass, field
+
+from foresee_dsl.errors import Span
+from foresee_dsl.language.syntax.nodes import Mistake
+
+_PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
+_LIST_REACH = 2000
+"""How far the end of a list that goes over several lines is looked for (ours: some thirty points)."""
+MOST = 100
+"""After this many mistakes the search stops (ours: nobody reads more, and a broken file must not cost minutes)."""
+_SHOWN = 3
+"""So many blocks that are not closed are reported one by one (ours: one brace too few can leave all open)."""
+_PLAUSIBLE = 3
+"""More missing braces than this by indentation mean that the file is just not indented (ours)."""
+
+
+@dataclass(slots=True)
+class Raw:
+    """A statement as text: offsets of its head, and what its braces hold (None: no braces)."""
+
+    start: int
+    end: int
+    block: list[Raw] | None = None
+    open: int = -1
+    close: int = -1
+
+
+class Lines:
+    """Turns offsets into lines and columns."""
+
+    def __init__(self, text: str) -> None:
+        self._starts = [0, *(m.end() for m in re.finditer(r"\n", text))]
+        self._length = len(text)
+
+    def place(self, offset: int) -> tuple[int, int]:
+        """Return the 1-based line and column of an offset."""
+        offset = min(max(offset, 0), self._length)
+        line = bisect_right(self._starts, offset)
+        return line, offset - self._starts[line - 1] + 1
+
+    def offset(self, line: int, column: int) -> int:
+        """Return the offset of a 1-based line and column."""
+        return min(self._starts[min(line, len(self._starts)) - 1] + column - 1, self._length)
+
+    def span(self, start: int, end: int) -> Span:
+        """Return the span between two offsets."""
+        return Span(*self.place(start), *self.place(end))
+
+
+@dataclass(slots=True)
+class _Frame:
+    """An open block: its statement, how far that is indented, and the statements found so far."""
+
+    raw: Raw
+    indent: int
+    found: list[Raw] = field(default_factory=list)
+
+
+def scan(text: str, lines: Lines) -> tuple[list[Raw], list[Mistake]]:
+    """Return the statements of a file, and what is wrong with its braces.
+
+    Where braces do not balance, the indentation tells which block was meant to end where.
+    """
+    scanner = _Scanner(text, lines, trust_indentation=False)
+    found = scanner.run()
+    if scanner.balanced:
+        return found, scanner.mistakes
+    repaired = _Scanner(text, lines, trust_indentation=True)
+    found_again = repaired.run()
+    if 0 < repaired.wrong <= max(_PLAUSIBLE, scanner.wrong):
+        return found_again, repaired.mistakes
+    return found, scanner.mistakes  # the file is not indented
+
+
+class _Scanner:
+    def __init__(self, text: str, lines: Lines, *, trust_indentation: bool) -> None:
+        self.mistakes: list[Mistake] = []
+        self.balanced = True
+        self._text = text
+        self._lines = lines
+        self._trusting = trust_indentation
+        self._open_blocks: list[Mistake] = []
+        self._stack = [_Frame(Raw(0, 0), -1)]  # the file itself
+        self._current: Raw | None = None
+        self._after_brace = False
+        self._in_list = False
+        self._line_start, self._first_on_line = 0, -1
+
+    @property
+    def wrong(self) -> int:
+        """How many mistakes there are, those that are not reported too."""
+        return len(self.mistakes) + max(len(self._open_blocks) - _SHOWN - 1, 0)
+
+    def run(self) -> list[Raw]:
+        for piece in _PIECE.finditer(self._text):
+            self._take(piece[0], piece.start())
+        while len(self._stack) > 1:
+            self._unclosed(len(self._text))
+        self._few_of_the_unclosed()
+        return self._stack[0].found
+
+    def _take(self, piece: str, at: int) -> None:
+        if piece[0] == "#":
+            return
+        if piece == "\n":
+            self._line_start, self._first_on_line = at + 1, -1
+        elif self._first_on_line < 0:
+            self._first_on_line = at
+        if piece == "\n":
+            if not (self._in_list and self._list_goes_on(at)):
+                self._end()
+        elif piece == ";":
+            self._end()
+        elif piece == "{":
+            self._open(at)
+        elif piece == "}":
+            self._close(at)
+        else:
+            if piece in "[]":
+                self._in_list = piece == "["
+            self._word(at, at + len(piece))
+
+    def _end(self) -> None:
+        self._current, self._after_brace, self._in_list = None, False, False
+
+    def _list_goes_on(self, at: int) -> bool:
+        ahead = re.compile(r"[\]{};]").search(self._text, at, at + _LIST_REACH)
+        return ahead is not None and ahead[0] == "]"
+
+    def _word(self, start: int, end: int) -> Raw:
+        if self._current is None:
+            indent = self._indent(start)
+            while self._trusting and indent is not None and len(self._stack) > 1 and indent <= self._stack[-1].indent:
+                self._unclosed(start)
+            if self._after_brace and len(self.mistakes) < MOST:
+                place = self._lines.span(start, end)
+                self.mistakes.append(
+                    Mistake("FS003", "two statements on one line", "begin a new line, or write `;` between them", place)
+                )
+                self._after_brace = False
+            self._current = Raw(start, end)
+            self._stack[-1].found.append(self._current)
+        self._current.end = end
+        return self._current
+
+    def _open(self, at: int) -> None:
+        raw = self._current or self._word(at, at)
+        raw.block, raw.open = [], at
+        self._stack.append(_Frame(raw, self._first_on_line - self._line_start, raw.block))
+        self._end()
+
+    def _close(self, at: int) -> None:
+        indent = self._indent(at)
+        while self._trusting and indent is not None and len(self._stack) > 2 and indent < self._stack[-1].indent:
+            self._unclosed(at)
+        self._end()
+        if len(self._stack) == 1 or (self._trusting and indent is not None and indent > self._stack[-1].indent):
+            self.balanced = False
+            if not any(mistake.code == "FS007" for mistake in self.mistakes):
+                place = self._lines.span(at, at + 1)
+                self.mistakes.append(Mistake("FS007", "this `}` closes nothing", "remove it, or add the `{`", place))
+            return
+        self._stack.pop().raw.close = at + 1
+        self._after_brace = True
+
+    def _unclosed(self, at: int) -> None:
+        raw = self._stack.pop().raw
+        raw.close = at
+        self.balanced = False
+        self._end()
+        first = self._text[raw.start : raw.end].split(" ", maxsplit=1)
+        name = first[0].rstrip(":")[:40] if first else "block"
+        place = self._lines.span(raw.start, raw.open + 1)
+        message = f"the block of `{name}` is not closed"
+        self._open_blocks.append(Mistake("FS007", message, "add a `}` where it ends", place))
+
+    def _few_of_the_unclosed(self) -> None:
+        """Report the outermost blocks that are not closed; of the others how many there are."""
+        unclosed = sorted(self._open_blocks, key=lambda mistake: (mistake.span.line, mistake.span.column))
+        self.mistakes += unclosed[:_SHOWN]
+        more = len(unclosed) - _SHOWN
+        if more > 0:
+            what = "1 more block is" if more == 1 else f"{more} more blocks are"
+            help = "close the outermost ones first"
+            self.mistakes.append(Mistake("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
+
+    def _indent(self, at: int) -> int | None:
+        """The indentation of what stands at an offset, or None when something is before it on its line."""
+        return at - self._line_start if at == self._first_on_line else None
