@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.simulate.verdict import Verdict
 
 FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.STUCK)
@@ -43,7 +44,7 @@ class SeedOutcome:
 
 @dataclass(frozen=True)
 class ChildOutcome:
-    """One mutant as it was run; `text` already holds what was found."""
+    """One mutant as it was run; `text` already holds what was found. `preventability`: of a failure."""
 
     name: str
     file: str
@@ -55,6 +56,12 @@ class ChildOutcome:
     time_s: float
     duration_s: float
     digest: str
+    preventability: Preventability | None = None
+
+    @property
+    def preventable(self) -> Preventable | None:
+        """Whether a careful driver would have avoided it; None where it was no failure, or was not looked at."""
+        return self.preventability.verdict if self.preventability else None
 
 
 @dataclass(frozen=True)
@@ -158,11 +165,17 @@ class CampaignResult:
         """The families that occur, in the order of the paper's table; the empty one (no tag) last."""
         return tuple(sorted({s.family for s in self.seeds}, key=lambda f: (not f.isdigit(), int(f or 0), f)))
 
+    def avoidable(self, kind: Verdict | None = None) -> dict[Preventable, int]:
+        """Return how many of the failures (of one kind, or of all) a careful driver would have avoided, and not."""
+        counts = Counter(c.preventable for clip in self.clips for c in clip.failing if kind in (None, c.verdict))
+        return {answer: counts[answer] for answer in Preventable}
+
     def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
         """Return the failing children that most deserve a look.
 
-        Those that left the driver time to react come first: anything but a neighbour steered into it, then late in the
-        clip; at most one a clip until every clip had its turn.
+        Those that a careful driver would have avoided come first, those that nobody could have avoided last. Among
+        equals, anything but a neighbour steered into it, then late in the clip; at most one a clip until every clip had
+        its turn.
         """
         rounds: list[list[ChildOutcome]] = []
         for clip in self.clips:
@@ -170,7 +183,7 @@ class CampaignResult:
                 if k == len(rounds):
                     rounds.append([])
                 rounds[k].append(child)
-        ordered = [child for group in rounds for child in sorted(group, key=_interest)]
+        ordered = sorted((c for group in rounds for c in sorted(group, key=_interest)), key=_avoidable)
         return tuple(ordered[:count])
 
     def as_dict(self) -> dict[str, Any]:
@@ -191,6 +204,7 @@ class CampaignResult:
             "clips": total.clips,
             "children": total.children,
             "failures": total.failures,
+            "preventability": {answer.value: count for answer, count in self.avoidable().items()},
             "fidelity_m": {"median": round(total.fidelity_median_m, 4), "max": round(total.fidelity_max_m, 4)},
             "simulated_s": round(total.simulated_s, 2),
             "wall_s": round(self.wall_s, 2),
@@ -202,8 +216,13 @@ class CampaignResult:
         }
 
 
-def _interest(child: ChildOutcome) -> tuple[bool, bool, float, str]:
-    return ("steer" in child.operators, child.verdict is Verdict.STUCK, -child.time_s, child.name)
+def _avoidable(child: ChildOutcome) -> int:
+    """The order of triage: a careful driver would have avoided it, not decided, nobody would."""
+    return {Preventable.YES: 0, Preventable.NO: 2}.get(child.preventable or Preventable.UNKNOWN, 1)
+
+
+def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:
+    return (_avoidable(child), "steer" in child.operators, child.verdict is Verdict.STUCK, -child.time_s, child.name)
 
 
 def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
@@ -234,10 +253,18 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
                 "reason": child.reason,
                 "digest": child.digest,
                 "file": child.file if child.verdict.is_failure else None,
+                "preventability": _preventability_dict(child.preventability),
             }
             for child in clip.children
         ],
     }
+
+
+def _preventability_dict(found: Preventability | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    values = {name: round(value, 3) if isinstance(value, float) else value for name, value in vars(found).items()}
+    return {**values, "verdict": found.verdict.value}
 
 
 def sorted_outcomes(

@@ -11,6 +11,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clip import clip as make_clip
 from foresee_dsl.derive.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.derive.mutate import mutate
+from foresee_dsl.derive.preventability import Preventability, assess
 from foresee_dsl.drivers.registry import load_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -89,10 +90,11 @@ def children_of(
 def run_child(
     mutant: Mutant, clip_case: TestCase, file: Path, shown_as: str, *, driver: str, seed: int
 ) -> tuple[ChildOutcome, RunResult]:
-    """Run a mutant and write into it what was found."""
+    """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it."""
     case = expand_mutant(mutant, clip_case, source=file)
     result = run_test_case(case, driver, seed)
-    mutant = with_found(mutant, result.reason)
+    avoided = assess(case, result) if result.verdict.is_failure else None
+    mutant = with_found(mutant, result.reason, avoided)
     outcome = ChildOutcome(
         name=mutant.name,
         file=shown_as,
@@ -104,6 +106,7 @@ def run_child(
         time_s=result.time_s,
         duration_s=result.duration_s,
         digest=result.trace.digest,
+        preventability=avoided,
     )
     return outcome, result
 
@@ -129,9 +132,10 @@ def mutate_file(
     return tuple(outcomes)
 
 
-def with_found(mutant: Mutant, found: str) -> Mutant:
-    """Return the mutant with what its run found in its origin block."""
-    body = tuple(item.model_copy(update={"found": found}) if isinstance(item, Origin) else item for item in mutant.body)
+def with_found(mutant: Mutant, found: str, avoided: Preventability | None = None) -> Mutant:
+    """Return the mutant with what its run found in its origin block, and whether that was preventable."""
+    told = {"found": found, "preventable": avoided.verdict.origin if avoided else None}
+    body = tuple(item.model_copy(update=told) if isinstance(item, Origin) else item for item in mutant.body)
     return mutant.model_copy(update={"body": body})
 
 

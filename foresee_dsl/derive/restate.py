@@ -1,7 +1,7 @@
 """Says a condition again for a window that begins in the middle of a run.
 
 Times count from the window's beginning, what is known of actors that are gone is worked in, and a `for` that had begun
-goes on with what is left of it.
+says `since` when.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from foresee_dsl.language.model import (
     Sustained,
     Within,
 )
-from foresee_dsl.language.phrases import place as text_of
+from foresee_dsl.language.printing.phrases import place as text_of
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.watch import Run
 
 Said = Condition | bool
 """A condition, or what it is known to be from the window's beginning on."""
@@ -48,37 +49,41 @@ class Moment:
 
 
 def restated(
-    condition: Condition, moment: Moment, since: Mapping[int, float] | None = None, *, short: bool = False
+    condition: Condition, moment: Moment, runs: Mapping[int, Run] | None = None, *, held: bool | None = None
 ) -> Said:
-    """Return a condition as the window has to say it, exact to the frame.
+    """Return a condition as the window has to say it: true at the same frames as in the run.
 
     Args:
         condition: as its author wrote it.
         moment: the window's beginning.
-        since: since when what a `for` is about holds, s in the run, by the place of the `for` among the condition's
-            `parts`; absent where it does not hold. None for a condition that nobody has looked at yet.
-        short: it only matters when the condition begins to hold, not at which frames after that; then a `for` that
-            is all of it, or one side of an `or`, has a short text. What it says is true at one frame and then too
-            early to say, which is not false: an `every` does not fire again.
+        runs: since when what a `for` is about holds, by the place of the `for` among the condition's `parts`; absent
+            where it does not hold. None for a condition that nobody has looked at yet.
+        held: of an `every` or `next`, whether the condition has to be false before it fires; None of what fires once.
+            It is exact to the frame as well when the condition is false and when it cannot be said, where that tells
+            whether the trigger fires again.
     """
-    return _Teller(moment, since).tell(condition, 0, positive=True, short=short)
+    # The first time that all parts of an `and` are true, all is known. Beside an `or`, a `for` may still be unknown.
+    again = held or (
+        held is not None and any(isinstance(part, Either | Not) and _lasts(part) for part in parts(condition))
+    )
+    return _Teller(moment, runs, again=again).tell(condition, 0, positive=True)
 
 
 class _Teller:
-    def __init__(self, moment: Moment, since: Mapping[int, float] | None) -> None:
-        self._moment, self._since = moment, since
+    def __init__(self, moment: Moment, runs: Mapping[int, Run] | None, *, again: bool) -> None:
+        self._moment, self._runs, self._again = moment, runs, again
 
-    def tell(self, condition: Condition, number: int, *, positive: bool, short: bool) -> Said:
+    def tell(self, condition: Condition, number: int, *, positive: bool) -> Said:
         """Say a part; `positive`: it stands under an even number of `not`."""
         if isinstance(condition, Not):
-            inner = self.tell(condition.condition, number + 1, positive=not positive, short=False)
+            inner = self.tell(condition.condition, number + 1, positive=not positive)
             return not inner if isinstance(inner, bool) else Not(condition=inner)
         if isinstance(condition, Sustained):
-            return self._sustained(condition, number, positive=positive, short=short)
+            return self._sustained(condition, number, positive=positive)
         if isinstance(condition, Both | Either):
             found, after = [], number + 1
             for part in condition.conditions:
-                found.append(self.tell(part, after, positive=positive, short=short and isinstance(condition, Either)))
+                found.append(self.tell(part, after, positive=positive))
                 after += sum(1 for _ in parts(part))
             return both(*found) if isinstance(condition, Both) else either(*found)
         return self._fact(condition, positive=positive)
@@ -101,47 +106,38 @@ class _Teller:
             return condition.op[0] == ">"
         return condition.model_copy(update={"right": seconds(left_s)})
 
-    def _sustained(self, condition: Sustained, number: int, *, positive: bool, short: bool) -> Said:
-        asked = _frames(si_of(condition.duration))
-        inner = self.tell(condition.condition, number + 1, positive=positive, short=False)
-        begun_s = None if self._since is None else self._since.get(number)
-        held = 0 if begun_s is None else round((self._moment.time_s - begun_s) / STEP_S)
-        left = max(asked - held, 0)
-        if isinstance(inner, bool):
-            if not inner or not left:
-                return inner
-            return at_least(left) if begun_s is not None else inner
-        whole = condition.model_copy(update={"condition": inner})
-        if held and short and not left:
-            return whole  # an `every` that has fired: this is too early to say, which is not false, until it breaks
-        if held and short:
-            return Either(conditions=(Both(conditions=(_for(inner, left), before(left + 1))), whole))
-        said = either(*_since_the_beginning(inner, left, asked), whole) if held else whole
-        if positive or begun_s is None or begun_s <= 0:
-            return said
-        # Under `not`: before that it did not hold, so that until then it is false, and not only too early to say.
-        return both(at_least(left), said) if left else said
+    def _sustained(self, condition: Sustained, number: int, *, positive: bool) -> Said:
+        inner = self.tell(condition.condition, number + 1, positive=positive)
+        if inner is False:
+            return False
+        fresh = condition.model_copy(update={"condition": at_least(0) if inner is True else inner, "since": None})
+        if self._runs is None:
+            return fresh if condition.since is None else self._since(fresh, si_of(condition.since))
+        run = self._runs.get(number)
+        if run is None:
+            return fresh  # it does not hold at the window's first frame either, and so says the window
+        left = _frames(si_of(condition.duration)) - _frames_since(run.since_s, self._moment.time_s)
+        if inner is True and run.known:
+            return at_least(left) if left > 0 else True
+        return self._half_way(fresh, run, left, positive=positive)
 
+    def _half_way(self, fresh: Sustained, run: Run, left: int, *, positive: bool) -> Condition:
+        """Say a `for` of which `left` frames are left: `since` says when it began, and that it was false before that.
 
-def _since_the_beginning(inner: Condition, left: int, asked: int) -> list[Condition]:
-    """Say "it has held since the window's beginning, and at least `left` frames of it", up to frame `asked`.
+        Where that is unknown, `since` is as good if only "true" matters; where only "false" does (under `not`), the
+        time before the window may be left unknown altogether.
+        """
+        begun = self._since(fresh, run.since_s)
+        held = run.since_s < self._moment.time_s - STEP_S / 2
+        if run.known:
+            return begun if held or self._again or not positive else fresh
+        if not held or not (positive or self._again):
+            return fresh
+        return Either(conditions=(begun, fresh)) if self._again and left > 0 else begun
 
-    `inner for b` at frame b says so for this frame. That this was so at frame b, seen from up to b frames later, is
-    `not (not THAT) for b`; together with `inner for b` it says so up to frame 2b. Then the same again with 2b.
-    """
-    found: list[Condition] = []
-    if not left:
-        found.append(Both(conditions=(inner, before(1))))
-    span = max(left, 1)
-    then = Both(conditions=(_for(inner, span), before(span + 1)))
-    while True:
-        was_then = Not(condition=_for(Not(condition=then), span))
-        up_to_twice = Both(conditions=(_for(inner, span), was_then))
-        found.append(up_to_twice)
-        if 2 * span + 1 >= asked:
-            return found
-        then = Both(conditions=(up_to_twice, at_least(2 * span)))
-        span *= 2
+    def _since(self, condition: Sustained, time_s: float) -> Sustained:
+        frames = _frames_since(time_s, self._moment.time_s)
+        return condition.model_copy(update={"since": seconds(-frames * STEP_S)})
 
 
 def both(*conditions: Said) -> Said:
@@ -160,11 +156,6 @@ def either(*conditions: Said) -> Said:
     return Either(conditions=left) if len(left) > 1 else (left[0] if left else False)
 
 
-def before(frames: int) -> Comparison:
-    """Return `time < TIME`."""
-    return Comparison(left=Measure(what="time"), op="<", right=seconds(frames * STEP_S))
-
-
 def at_least(frames: int) -> Comparison:
     """Return `time >= TIME`."""
     return Comparison(left=Measure(what="time"), op=">=", right=seconds(frames * STEP_S))
@@ -175,13 +166,18 @@ def seconds(value: float) -> Quantity:
     return Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
 
 
-def _for(condition: Condition, frames: int) -> Sustained:
-    return Sustained(condition=condition, duration=seconds(frames * STEP_S))
-
-
 def _frames(time_s: float) -> int:
     """Return how many steps a time takes, as `simulate.watch` counts them."""
     return max(0, math.ceil(time_s / STEP_S - 1e-6))
+
+
+def _frames_since(time_s: float, now_s: float) -> int:
+    """Return how many frames there were from a time on and before now."""
+    return math.floor((now_s - time_s) / STEP_S + 1e-6)
+
+
+def _lasts(condition: Condition) -> bool:
+    return any(isinstance(part, Sustained) for part in parts(condition))
 
 
 def _place(condition: Within) -> str:

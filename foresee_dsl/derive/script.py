@@ -15,7 +15,6 @@ from foresee_dsl.language.model import (
     ChangesSpeed,
     Comparison,
     Condition,
-    Either,
     Ignores,
     Measure,
     Meets,
@@ -32,6 +31,7 @@ from foresee_dsl.language.model import (
     When,
 )
 from foresee_dsl.simulate.trace import Event, Trace
+from foresee_dsl.simulate.watch import Run
 
 SpeedCommand = ChangesSpeed | Meets | Stops
 """Actions that set an actor's speed: each replaces the one before."""
@@ -104,7 +104,7 @@ class Progress:
         held: an `every` or `next` waits until its condition ceases to hold before it fires again.
         began: when each block began, s. complete: actions that are.
         waits: `then when`s that look at their condition.
-        since: since when what each `for` is about holds, s, by block and by the `for`'s place in the condition.
+        runs: since when what each `for` is about holds, by block and by the `for`'s place in the condition.
         again_s: when it fires the next time; None where it does not.
         ends: when actions that are not complete will be, s.
     """
@@ -114,7 +114,7 @@ class Progress:
     began: dict[Where, float] = field(default_factory=dict)
     complete: set[Where] = field(default_factory=set)
     waits: set[Where] = field(default_factory=set)
-    since: dict[Where, dict[int, float]] = field(default_factory=dict)
+    runs: dict[Where, dict[int, Run]] = field(default_factory=dict)
     again_s: float | None = None
     ends: dict[Where, float] = field(default_factory=dict)
 
@@ -124,7 +124,7 @@ class Progress:
         if event.what == "trigger":
             self.fired = self.held = True
             self.began, self.complete, self.waits = {(): event.time_s}, set(), set()
-            self.since = {(): self.since.get((), {})}
+            self.runs = {(): self.runs.get((), {})}
         elif event.what == "rearmed":
             self.held = False
         elif event.what == "then":
@@ -134,9 +134,9 @@ class Progress:
         elif event.what == "waits":
             self.waits.add(where)
         elif event.what == "holds":
-            self.since.setdefault(where, {})[event.detail["part"]] = event.time_s
+            self.runs.setdefault(where, {})[event.detail["part"]] = Run(event.detail["since_s"], event.detail["known"])
         elif event.what == "lapses":
-            self.since.get(where, {}).pop(event.detail["part"], None)
+            self.runs.get(where, {}).pop(event.detail["part"], None)
 
     def look_ahead(self, event: Event) -> None:
         """Take a later event: what is going on ends, unless the trigger fires before that."""
@@ -183,7 +183,7 @@ class Script:
             if not isinstance(action, Then):
                 found += [action] if isinstance(action, Wait) or not self._is_over(action) else []
                 continue
-            said = True if action.condition is None else restated(action.condition, self.moment, short=True)
+            said = True if action.condition is None else restated(action.condition, self.moment)
             condition = both(said, until)
             if condition is False:
                 break
@@ -275,8 +275,8 @@ def _pending(script: Script) -> Iterator[When]:
         again = when.repeat in ("every", "next")
         if progress.fired and not again:
             continue
-        short = not (again and progress.held and isinstance(when.condition, Either))
-        condition = restated(when.condition, script.moment, progress.since.get((), {}), short=short)
+        held = progress.held if again else None
+        condition = restated(when.condition, script.moment, progress.runs.get((), {}), held=held)
         actions = script.future(when.actions)
         if actions and not isinstance(condition, bool):
             repeat = ("next" if progress.held else "every") if again else when.repeat

@@ -83,8 +83,8 @@ class _Rest:
         """Return what a step that has not begun waits for."""
         said: Condition | bool = True
         if then.condition is not None:
-            since = self._progress.since.get(here, {}) if here in self._progress.waits else None
-            said = restated(then.condition, self._script.moment, since, short=True)
+            runs = self._progress.runs.get(here, {}) if here in self._progress.waits else None
+            said = restated(then.condition, self._script.moment, runs)
         return both(said, self._until())
 
     def _until(self) -> Condition | bool:

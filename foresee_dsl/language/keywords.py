@@ -209,6 +209,11 @@ _ALL = (
         ("normal", "mean and standard deviation, cut off at the range's ends", "as normal(1.5 s, 0.4 s)"),
         ("choice", "how often each option is drawn, relative to the others", "as choice(3, 1)"),
         ("grid", "values are taken in turn, every combination once", "as grid"),
+        (
+            "since",
+            "since when what a `for` is about had held before the beginning",
+            "when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }",
+        ),
         ("after", "later than that", "end after 60 s"),
         ("before", "earlier than that; short of the junction", "meets ego at j4 before 1.0 s"),
         ("at", "where, or when", "start at 20 m along ego.route"),

@@ -22,6 +22,7 @@ from rich.text import Text
 
 from foresee_dsl.campaign.results import FAILURES, CampaignResult, ClipOutcome, FamilyRow, SeedOutcome
 from foresee_dsl.campaign.verify import Recheck, Status
+from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.resources import write_whole
 from foresee_dsl.simulate.verdict import ExpectationResult, RunResult, Verdict
@@ -114,6 +115,8 @@ def campaign_report(result: CampaignResult, out: Path) -> Group:
     rows = [result.row(family) for family in result.families]
     parts.append(_counts_table(rows, total))
     parts.append(_failures_table(rows, total))
+    if total.failed:
+        parts.append(_avoidable_table(result))
     kinds = ", ".join(f"{k.value} {_SHORT[k]}" for k in FAILURES if k in _SHORT)
     parts.append(Text(f"{kinds};\nper risky point that was clipped, per simulated hour", style="dim"))
     parts.append(_fidelity_line(result))
@@ -129,6 +132,11 @@ def _headline(result: CampaignResult, total: FamilyRow) -> Text:
     text = Text()
     text.append(f"\n{total.failed} failures", style="bold red" if total.failed else "bold green")
     text.append(f" in {total.children} children of {total.clips} clips from {total.cases} test cases")
+    if total.failed:
+        avoidable = result.avoidable()
+        said = ", ".join(f"{count} {answer.value}" for answer, count in avoidable.items())
+        text.append(f"\n{said}", style="bold red" if avoidable[Preventable.YES] else "bold")
+        text.append(" for a careful driver who brakes")
     length = settings.before_s + settings.after_s
     text.append(
         f"\ndriver {settings.driver}, ranker {settings.ranker}, preset {settings.preset}, clips of {length:g} s, "
@@ -189,6 +197,19 @@ def _failures_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
     return table
 
 
+def _avoidable_table(result: CampaignResult) -> Table:
+    table = _table("\nFor a careful driver who brakes")
+    table.add_column("", no_wrap=True)
+    for name in (*(kind.value for kind in FAILURES), "all"):
+        table.add_column(name, justify="right", no_wrap=True)
+    by_kind = [result.avoidable(kind) for kind in FAILURES]
+    everything = result.avoidable()
+    for answer in Preventable:
+        counts = [str(found[answer]) if found[answer] else "[dim]0[/dim]" for found in by_kind]
+        table.add_row(answer.value, *counts, f"[bold]{everything[answer]}[/bold]")
+    return table
+
+
 _SHORT = {
     Verdict.F1: "object or off road",
     Verdict.F2: "pedestrian",
@@ -231,6 +252,8 @@ def _open_first(result: CampaignResult, out: Path) -> list[Text]:
         line = Text("  ")
         line.append(str(out / child.file), style="cyan")
         line.append(f"\n    {child.reason} ({', '.join(child.operators)})")
+        if child.preventability:
+            line.append(f"\n    {child.preventability.verdict.value}: {child.preventability.why}")
         lines.append(line)
     return lines
 

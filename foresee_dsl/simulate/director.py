@@ -1,13 +1,15 @@
 """Triggers and what they set off: actors start, stop, change speed or lane, ignore rules, or meet another actor.
 
 Everything that takes effect is noted as an event, with all that is needed to say it again in a clip: `trigger`,
-`rearmed` (the condition of an `every` has ceased to hold), `holds` and `lapses` (of what a `for` is about), `place`
-(where a place on somebody's route is), the steps of a sequence (see `sequences`), and what each actor does.
+`rearmed` (the condition of an `every` has ceased to hold), `holds` (with a `watch.Run`) and `lapses` (of what a `for`
+is about), `place` (where a place on somebody's route is), the steps of a sequence (see `sequences`), and what each
+actor does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from itertools import count
 from typing import Any
 
@@ -35,7 +37,7 @@ from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.sequences import Doing, Sequence, Where
 from foresee_dsl.simulate.state import Mobile
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.watch import Watch
+from foresee_dsl.simulate.watch import Run, Watch
 
 IN_LANE_M = 0.2
 """Who is this near to a lane's middle is in it. Ours: the slack that drivers keep in a lane is larger."""
@@ -102,8 +104,9 @@ class Director:
     def watch(self, condition: Condition, index: int, where: Where) -> Watch:
         """Begin to watch a condition of a trigger (or of one of its steps)."""
 
-        def note(part: int, holds: bool) -> None:
-            self.event("holds" if holds else "lapses", {"index": index, "where": list(where), "part": part})
+        def note(part: int, run: Run | None) -> None:
+            detail = {"index": index, "where": list(where), "part": part}
+            self.event("lapses" if run is None else "holds", detail if run is None else detail | asdict(run))
 
         return Watch(condition, self._conditions, note)
 

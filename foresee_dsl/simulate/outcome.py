@@ -29,6 +29,7 @@ from foresee_dsl.simulate.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.verdict import Verdict
 
 Side = Literal["front", "left", "right", "rear"]
+Striker = Literal["a", "b", "both", "neither"]
 
 STUCK_SPEED_MPS = 0.1
 """Slower than this is standing. Ours: the same as SUMO's threshold for a halting vehicle."""
@@ -83,6 +84,20 @@ def contact_sides(a: Mover, b: Mover) -> tuple[Side, Side]:
     """Return which sides of two overlapping bodies touched first: (of a, of b)."""
     normal = contact_normal(a, b)
     return _side(normal - a.heading), _side(normal + pi - b.heading)
+
+
+def who_struck(a: Mover, b: Mover) -> Striker:
+    """Return which of two overlapping bodies moved towards the other, along the contact normal.
+
+    Who did by more than `STUCK_SPEED_MPS` counts: both (head on, two that drift together), or neither (one that turns
+    into the other while it passes).
+    """
+    normal = contact_normal(a, b)
+    ahead, against = (body.speed * cos(body.heading - normal) for body in (a, b))
+    strikes, struck = ahead > STUCK_SPEED_MPS, -against > STUCK_SPEED_MPS
+    if strikes == struck:
+        return "both" if strikes else "neither"
+    return "a" if strikes else "b"
 
 
 def contact_normal(a: Mover, b: Mover) -> float:

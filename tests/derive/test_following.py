@@ -54,6 +54,7 @@ def whens(clip: Clip) -> list[When]:
         # a meeting near the junction; a `then when` whose `for` is half-way
         ("sequences", 13.9),
         # an `every` that has fired; a sequence that will start anew; somebody has left
+        ("conditions", 0.4),
         ("conditions", 1.2),
         ("conditions", 2.25),
         ("conditions", 2.6),
@@ -70,7 +71,14 @@ def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
 
 def test_a_for_goes_on_with_what_is_left_of_it() -> None:
     text = print_model(cut("sequences", 0.7))
-    assert "when lead.speed > 5 m/s for 0.50 s and time < 0.55 s or lead.speed > 5 m/s for 1.2 s {" in text
+    assert "when lead.speed > 5 m/s for 1.2 s since -0.70 s {" in text
+
+
+def test_a_for_beside_something_else_needs_no_more_words() -> None:
+    text = print_model(cut("conditions", 3.5))
+    assert "when next late: c1.speed > 3 m/s for 2 s since -3.50 s and c1.speed < 6 m/s {" in text
+    assert "when (c3.speed < 5 m/s for 1 s since -1.60 s) for 1.5 s since -0.60 s {" in text
+    assert "when every c2 within 25 m of (-1.9000 m, 157.3500 m) for 0.6 s {" in text  # not begun
 
 
 def test_a_running_sequence_is_taken_up_where_it_is() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from decimal import Decimal
+from itertools import takewhile
 
 import pytest
 
@@ -23,8 +25,11 @@ from foresee_dsl.language.model import (
     Sustained,
     Within,
 )
+from foresee_dsl.language.printing.phrases import condition as text_of
+from foresee_dsl.simulate.watch import Run
 
 FRAMES = 50
+SINCE = re.compile(r" since -?[0-9.]+ s")
 Lights = dict[str, list[bool]]
 
 
@@ -61,8 +66,11 @@ def _row(condition: Condition, lights: Lights, known: dict[int, Row]) -> Row:
         return [enough if enough in values else None if None in values else not enough for values in found]
     if isinstance(condition, Sustained):
         span = math.ceil(condition.duration.si / 0.05 - 1e-6)
-        inner = [None] * span + row(condition.condition, lights, known)
-        windows = (inner[k : k + span + 1] for k in frames)
+        before: Row = []
+        if condition.since is not None:
+            before = [False, *[True] * math.floor(-condition.since.si / 0.05 + 1e-6)]
+        inner = [*[None] * span, *before, *row(condition.condition, lights, known)]
+        windows = (inner[k + len(before) : k + len(before) + span + 1] for k in frames)
         return [False if False in seen else None if None in seen else True for seen in windows]
     assert isinstance(condition, Comparison)
     if condition.left.what == "time":
@@ -82,14 +90,25 @@ def fires(condition: Condition, lights: Lights, frames: range, *, held: bool) ->
     return found
 
 
-def since(condition: Condition, lights: Lights, frame: int) -> dict[int, float]:
-    found = {}
-    for number, part in enumerate(parts(condition)):
-        values = row(part.condition, lights) if isinstance(part, Sustained) else [False] * FRAMES
-        for k in range(frame, -1, -1):
-            if not values[k]:
-                break
-            found[number] = k * 0.05
+def runs(condition: Condition, lights: Lights, frame: int, *, positive: bool = True, number: int = 0) -> dict[int, Run]:
+    """What a watch tells: since when what each `for` is about holds, what cannot be said counting so under `not`."""
+    inner = {Not: "condition", Sustained: "condition", Both: "conditions", Either: "conditions"}.get(type(condition))
+    if inner is None:
+        return {}
+    found: dict[int, Run] = {}
+    if isinstance(condition, Sustained):
+        values = row(condition.condition, lights)[: frame + 1]
+        lasting = list(takewhile(lambda value: not positive if value is None else value, reversed(values)))
+        if lasting:
+            start = len(values) - len(lasting)
+            earlier = condition.since is not None and not start
+            known = earlier or (start > 0 and values[start - 1] is not None)
+            found[number] = Run(condition.since.si if earlier else start * 0.05, known)
+    several = getattr(condition, inner)
+    after = number + 1
+    for part in several if isinstance(several, tuple) else (several,):
+        found |= runs(part, lights, frame, positive=positive ^ isinstance(condition, Not), number=after)
+        after += sum(1 for _ in parts(part))
     return found
 
 
@@ -117,32 +136,73 @@ WHOLE = [
     Not(condition=lasts(A, 7)),
     Both(conditions=(Not(condition=lasts(Either(conditions=(A, B)), 8)), B)),
     lasts(Both(conditions=(lasts(A, 4), Not(condition=lasts(B, 11)))), 5),
+    Not(condition=lasts(lasts(A, 3), 6)),
+    lasts(A, 9).model_copy(update={"since": q(-0.2, "s")}),
+    Not(condition=lasts(A, 9).model_copy(update={"since": q(0, "s")})),
+    Not(condition=Both(conditions=(lasts(A, 9), B))),
 ]
-SHORT = [lasts(A, 9), lasts(Either(conditions=(A, B)), 12), lasts(lasts(A, 4), 7), A]
+FOR = [lasts(A, 9), lasts(Either(conditions=(A, B)), 12), lasts(lasts(A, 4), 7), A]
+EITHER = [Either(conditions=(lasts(A, 9), B)), Either(conditions=(lasts(A, 6), Not(condition=lasts(B, 5))))]
 
 
-@pytest.mark.parametrize("condition", [*WHOLE, *SHORT])
+def any_condition(rng: random.Random, depth: int) -> Condition:
+    lot = rng.random()
+    if not depth or lot < 0.15:
+        return rng.choice([A, B])
+    if lot < 0.55:
+        found = lasts(any_condition(rng, depth - 1), rng.randint(0, 12))
+        since = q(-0.05 * rng.randint(0, 15), "s") if rng.random() < 0.2 else None
+        return found.model_copy(update={"since": since})
+    if lot < 0.7:
+        return Not(condition=any_condition(rng, depth - 1))
+    several = (any_condition(rng, depth - 1), any_condition(rng, depth - 1))
+    return Both(conditions=several) if rng.random() < 0.5 else Either(conditions=several)
+
+
+RNG = random.Random(8)
+ANY = [any_condition(RNG, 3) for _ in range(60)]
+
+
+@pytest.mark.parametrize("condition", [*WHOLE, *FOR, *EITHER, *ANY])
 def test_it_is_true_at_the_same_frames(condition: Condition) -> None:
-    for lights, frame in cases(60):
-        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), since(condition, lights, frame))
+    for lights, frame in cases(40):
+        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
         assert not isinstance(again, bool)
         expected = [bool(value) for value in row(condition, lights)[frame:]]
         assert [bool(value) for value in row(again, later(lights, frame))] == expected, frame
 
 
-@pytest.mark.parametrize("condition", SHORT)
-def test_the_short_text_fires_at_the_same_frames(condition: Condition) -> None:
-    for lights, frame in cases(80):
+@pytest.mark.parametrize("condition", [*FOR, *EITHER, *WHOLE, *ANY])
+def test_an_every_fires_at_the_same_frames(condition: Condition) -> None:
+    for lights, frame in cases(40):
         before = fires(condition, lights, range(frame + 1), held=False)
         held = False
         for now in row(condition, lights)[: frame + 1]:
             held = held if now is None else now
-        moment = Moment(frame * 0.05, frozenset(), {})
-        again = restated(condition, moment, since(condition, lights, frame), short=True)
+        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame), held=held)
         assert not isinstance(again, bool)
         found = fires(again, later(lights, frame), range(FRAMES - frame), held=held)
         expected = fires(condition, lights, range(FRAMES), held=False)[len(before) :]
         assert [frame + k for k in found] == expected
+
+
+@pytest.mark.parametrize("condition", [*WHOLE, *FOR, *EITHER])
+def test_a_for_that_is_half_way_says_since_and_nothing_else(condition: Condition) -> None:
+    found = set()
+    for lights, frame in cases(60):
+        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
+        assert not isinstance(again, bool)
+        found.add(SINCE.sub("", text_of(again)))
+    assert found == {SINCE.sub("", text_of(condition))}
+
+
+def test_a_clip_of_a_clip_adds_up() -> None:
+    condition = lasts(A, 40).model_copy(update={"since": q(-1.3, "s")})
+    lights = {"a": [True] * FRAMES, "b": [True] * FRAMES}
+    again = restated(condition, Moment(0.5, frozenset(), {}), runs(condition, lights, 10))
+    assert isinstance(again, Sustained)
+    assert text_of(again) == "a.speed > 1 m/s for 2.0 s since -1.80 s"
+    assert restated(condition, Moment(0.5, frozenset(), {})) == again  # a step that nobody has looked at
 
 
 def test_times_count_from_the_window() -> None:

@@ -391,17 +391,21 @@ print(driver._program.pid, flush=True)
 @needs_proc
 @pytest.mark.parametrize(
     ("then", "how"),
-    [("time.sleep(60)", signal.SIGTERM), ("time.sleep(60)", signal.SIGKILL), ("raise SystemError", None)],
+    [("time.sleep(60)", signal.SIGTERM), ("time.sleep(60)", signal.SIGKILL), ("sys.stdin.readline(); raise SystemError", None)],
 )
 def test_the_program_ends_with_its_parent(program: Write, then: str, how: int | None) -> None:
     text = PARENT.format(tests=str(Path(__file__).parent), address=program(CHILDREN), then=then)
-    parent = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    pipe = subprocess.PIPE
+    parent = subprocess.Popen([sys.executable, "-c", text], stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
     try:
-        assert parent.stdout is not None
+        assert parent.stdout is not None and parent.stdin is not None
         group = group_of(int(parent.stdout.readline()))
-        assert len(group) == 3 or how is None
+        assert len(group) == 3
         if how is not None:
             parent.send_signal(how)
+        else:
+            parent.stdin.write(b"\n")
+            parent.stdin.flush()
         parent.wait(10)
         assert wait_until(lambda: all(map(is_dead, group)))
     finally:

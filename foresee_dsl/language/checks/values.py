@@ -84,6 +84,7 @@ _LIMITS: MappingProxyType[tuple[type[m.Item], str], tuple[float, float, str]] = 
         (m.Stage, "duration"): (0.1, 1e9, "FS050"),
         (m.End, "after"): (0.05, 1e9, "FS050"),  # one step of the simulation
         (m.Expect, "within"): (0.0, 1e9, "FS050"),
+        (m.Sustained, "since"): (-1e9, 0.0, "FS050"),
         (m.VehicleModel, "length"): (0.01, 100.0, "FS050"),
         (m.VehicleModel, "width"): (0.01, 100.0, "FS050"),
         (m.Road, "lane_width"): (1.0, 10.0, "FS050"),  # ours: a cycle lane to a bus stop

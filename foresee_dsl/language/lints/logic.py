@@ -40,7 +40,8 @@ def never(condition: m.Condition, limits: Limits) -> str:
 
 def _never_of_others(condition: m.Condition, limits: Limits) -> str:
     if isinstance(condition, m.Sustained):
-        if isinstance(condition.duration, m.Quantity) and condition.duration.si > limits.end_s:
+        before_s = -condition.since.si if isinstance(condition.since, m.Quantity) else 0.0
+        if isinstance(condition.duration, m.Quantity) and condition.duration.si - before_s > limits.end_s:
             return f"the run lasts {limits.end_s:g} s"
         return never(condition.condition, limits)
     if isinstance(condition, m.Within) and isinstance(condition.distance, m.Quantity) and condition.distance.si < 0:

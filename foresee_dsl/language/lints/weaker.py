@@ -76,7 +76,8 @@ def _simple(one: m.Condition, other: m.Condition) -> bool:
     if isinstance(one, m.Sustained):
         if not isinstance(other, m.Sustained):
             return _follows(one.condition, other)
-        return _at_most(other.duration, one.duration) and _follows(one.condition, other.condition)
+        same = one.since == other.since
+        return same and _at_most(other.duration, one.duration) and _follows(one.condition, other.condition)
     if isinstance(one, m.Within) and isinstance(other, m.Within):
         same = one.actor == other.actor and one.of == other.of
         return same and _at_most(one.distance, other.distance)

@@ -103,11 +103,19 @@ class Shows(Item):
 
 
 class Sustained(Item):
-    """`CONDITION for 2 s`: it has held at every frame of that time, without a break. Binds stronger than `not`."""
+    """`CONDITION for 2 s`: it has held at every frame of that time, without a break. Binds stronger than `not`.
+
+    `CONDITION for 2 s since -1.30 s`: before the run it held since that time and not just before that; then the `for`
+    holds at 0.70 s if nothing breaks it, and after a break takes its full time. `since 0 s`: it did not hold just
+    before the beginning. A condition that is looked at later (of a `then when`) held from that time until then. Clips
+    write it.
+    """
 
     kind: Literal["for"] = "for"
     condition: Condition
     duration: Time
+    since: Time | None = None
+    """0 s or earlier; without it nobody knows what was before."""
 
 
 class Not(Item):

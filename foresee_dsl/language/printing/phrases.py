@@ -81,7 +81,7 @@ def condition(item: m.Condition, parameters: frozenset[str] = frozenset()) -> st
     match item:
         case m.Sustained():
             inner = _inner(item.condition, (m.Not, m.Both, m.Either, m.Sustained), parameters)
-            text = f"{inner} for {value(item.duration)}"
+            text = f"{inner} for {value(item.duration)}{optional('since', item.since)}"
         case m.Not():
             text = f"not {_inner(item.condition, (m.Both, m.Either), parameters)}"
         case m.Both():

@@ -122,7 +122,7 @@ _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
     "in_junction": (m.InJunction, ("actor", "junction?")),
     "within": (m.Within, ("actor", "distance", "of")),
     "named": (m.Named, ("name?",)),
-    "sustained": (m.Sustained, ("condition", "duration")),
+    "sustained": (m.Sustained, ("condition", "duration", "since")),
     "stage": (m.Stage, ("name", "duration", "green")),
     "models": (m.Catalogue, ("name", "body")),
     "clip": (m.Clip, ("name", "parent", "case", "pin", "body")),

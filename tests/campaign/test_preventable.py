@@ -1,0 +1,96 @@
+"""What a careful driver would have avoided, in a campaign's figures, files and report."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps import children_of, clip_around, measure_clip, run_child, run_test_case
+from foresee_dsl.campaign.verify import Status, VerifyTask, recheck
+from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.model import Mutant
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project import load_test_case
+from foresee_dsl.report.terminal import print_campaign
+from foresee_dsl.simulate.verdict import Verdict
+
+
+def child(name: str, answer: Preventable | None, verdict: Verdict = Verdict.F4, time_s: float = 5.0) -> ChildOutcome:
+    found = Preventability(answer, f"because of {name}", impact_mps=3.14159) if answer else None
+    return ChildOutcome(name, f"{name}.foresee", "", ("timing",), verdict, "x", "f", time_s, 10.0, "", found)
+
+
+def clip(name: str, *children: ChildOutcome) -> ClipOutcome:
+    return ClipOutcome("s", "7", name, "", "", 1, Verdict.PASS, "", 10.0, 1.0, 0.0, 0.0, 1.0, children)
+
+
+@pytest.fixture
+def result() -> CampaignResult:
+    clips = (
+        clip("a", child("late", Preventable.NO, time_s=9.0), child("unclear", Preventable.UNKNOWN)),
+        clip("b", child("passes", None, Verdict.PASS), child("yes", Preventable.YES, Verdict.F2, time_s=1.0)),
+    )
+    return CampaignResult(CampaignSettings(), (), clips, 1.0)
+
+
+def test_preventable_failures_come_first_and_unavoidable_ones_last(result: CampaignResult) -> None:
+    assert [c.name for c in result.to_open_first()] == ["yes", "unclear", "late"]
+
+
+def test_counts(result: CampaignResult) -> None:
+    assert result.avoidable() == {Preventable.YES: 1, Preventable.NO: 1, Preventable.UNKNOWN: 1}
+    assert result.avoidable(Verdict.F2) == {Preventable.YES: 1, Preventable.NO: 0, Preventable.UNKNOWN: 0}
+    data = result.as_dict()
+    assert data["preventability"] == {"preventable": 1, "unavoidable": 1, "undecided": 1}
+    shown = {c["mutant"]: c["preventability"] for run in data["clip_runs"] for c in run["children"]}
+    assert shown["passes"] is None
+    assert shown["yes"]["verdict"] == "preventable"
+    assert (shown["yes"]["impact_mps"], shown["yes"]["braked_s"]) == (3.142, None)
+
+
+def test_the_report_leads_with_them(result: CampaignResult) -> None:
+    console = Console(file=io.StringIO(), width=80)
+    print_campaign(console, result, Path("out"))
+    text = console.file.getvalue()
+    assert text.index("1 preventable, 1 unavoidable, 1 undecided") < text.index("What was run")
+    assert text.index("preventable: because of yes") < text.index("unavoidable: because of late")
+
+
+def test_a_failing_child_says_it_in_its_file_and_is_still_reproduced(scenarios: Path, tmp_path: Path) -> None:
+    case = load_test_case(f"{scenarios / 'scenario8.foresee'}::r01")
+    parent = run_test_case(case, "pdm", 0)
+    point = load_ranker("foresee").rank(parent.trace, seed=0, before_s=5.0, after_s=5.0)[0]
+    file = tmp_path / "p1.foresee"
+    cut = clip_around(case, parent.trace, point, file, before_s=5.0, after_s=5.0)
+    model, clip_case, ran, _ = measure_clip(cut, case, parent.trace, file, driver="pdm", seed=0)
+    file.write_text(print_model(model))
+    found = []
+    for mutant in children_of(clip_case, model, ran.trace, preset="focused", count=4, driver="pdm", seed=0):
+        at = tmp_path / f"{mutant.name}.foresee"
+        outcome, result = run_child(mutant, clip_case, at, str(at), driver="pdm", seed=0)
+        written = parse(outcome.text, str(at)).model
+        assert isinstance(written, Mutant)
+        assert written.origin is not None
+        if not result.verdict.is_failure:
+            assert (outcome.preventability, written.origin.preventable) == (None, None)
+            continue
+        found.append(outcome)
+        assert outcome.preventable is not None
+        assert written.origin.preventable == outcome.preventable.origin
+        assert print_model(with_other_answer(written)) != outcome.text
+        at.write_text(outcome.text)
+        assert recheck(VerifyTask(at, "")).status is Status.REPRODUCED
+    assert found, "the clip has lost its failures: take another"
+
+
+def with_other_answer(mutant: Mutant) -> Mutant:
+    assert mutant.origin is not None
+    other = mutant.origin.model_copy(update={"preventable": None})
+    return mutant.model_copy(update={"body": tuple(other if i is mutant.origin else i for i in mutant.body)})
