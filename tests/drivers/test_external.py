@@ -391,7 +391,11 @@ print(driver._program.pid, flush=True)
 @needs_proc
 @pytest.mark.parametrize(
     ("then", "how"),
-    [("time.sleep(60)", signal.SIGTERM), ("time.sleep(60)", signal.SIGKILL), ("sys.stdin.readline(); raise SystemError", None)],
+    [
+        ("time.sleep(60)", signal.SIGTERM),
+        ("time.sleep(60)", signal.SIGKILL),
+        ("sys.stdin.readline(); raise SystemError", None),
+    ],
 )
 def test_the_program_ends_with_its_parent(program: Write, then: str, how: int | None) -> None:
     text = PARENT.format(tests=str(Path(__file__).parent), address=program(CHILDREN), then=then)
