@@ -375,7 +375,12 @@ class Project:
         now = pin_of(parent)
         if self._check_pin and now != pin:
             message = f"the parent '{parent.id}' is {now} now, but {pin} is pinned"
-            use.fail(STALE_PIN, message, "the parent changed since; clip it again or check the change", field="pin")
+            use.fail(
+                STALE_PIN,
+                message,
+                "the parent changed since: `foresee repin` shows what that does to this child",
+                field="pin",
+            )
         return parent
 
     def _network(self, file: _File, scenario: Scenario, chain: tuple[_File, ...]) -> Network | Path:

@@ -67,7 +67,8 @@ def fuzz(judge: Judge, names: list[str], seed: int, numbers: range, known: set[s
             again = judge.judge(smaller)
             return again is not None and again.key == key
 
-        small = content if found.key == "memory" else minimise(content, still)
+        costly = found.key.startswith(("memory", "slow"))  # every try would cost as much
+        small = content if costly else minimise(content, still)
         result.findings[found.key] = (which, found.details, small)
     result.peak_mb = peak_mb()
     return result

@@ -8,13 +8,14 @@ wrong.
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.diagnostics import render_concise
-from foresee_dsl.language.parser import format_text
+from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.project import Project
 from tests.fuzz.oracle import Judge
 
@@ -45,3 +46,17 @@ def _said(name: str) -> str:
         more = [f"... and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
         return "".join(f"{line}\n" for line in (*lines[:_SHOWN], *more))
     return format_text(Path(name).read_text(encoding="utf-8"), name)
+
+
+def test_a_long_word_costs_no_more_than_its_length():
+    """Found by the fuzzer: the word before a mistake was looked for from every one of its characters."""
+    head = "foresee 1\n\nscenario a {\n  ego: car.sedan {\n    route from west straight "
+
+    def cost(letters: int) -> float:
+        begun = time.process_time()
+        with pytest.raises(InputError):
+            parse(f"{head}{'o' * letters}\n  }}\n}}\n", "x")
+        return time.process_time() - begun
+
+    cost(10)
+    assert cost(40_000) < 0.1 + 40 * max(cost(4_000), 0.005)

@@ -20,6 +20,8 @@ _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.',
 _UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
+_REACH = 300
+"""So many characters before the place these are looked for in (ours: names have 80 at most; the search is quadratic)."""
 _SHOWN = 40
 _END = "the end of the statement"
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
@@ -155,7 +157,7 @@ class Refusal:
         shown = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
         if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
             return "FS015", "this text is not closed", 'end it with `"` on the same line'
-        unit = _UNIT_BEFORE.search(self._text, 0, self.start)
+        unit = self._behind(_UNIT_BEFORE)
         if unit is not None and unit[1] not in UNITS and unit[1] not in _keywords():
             return self._unknown_unit(unit, words)
         if self.start == 0:
@@ -181,9 +183,13 @@ class Refusal:
             return "FS003", f"unexpected `{shown}`: expected {_END}", "begin a new line, or write `;` between them"
         return "FS003", f"unexpected `{shown}`: expected {self._expected()}", usage
 
+    def _behind(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        """Return what a pattern finds right before the place."""
+        return pattern.search(self._text, max(0, self.start - _REACH), self.start)
+
     def _misspelt_before(self, error: UnexpectedInput) -> bool:
         """Whether the word before was taken for a name but meant as a keyword: `expect nevr collision(ego)`."""
-        before = _WORD_BEFORE.search(self._text, 0, self.start)
+        before = self._behind(_WORD_BEFORE)
         if before is None or isinstance(error, UnexpectedEOF):
             return False
         if before.start() == 0 and (self._rule != "action" or (self._is_word() and self.word != "when")):
@@ -297,7 +303,7 @@ class Refusal:
     def _value(self) -> str:
         if "LPAR" in self._accepted:
             return "a place such as `20 m along ego.route`"
-        before = _LAST_WORD.search(self._text, 0, self.start)
+        before = self._behind(_LAST_WORD)
         dimension = _DIMENSIONS.get(before[1]) if before is not None else None
         if before is not None and before[1] == "," and "(" in self._text:
             dimension = "length"
