@@ -103,16 +103,20 @@ class Judge:
             return _wrong(error.diagnostics, content, file)
         self.documents += 1
         try:
+            _next_command()
             once = format_text(text, file.name)
         except InputError as error:
             return Finding("format", "; ".join(d.message for d in error.diagnostics))
+        _next_command()
         if format_text(once, file.name) != once:
             return Finding("format twice", once)
+        _next_command()
         if parse(once, file.name).model != document.model:
             return Finding("format meaning", once)
         found: list[Diagnostic] = []
         for load in (self._project.definition, lambda path: self._project.test_cases([path])):
             try:
+                _next_command()
                 load(file)
             except InputError as error:
                 if not error.diagnostics:
@@ -120,6 +124,7 @@ class Judge:
                 found += error.diagnostics
         found += self._project.warnings
         self._project.warnings.clear()
+        _next_command()
         if self._count % _INPUTS_A_PROJECT == 1:  # the command itself; it reads the networks each time
             found += check_paths([str(file)]).diagnostics
         return _wrong(found, content, file) if found else None
@@ -129,6 +134,11 @@ def peak_mb() -> float:
     """Return the largest memory that this process has taken, in MB."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak / 1e3  # bytes there, kilobytes elsewhere
+
+
+def _next_command() -> None:
+    """Each command has the whole time for itself."""
+    signal.setitimer(signal.ITIMER_VIRTUAL, MOST_CPU_S)
 
 
 @contextmanager

@@ -21,7 +21,7 @@ _UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
 _REACH = 300
-"""So many characters before the place these are looked for in (ours: names have 80 at most; the search is quadratic)."""
+"""So many characters before the place they are looked for in (ours: names have 80 at most; the search is quadratic)."""
 _SHOWN = 40
 _END = "the end of the statement"
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
@@ -149,9 +149,10 @@ class Refusal:
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
         words, _ = self._literals()
-        for pattern, message, help_ in _OFTEN:
+        short = self._rule in ("scenario_item", "action") and len(self._text) <= _REACH  # the patterns are quadratic
+        for pattern, message, help_ in _OFTEN if short else ():
             found = pattern.match(self._text)
-            if found is not None and self._rule in ("scenario_item", "action"):
+            if found is not None:
                 self.start, self.end = found.span("place")
                 return "FS003", message, found.expand(help_)
         shown = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
