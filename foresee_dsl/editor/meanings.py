@@ -4,22 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.checks.values import dimensions_of
 from foresee_dsl.language.units import UNITS, Dimension
-
-_QUANTITIES: tuple[tuple[Any, Dimension], ...] = (
-    (m.Time, "time"),
-    (m.Length, "length"),
-    (m.Speed, "speed"),
-    (m.Acceleration, "acceleration"),
-    (m.Angle, "angle"),
-    (m.AngularRate, "angular_rate"),
-    (m.Mass, "mass"),
-    (m.Ratio, "ratio"),
-    (m.Count, "count"),
-)
 
 
 @cache
@@ -34,16 +23,7 @@ def words_of_field(kind: type[m.Item], field: str) -> tuple[str, ...]:
 @cache
 def dimension_of_field(kind: type[m.Item], field: str) -> Dimension | None:
     """Return the dimension of a field that holds a quantity; None where several are possible."""
-    found = kind.model_fields.get(field)
-    if found is None:
-        return None
-    markers = [*found.metadata]
-    for part in get_args(found.annotation):
-        markers += getattr(part, "__metadata__", ())
-    for alias, dimension in _QUANTITIES:
-        if any(marker is alias.__metadata__[0] for marker in markers):
-            return dimension
-    return None
+    return dimensions_of(kind).get(field)
 
 
 def units_of(dimension: Dimension | None) -> tuple[str, ...]:

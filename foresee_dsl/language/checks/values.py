@@ -134,7 +134,7 @@ def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantit
     low, high, code = limits
     if low <= value.si <= high:
         return
-    dimension = _dimensions(type(item)).get(field, "ratio")
+    dimension = dimensions_of(type(item)).get(field, "ratio")
     if value.si < low:
         help = f"use at least {low:g}" if dimension in ("ratio", "count") else "use a larger value"
     else:
@@ -151,7 +151,7 @@ def _check_reference(
         help = did_you_mean(reference.name, parameters)
         if not parameters and _is_model(item, field):
             help = "models are called class.variant, such as `car.compact`"
-        if not help and (dimension := _dimensions(type(item)).get(field)) is not None:
+        if not help and (dimension := dimensions_of(type(item)).get(field)) is not None:
             help = f"write {findings.example(dimension)}"
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
         return
@@ -162,7 +162,7 @@ def _check_reference(
             message = f"'{reference.name}' is of type {parameter.type}, which cannot stand here"
             findings.add(item, field, "FS032", message, help)
         return
-    needed: Dimension | None = _dimensions(type(item)).get(field)
+    needed: Dimension | None = dimensions_of(type(item)).get(field)
     if isinstance(item, m.Comparison):
         if not isinstance(item.left, m.Measure):
             return  # a requirement: `check_parameters` looks at both sides
@@ -178,7 +178,7 @@ def _is_model(item: m.Item, field: str) -> bool:
 
 
 @cache
-def _dimensions(kind: type[m.Item]) -> Mapping[str, Dimension]:
+def dimensions_of(kind: type[m.Item]) -> Mapping[str, Dimension]:
     """The dimension of each field of a class that holds a quantity, read off its annotations."""
     found: dict[str, Dimension] = {}
     for name, field in kind.model_fields.items():
