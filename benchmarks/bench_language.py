@@ -25,8 +25,8 @@ more is that of a quiet one."""
 SHORT, MIDDLE, LONG = 40, 1000, 20_000
 """Lines of the files that are checked (asked for)."""
 _OVER_PYDANTIC = 6.5
-"""A cold check over `import pydantic`, which it cannot do without: 0.25 s over the 38 ms of a quiet machine. A machine
-that is busy slows both."""
+"""A cold check over `import pydantic`, which it cannot do without. Ours: 0.25 s over 38 ms, which one profile gave for
+pydantic; later runs on the same machine gave 56 to 61 ms, so that this may be met while 0.25 s is missed."""
 _FORESEE = "from foresee_dsl.cli import main; main()"
 
 

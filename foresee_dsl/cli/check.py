@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,8 +53,6 @@ def check(
     [dim]foresee check scenarios
     foresee check --format github --strict scenarios[/dim]
     """
-    # pydantic looks through every installed package for plug-ins of its own (a tenth of a check); none is used here.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.checked_files import Checked, check_paths
 

@@ -1,9 +1,9 @@
 """When a careful and competent driver sees a risk: the other's predicted way leads into the ego's corridor, soon.
 
-The driver is that of UN Regulation 157, Annex 4, appendix 3, with the figures as summarised in the European
-Commission's open implementation (repository ec-jrc/JRC-FSM, `CC_human_driver`). The appendix describes cut-in, cut-out
-and deceleration on a motorway. For a town, where others cross, oncome and walk, the perception is generalised; what is
-ours is marked so.
+The driver is that of UN Regulation 157, Annex 4, appendix 3. The regulation's own text was not at hand: the figures are
+those of the European Commission's open implementation (repository ec-jrc/JRC-FSM, `CC_human_driver`) but for one. The
+appendix describes cut-in, cut-out and deceleration on a motorway. For a town, where others cross, oncome and walk, the
+perception is generalised; what is ours is marked so.
 
 Only what a driver could know at a frame goes into it: the ego's own intended way, and where the other is, how fast, and
 how it turns and brakes at that frame.
@@ -23,7 +23,7 @@ from foresee_dsl.simulate.collision import box_overlap
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
-"""The risk has to last this long to be perceived. R157, Annex 4, appendix 3: risk evaluation time."""
+"""The risk has to last this long to be perceived: R157's risk evaluation time, from memory and not checked."""
 DELAY_S = 0.75
 """From the perception until braking begins. R157, Annex 4, appendix 3; `CC_rt` in JRC-FSM."""
 CRITICAL_TTC_S = 2.0

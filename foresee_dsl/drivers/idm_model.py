@@ -1,7 +1,7 @@
 """The Intelligent Driver Model (Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3).
 
-Constants: Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, city traffic. (Table I of the paper of 2000 is
-for motorways: 0.73 m/s^2 take half a minute to 50 km/h.)
+Constants: Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, city traffic, cited from memory and not checked.
+(Table I of the paper of 2000, from memory too, is for motorways: 0.73 m/s^2 take half a minute to 50 km/h.)
 """
 
 from __future__ import annotations

@@ -70,7 +70,6 @@ from foresee_dsl.language.model.extension import (
     Extension,
     ExtensionItem,
     Replace,
-    Statement,
 )
 from foresee_dsl.language.model.network import (
     Catalogue,
@@ -100,6 +99,7 @@ from foresee_dsl.language.model.scenario import (
     Scenario,
     ScenarioItem,
     SignalState,
+    Statement,
     Tags,
     Uniform,
     UseModels,

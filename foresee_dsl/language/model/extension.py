@@ -4,43 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.derived import Change
-from foresee_dsl.language.model.network import Doc, Network
-from foresee_dsl.language.model.scenario import (
-    Case,
-    Cases,
-    End,
-    Expect,
-    Param,
-    Require,
-    SignalState,
-    Tags,
-    UseModels,
-    UseNetwork,
-    Weather,
-)
+from foresee_dsl.language.model.network import Doc
+from foresee_dsl.language.model.scenario import Statement, Tags
 from foresee_dsl.language.model.values import ONE_OF, FilePath, Id, Item, Name
-
-Statement = Annotated[
-    UseNetwork
-    | UseModels
-    | Network
-    | Param
-    | Require
-    | Weather
-    | Ego
-    | Actor
-    | Traffic
-    | SignalState
-    | When
-    | Expect
-    | End
-    | Case
-    | Cases,
-    ONE_OF,
-]
-"""What can be added to a scenario or replaced in one."""
 
 Droppable = Literal[
     "param",

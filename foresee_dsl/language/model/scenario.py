@@ -177,10 +177,8 @@ class SignalState(Item):
     elapsed: Time
 
 
-ScenarioItem = Annotated[
-    Doc
-    | Tags
-    | UseNetwork
+_Statement = (
+    UseNetwork
     | UseModels
     | Network
     | Param
@@ -194,9 +192,12 @@ ScenarioItem = Annotated[
     | Expect
     | End
     | Case
-    | Cases,
-    ONE_OF,
-]
+    | Cases
+)
+Statement = Annotated[_Statement, ONE_OF]
+"""What a scenario says besides `doc` and `tags`: what one that extends another can add and replace."""
+
+ScenarioItem = Annotated[Doc | Tags | _Statement, ONE_OF]
 
 _T = TypeVar("_T", bound=Item)
 
