@@ -130,14 +130,37 @@ class SeenActor:
     width_m: float
 
 
+class Views(Protocol):
+    """Pictures of one step for learned drivers, drawn when they are asked for (docs/rasters.md has the layout)."""
+
+    def birds_eye(self) -> NDArray[np.uint8]:
+        """Return the map, the seen actors and the signals from above, [channels, rows, columns]."""
+        ...
+
+    def forward(self) -> NDArray[np.uint8]:
+        """Return what a camera behind the windscreen shows, nearer things before farther ones; [channels, rows,
+        columns]."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What the driver sees at one step; `signals` maps `JunctionPassage.signal` to a colour for the ego's movement."""
+    """What the driver sees at one step.
+
+    Attributes:
+        time_s: now. ego: its own state, as its localisation has it.
+        actors: the object list of the sensors, as they were at `measured_s`.
+        signals: a colour for the ego's movement by `JunctionPassage.signal`; what is out of range or view is absent.
+        measured_s: when the actors were measured; sensors and fusion take time, so it lies before `time_s`. None: now.
+        views: rasters; None where nobody draws them.
+    """
 
     time_s: float
     ego: EgoState
     actors: tuple[SeenActor, ...]
     signals: dict[str, SignalColour]
+    measured_s: float | None = None
+    views: Views | None = None
 
 
 @dataclass(frozen=True, slots=True)
