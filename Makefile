@@ -51,10 +51,11 @@ $(VENV)/.installed: pyproject.toml
 	@echo "setting up $(VENV) (once; a minute or two)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "foresee-dsl needs Python 3.11 or newer; set PYTHON=")'
 	@if command -v uv >/dev/null 2>&1; then \
-	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && uv pip install --quiet --python $(BIN)/python -e .; \
+	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && uv pip install --quiet --python $(BIN)/python -e '.[frenetix]'; \
 	else \
-	  $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install --quiet --disable-pip-version-check -e .; \
+	  $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[frenetix]'; \
 	fi
+	@$(BIN)/python -c 'import frenetix' 2>/dev/null || echo "the driver frenetix is left out: its package has wheels for Python up to 3.12 on x86_64 Linux and macOS only; all else works"
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

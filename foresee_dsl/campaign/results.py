@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Iterable
@@ -9,8 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.derive.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventability, Preventable
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.near_misses import NearMisses
+from foresee_dsl.simulate.verdict import Impact, Verdict
 
 FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.STUCK)
 """The kinds that are counted, in the order of the tables."""
@@ -40,6 +43,8 @@ class SeedOutcome:
     trace: str = ""
     risky_points: int = 0
     clips: tuple[ClipDraft, ...] = ()
+    impact: Impact | None = None
+    near: NearMisses | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,8 @@ class ChildOutcome:
     duration_s: float
     digest: str
     preventability: Preventability | None = None
+    impact: Impact | None = None
+    near: NearMisses | None = None
 
     @property
     def preventable(self) -> Preventable | None:
@@ -69,7 +76,8 @@ class ClipOutcome:
     """One clip as it was run unmutated, and its children.
 
     `largest_m`: the largest deviation of any actor from the parent's window. `median_m`: the median over the other
-    actors. `within`: the share of the other actors that stay within 0.1 m.
+    actors. `within`: the share of the other actors that stay within 0.1 m. `others_m`: the largest deviation of each of
+    them. `ego_m`: the ego's.
     """
 
     seed: str
@@ -86,6 +94,8 @@ class ClipOutcome:
     median_m: float
     within: float
     children: tuple[ChildOutcome, ...] = ()
+    others_m: tuple[float, ...] = ()
+    ego_m: float = 0.0
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:
@@ -126,6 +136,41 @@ class FamilyRow:
 
 
 @dataclass(frozen=True)
+class FidelityFigures:
+    """How far the runs of unmutated clips are from their parents': largest deviations, m.
+
+    `others`: how many other actors there were in all clips; `others_within`: the share within 0.1 m.
+    """
+
+    clips: int
+    others: int
+    others_median_m: float
+    others_within: float
+    others_max_m: float
+    ego_median_m: float
+    ego_max_m: float
+
+    def as_dict(self, driver: str) -> dict[str, Any]:
+        """Return it for `campaign.json`."""
+        return {
+            "driver": driver,
+            "clips": self.clips,
+            "others": {
+                "actors": self.others,
+                "median_m": _metres(self.others_median_m),
+                "within_0.1_m": round(self.others_within, 4),
+                "max_m": _metres(self.others_max_m),
+            },
+            "ego": {"median_m": _metres(self.ego_median_m), "max_m": _metres(self.ego_max_m)},
+        }
+
+
+def _metres(value: float) -> float | None:
+    """For JSON, which has no infinity: an actor that a clip's run did not have at all."""
+    return round(value, 4) if math.isfinite(value) else None
+
+
+@dataclass(frozen=True)
 class CampaignResult:
     """Everything that a campaign found; seeds and clips sorted by their names, whatever order they finished in."""
 
@@ -158,6 +203,21 @@ class CampaignResult:
             wall_s=sum(s.wall_s for s in seeds) + sum(c.wall_s for c in clips),
             fidelity_median_m=statistics.median(deviations) if deviations else 0.0,
             fidelity_max_m=max(deviations, default=0.0),
+        )
+
+    @property
+    def fidelity(self) -> FidelityFigures:
+        """Return how true the unmutated clips were to their parents' runs, the ego apart."""
+        others = [far for clip in self.clips for far in clip.others_m]
+        egos = [clip.ego_m for clip in self.clips]
+        return FidelityFigures(
+            clips=len(self.clips),
+            others=len(others),
+            others_median_m=statistics.median(others) if others else 0.0,
+            others_within=share_within(others),
+            others_max_m=max(others, default=0.0),
+            ego_median_m=statistics.median(egos) if egos else 0.0,
+            ego_max_m=max(egos, default=0.0),
         )
 
     @property
@@ -206,6 +266,7 @@ class CampaignResult:
             "failures": total.failures,
             "preventability": {answer.value: count for answer, count in self.avoidable().items()},
             "fidelity_m": {"median": round(total.fidelity_median_m, 4), "max": round(total.fidelity_max_m, 4)},
+            "fidelity": self.fidelity.as_dict(self.settings.driver),
             "simulated_s": round(total.simulated_s, 2),
             "wall_s": round(self.wall_s, 2),
             "interrupted": self.interrupted,
@@ -233,6 +294,8 @@ def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
         "reason": seed.reason,
         "duration_s": round(seed.duration_s, 2),
         "risky_points": seed.risky_points,
+        "impact": seed.impact.as_dict() if seed.impact else None,
+        "near_misses": seed.near.as_dict() if seed.near else None,
         "trace": seed.trace,
     }
 
@@ -242,7 +305,11 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
         "clip": clip.name,
         "test_case": clip.seed,
         "verdict": clip.verdict.value,
-        "deviation_m": {"max": round(clip.largest_m, 4), "median_others": round(clip.median_m, 4)},
+        "deviation_m": {
+            "max": _metres(clip.largest_m),
+            "median_others": _metres(clip.median_m),
+            "ego": _metres(clip.ego_m),
+        },
         "within_0.1_m": round(clip.within, 4),
         "children": [
             {
@@ -253,6 +320,8 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
                 "reason": child.reason,
                 "digest": child.digest,
                 "file": child.file if child.verdict.is_failure else None,
+                "impact": child.impact.as_dict() if child.impact else None,
+                "near_misses": child.near.as_dict() if child.near else None,
                 "preventability": _preventability_dict(child.preventability),
             }
             for child in clip.children

@@ -19,6 +19,7 @@ class CampaignSettings:
         seed: every lot that is drawn comes from it.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
             lane's free width beside a car, 0.75 m; beyond it the clip is another situation).
+        handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches.
     """
 
     driver: str = "pdm"
@@ -30,6 +31,7 @@ class CampaignSettings:
     children: int = 4
     seed: int = 0
     fidelity_limit_m: float = 0.75
+    handover_s: float = 0.0
 
     def as_dict(self) -> dict[str, str | float | int]:
         """Return the settings by name."""

@@ -44,9 +44,20 @@ def case_name(case: TestCase) -> str:
 
 
 def clip_around(
-    case: TestCase, trace: Trace, point: RiskyPoint, file: Path, *, before_s: float, after_s: float
+    case: TestCase,
+    trace: Trace,
+    point: RiskyPoint,
+    file: Path,
+    *,
+    before_s: float,
+    after_s: float,
+    handover_s: float = 0.0,
 ) -> Clip:
-    """Cut the seconds around a risky point out of a run; `file` is where the clip will be written."""
+    """Cut the seconds around a risky point out of a run; `file` is where the clip will be written.
+
+    Raises:
+        ValueError: the hand-over is too long (see `derive.clip.clip`).
+    """
     return make_clip(
         case,
         trace,
@@ -55,6 +66,7 @@ def clip_around(
         after_s=after_s,
         name=file.stem,
         parent=relative_path(case.source, file.parent),
+        handover_s=handover_s,
     )
 
 
@@ -107,6 +119,8 @@ def run_child(
         duration_s=result.duration_s,
         digest=result.trace.digest,
         preventability=avoided,
+        impact=result.impact,
+        near=result.near_misses,
     )
     return outcome, result
 

@@ -63,6 +63,8 @@ def run_seed(task: SeedTask) -> SeedOutcome:
         duration_s=result.duration_s,
         wall_s=0.0,
         trace=trace,
+        impact=result.impact,
+        near=result.near_misses,
     )
     if result.verdict is Verdict.PASS:
         outcome = _forecast(task, case, result.trace, outcome)
@@ -95,7 +97,9 @@ def run_clip(task: ClipTask) -> ClipOutcome:
         wall_s=0.0,
         largest_m=found.largest_m,
         median_m=found.median_others_m,
-        within=found.share_within,
+        within=found.share_others_within,
+        others_m=found.others_m,
+        ego_m=found.ego_m,
     )
     if found.largest_m <= settings.fidelity_limit_m and result.verdict is Verdict.PASS:
         outcome = replace(outcome, children=_children(task, clip_case, model, result.trace))
@@ -110,7 +114,8 @@ def _forecast(task: SeedTask, case: TestCase, trace: Trace, outcome: SeedOutcome
     for point in points[: settings.risky_points]:
         name = f"{task.name}_p{point.rank}"
         file = f"{task.folder}/{name}.foresee"
-        text = print_model(clip_around(case, trace, point, task.out / file, **window))
+        clip = clip_around(case, trace, point, task.out / file, **window, handover_s=settings.handover_s)
+        text = print_model(clip)
         drafts.append(ClipDraft(name=name, text=text, file=file, rank=point.rank))
     return replace(outcome, risky_points=len(points), clips=tuple(drafts))
 

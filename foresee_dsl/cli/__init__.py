@@ -34,6 +34,7 @@ COMMANDS = (
     ("Run and derive", "clip", "runs.clip"),
     ("Run and derive", "mutate", "runs.mutate"),
     ("Run and derive", "repin", "children.repin"),
+    ("Campaign", "assess", "assess.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "verify", "campaigns.verify"),
     ("About", "drivers", "author.drivers"),

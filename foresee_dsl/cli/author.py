@@ -84,22 +84,24 @@ def models(
     if json:
         from dataclasses import asdict
 
-        print_json({"schema": 1, "models": [asdict(s) for s in specs]})
+        print_json({"schema": 1, "models": [asdict(s) | {"rear_overhang_m": s.rear_overhang_m} for s in specs]})
         return
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False)
-    table.add_column("model")
-    for heading in ("length", "width", "top speed", "speeds up", "brakes", "hardest"):
-        table.add_column(heading, justify="right")
+    table.add_column("model", no_wrap=True)
+    for heading in ("length", "width", "height", "top", "speeds up", "brakes", "hardest"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for s in specs:
         table.add_row(
             s.name,
-            f"{s.length_m:.2f} m",
-            f"{s.width_m:.2f} m",
-            f"{s.max_speed_mps * 3.6:.0f} km/h",
-            f"{s.acceleration_mps2:.1f} m/s²",
-            f"{s.braking_mps2:.1f} m/s²",
-            f"{s.emergency_braking_mps2:.1f} m/s²",
+            f"{s.length_m:.2f}",
+            f"{s.width_m:.2f}",
+            f"{s.height_m:.2f}",
+            f"{s.max_speed_mps * 3.6:.0f}",
+            f"{s.acceleration_mps2:.1f}",
+            f"{s.braking_mps2:.1f}",
+            f"{s.emergency_braking_mps2:.1f}",
         )
     console().print(table)
+    console().print("Sizes in m, top speed in km/h, speeding up and braking in m/s².", highlight=False)

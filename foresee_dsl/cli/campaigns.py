@@ -12,6 +12,7 @@ from foresee_dsl.cli.common import (
     FAILED,
     AllowOutsideOption,
     DriverOption,
+    HandoverOption,
     JsonOption,
     OutOption,
     PresetOption,
@@ -36,6 +37,7 @@ def campaign(
     after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")] = 5.0,
     risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")] = 4,
     children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4,
+    handover: HandoverOption = 0.0,
     jobs: Jobs = _CPUS,
     seed: SeedOption = 0,
     out: OutOption = Path("out"),
@@ -52,6 +54,7 @@ def campaign(
     """
     from foresee_dsl.campaign.engine import run_campaign
     from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.derive.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.forecast.registry import load_ranker
@@ -60,7 +63,12 @@ def campaign(
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    settings = CampaignSettings(driver, ranker, preset, before, after, risky_points, children, seed)
+    if handover > max(before - DRIVES_S, 0.0):
+        message = f"it has to end {DRIVES_S:g} s before the risky point, so {before - DRIVES_S:g} s is the longest here"
+        raise typer.BadParameter(message, param_hint="--handover")
+    settings = CampaignSettings(
+        driver, ranker, preset, before, after, risky_points, children, seed, handover_s=handover
+    )
     # Unknown names are said before anything runs.
     load_driver(driver)
     load_ranker(ranker)

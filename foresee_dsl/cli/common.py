@@ -20,6 +20,15 @@ OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[str, typer.Option("--driver", help="The driver under test; `foresee drivers` lists them.")]
+HandoverOption = Annotated[
+    float,
+    typer.Option(
+        "--handover",
+        min=0,
+        max=10,
+        help="Seconds at a clip's beginning in which the ego follows its recorded states while the driver watches.",
+    ),
+]
 RankerOption = Annotated[
     str, typer.Option("--ranker", help="Who picks the risky points: foresee, proximity, random, exhaustive.")
 ]

@@ -11,6 +11,7 @@ from foresee_dsl.cli.common import (
     FAILED,
     AllowOutsideOption,
     DriverOption,
+    HandoverOption,
     JsonOption,
     OutOption,
     PresetOption,
@@ -68,6 +69,8 @@ def run(
                 "time_s": round(result.time_s, 2),
                 "with": result.with_,
                 "reason": result.reason,
+                "impact": result.impact.as_dict() if result.impact else None,
+                "near_misses": result.near_misses.as_dict(),
                 "duration_s": round(result.duration_s, 2),
                 "steps": result.steps,
                 "expectations": [asdict(expectation) for expectation in result.expectations],
@@ -112,6 +115,7 @@ def clip(
     seed: SeedOption = 0,
     before: Before = 5.0,
     after: After = 5.0,
+    handover: HandoverOption = 0.0,
     out: OutOption = Path("clips"),
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
@@ -135,15 +139,19 @@ def clip(
     point = points[rank - 1]
     case = load_test_case(str(loaded.meta["test_case"]), allow_outside=allow_outside)
     file = out / f"{case_name(case)}_p{rank}.foresee"
-    model = clip_around(case, loaded, point, file, before_s=before, after_s=after)
+    try:
+        model = clip_around(case, loaded, point, file, before_s=before, after_s=after, handover_s=handover)
+    except ValueError as err:
+        raise ForeseeError(str(err)) from err
     driver, run_seed = str(loaded.meta["driver"]), int(loaded.meta["seed"])
     model, _, _, found = measure_clip(model, case, loaded, file, driver=driver, seed=run_seed)
     write_whole(file, print_model(model))
     if json:
-        fidelity = round(found.largest_m, 4)
-        print_json({"schema": 1, "clip": str(file), "fidelity_m": fidelity, **_point_dict(point)})
+        fidelity = {"fidelity_m": round(found.largest_others_m, 4), "fidelity_ego_m": round(found.ego_m, 4)}
+        print_json({"schema": 1, "clip": str(file), **fidelity, **_point_dict(point)})
     else:
-        typer.echo(f"{file}\n  {point.why}\n  fidelity {found.largest_m:.2f} m")
+        strays = f"fidelity {found.largest_others_m:.2f} m, of the ego {found.ego_m:.2f} m"
+        typer.echo(f"{file}\n  {point.why}\n  {strays}")
 
 
 def mutate(

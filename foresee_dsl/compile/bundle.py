@@ -18,7 +18,13 @@ ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pede
 
 @dataclass(frozen=True, slots=True)
 class ModelSpec:
-    """A catalogue entry with every value filled in, SI units (angles in radians)."""
+    """A catalogue entry with every value filled in, SI units (angles in radians).
+
+    Attributes:
+        front_overhang_m: from the front axle to the front bumper.
+        height_m: what it hides behind it, from the road to its top (a rider's or walker's head included).
+        cruise_mps: what it drives or walks when nobody hurries it; None: as fast as the road allows.
+    """
 
     name: str
     kind: ActorKind
@@ -33,6 +39,13 @@ class ModelSpec:
     emergency_braking_mps2: float
     max_steer_rad: float
     steer_rate_rad_s: float
+    height_m: float = 1.5
+    cruise_mps: float | None = None
+
+    @property
+    def rear_overhang_m(self) -> float:
+        """From the rear axle to the rear bumper, m; what wheelbase and front overhang leave of the length."""
+        return self.length_m - self.wheelbase_m - self.front_overhang_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +98,20 @@ class Steering:
     duration_s: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class RecordedState:
+    """Where the ego was, `time_s` after the first frame; x, y: the middle of its front bumper (m). Angles in rad,
+    counter-clockwise from east; steer: front wheels, left positive."""
+
+    time_s: float
+    x: float
+    y: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+    steer_rad: float
+
+
 @dataclass(frozen=True)
 class PlacedActor:
     """One actor at the first frame.
@@ -101,6 +128,8 @@ class PlacedActor:
         cruise_mps: desired speed. waits: it stands still until a trigger `starts` it. delay_s: it moves off that
             much later.
         timing: factor on its speed along its own path.
+        line_m: how far to the left of its lane's middle it keeps (a path has that in its points already).
+        recorded: what the ego follows before its driver takes over, in the order of time.
     """
 
     id: str
@@ -121,6 +150,8 @@ class PlacedActor:
     waits: bool = False
     delay_s: float = 0.0
     timing: float = 1.0
+    line_m: float = 0.0
+    recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
     ignores: tuple[tuple[str, str | None], ...] = ()
     """("signals" | "priority", junction or None for all)."""
@@ -147,8 +178,14 @@ class Scene:
     expects: tuple[Expect, ...] = ()
     signals: tuple[tuple[str, str, float], ...] = ()
     friction: float = 0.9
+    rain: float = 0.0
+    fog: float = 0.0
+    sun: float = 0.0
+    """Ratios from 0 to 1, as `weather` has them; for sensors."""
     clip: bool = False
     """It begins from exact states, in the middle of a run: a clip or a child."""
+    began_s: float = 0.0
+    """A clip's or child's first frame in the time of the run that it was cut from: the sensors' noise goes on there."""
     must_arrive: bool = False
     """Not to arrive before the end is a timeout; otherwise reaching the end without a failure is a pass."""
     notes: tuple[str, ...] = ()

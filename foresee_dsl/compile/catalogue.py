@@ -10,6 +10,7 @@ from typing import cast
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.errors import CompileError
+from foresee_dsl.language.catalogues import SUM_SLACK_M, cruise_speed_mps
 from foresee_dsl.language.model import Quantity, Ref, VehicleModel
 
 _KMH = 1 / 3.6
@@ -28,6 +29,7 @@ class ClassDefaults:
     emergency_braking_mps2: float
     max_steer_deg: float
     steer_rate_deg_s: float
+    height_m: float
 
 
 # Acceleration and both brakings: SUMO's documentation, "Vehicle Type Parameter Defaults" (classes passenger, delivery,
@@ -37,32 +39,29 @@ class ClassDefaults:
 # Shares: ours, typical of the class (a compact: 2.6 m and 0.85 m of 4.2 m).
 # Steering: ours. 35 deg gives a car of 2.7 m wheelbase its usual turning circle of 11 m; 40 deg/s is a hand wheel
 # turned with 600 deg/s, as when evading, through a ratio of 15; heavy vehicles have about 20. Obstacles do not move.
+# Heights: ours, usual of the class, with the rider; SUMO's own defaults are 1.5 m (car), 2.86 m (van), 2.4 m (lorry),
+# 3.4 m (bus), 1.7 m (bicycle) and 1.719 m (on foot), from memory.
 CLASS_DEFAULTS: Mapping[ActorKind, ClassDefaults] = MappingProxyType(
     {
-        "car": ClassDefaults(0.61, 0.20, 1500, 180 * _KMH, 2.6, 4.5, 9.0, 35, 40),
-        "van": ClassDefaults(0.61, 0.17, 2500, 160 * _KMH, 2.6, 4.5, 9.0, 36, 35),
-        "truck": ClassDefaults(0.55, 0.16, 12000, 90 * _KMH, 1.3, 4.0, 7.0, 42, 30),
-        "bus": ClassDefaults(0.50, 0.23, 12000, 85 * _KMH, 1.2, 4.0, 7.0, 45, 30),
-        "motorcycle": ClassDefaults(0.67, 0.15, 280, 180 * _KMH, 6.0, 5.0, 9.0, 38, 60),
-        "bicycle": ClassDefaults(0.60, 0.19, 90, 25 * _KMH, 1.2, 3.0, 7.0, 50, 90),
-        "pedestrian": ClassDefaults(0.0, 0.0, 75, 5.0, 1.5, 2.0, 5.0, 0, 0),
-        "obstacle": ClassDefaults(0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0),
+        "car": ClassDefaults(0.61, 0.20, 1500, 180 * _KMH, 2.6, 4.5, 9.0, 35, 40, 1.5),
+        "van": ClassDefaults(0.61, 0.17, 2500, 160 * _KMH, 2.6, 4.5, 9.0, 36, 35, 2.3),
+        "truck": ClassDefaults(0.55, 0.16, 12000, 90 * _KMH, 1.3, 4.0, 7.0, 42, 30, 3.5),
+        "bus": ClassDefaults(0.50, 0.23, 12000, 85 * _KMH, 1.2, 4.0, 7.0, 45, 30, 3.1),
+        "motorcycle": ClassDefaults(0.67, 0.15, 280, 180 * _KMH, 6.0, 5.0, 9.0, 38, 60, 1.6),
+        "bicycle": ClassDefaults(0.60, 0.19, 90, 25 * _KMH, 1.2, 3.0, 7.0, 50, 90, 1.75),
+        "pedestrian": ClassDefaults(0.0, 0.0, 75, 5.0, 1.5, 2.0, 5.0, 0, 0, 1.7),
+        "obstacle": ClassDefaults(0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 1.0),
     }
 )
 """By class: the word in front of the dot of a model's name."""
-
-WALKING_PACE_MPS = 1.3
-"""A comfortable adult's pace: 1.2 to 1.4 m/s in the literature (Bohannon 1997; SUMO's default is 1.39 m/s)."""
-_PACES_MPS = MappingProxyType({"pedestrian.child": 1.2, "pedestrian.elderly": 0.9, "pedestrian.jogger": 2.8})
-"""Ours: of the bundled models that do not walk at the common pace."""
 
 
 def spec_of(model: VehicleModel) -> ModelSpec:
     """Return a catalogue entry with every value filled in.
 
     Raises:
-        CompileError: its class is unknown, a value is a parameter or not positive where it must be, or the axles do not
-            fit into its length.
+        CompileError: its class is unknown, a value is a parameter or not positive where it must be, its axles and
+            overhangs do not make up its length, or it is to cruise faster than it can.
     """
     kind = model.name.partition(".")[0]
     if kind not in CLASS_DEFAULTS:
@@ -70,13 +69,14 @@ def spec_of(model: VehicleModel) -> ModelSpec:
     known = cast(ActorKind, kind)
     base = CLASS_DEFAULTS[known]
     length = _si(model, model.length, 0.0)
+    front, wheelbase = _axles(model, base, length)
     spec = ModelSpec(
         name=model.name,
         kind=known,
         length_m=length,
         width_m=_si(model, model.width, 0.0),
-        wheelbase_m=_si(model, model.wheelbase, base.wheelbase_share * length),
-        front_overhang_m=_si(model, model.front_overhang, base.overhang_share * length),
+        wheelbase_m=wheelbase,
+        front_overhang_m=front,
         mass_kg=_si(model, model.mass, base.mass_kg),
         max_speed_mps=_si(model, model.max_speed, base.max_speed_mps),
         acceleration_mps2=_si(model, model.acceleration, base.acceleration_mps2),
@@ -84,6 +84,8 @@ def spec_of(model: VehicleModel) -> ModelSpec:
         emergency_braking_mps2=_si(model, model.emergency_braking, base.emergency_braking_mps2),
         max_steer_rad=_si(model, model.max_steer, math.radians(base.max_steer_deg)),
         steer_rate_rad_s=_si(model, model.steer_rate, math.radians(base.steer_rate_deg_s)),
+        height_m=_si(model, model.height, base.height_m),
+        cruise_mps=None if known == "obstacle" else _cruise(model),
     )
     _check(spec)
     return spec
@@ -91,15 +93,36 @@ def spec_of(model: VehicleModel) -> ModelSpec:
 
 def cruise_speed(spec: ModelSpec, limit_mps: float) -> float:
     """Return what an actor drives (or walks) by default where the limit is `limit_mps`, in m/s."""
-    if spec.kind == "pedestrian":
-        return min(_PACES_MPS.get(spec.name, WALKING_PACE_MPS), spec.max_speed_mps)
-    return min(limit_mps, spec.max_speed_mps)
+    top = spec.max_speed_mps if spec.cruise_mps is None else min(spec.cruise_mps, spec.max_speed_mps)
+    return min(limit_mps, top)
+
+
+def _axles(model: VehicleModel, base: ClassDefaults, length_m: float) -> tuple[float, float]:
+    """Return front overhang and wheelbase, m; an absent part of the length is what the other two leave."""
+    front, wheelbase = base.overhang_share * length_m, base.wheelbase_share * length_m
+    given_front, given_wheelbase = _si(model, model.front_overhang, front), _si(model, model.wheelbase, wheelbase)
+    if model.rear_overhang is None:
+        return given_front, given_wheelbase
+    rest = length_m - _si(model, model.rear_overhang, 0.0)
+    if model.wheelbase is None:
+        return given_front, rest - given_front
+    if model.front_overhang is None:
+        return rest - given_wheelbase, given_wheelbase
+    if abs(rest - given_front - given_wheelbase) > SUM_SLACK_M:
+        raise CompileError(f"model {model.name}: overhangs and wheelbase do not make up its length")
+    return given_front, given_wheelbase
+
+
+def _cruise(model: VehicleModel) -> float | None:
+    if isinstance(model.cruise_speed, Ref):
+        raise CompileError(f"model {model.name} cannot use the parameter {model.cruise_speed.name}")
+    return cruise_speed_mps(model)
 
 
 def _check(spec: ModelSpec) -> None:
     wheels = spec.kind not in ("pedestrian", "obstacle")
     moving = (
-        *("length_m", "width_m"),
+        *("length_m", "width_m", "height_m"),
         *(("max_speed_mps",) if spec.kind != "obstacle" else ()),
         *(
             ("wheelbase_m", "mass_kg", "acceleration_mps2", "braking_mps2", "max_steer_rad", "steer_rate_rad_s")
@@ -114,6 +137,8 @@ def _check(spec: ModelSpec) -> None:
         raise CompileError(f"model {spec.name}: front overhang and wheelbase together are longer than the vehicle")
     if spec.emergency_braking_mps2 < spec.braking_mps2:
         raise CompileError(f"model {spec.name}: its emergency braking is weaker than its braking")
+    if spec.front_overhang_m < 0:
+        raise CompileError(f"model {spec.name}: rear overhang and wheelbase together are longer than the vehicle")
     if wheels and spec.max_steer_rad >= math.radians(80):
         raise CompileError(f"model {spec.name}: wheels cannot be turned by 80 deg or more")
 

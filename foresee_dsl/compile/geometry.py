@@ -55,6 +55,8 @@ class RoadNetwork:
     crossings: Mapping[str, Crossing]
     walking_areas: Mapping[str, WalkingArea]
     footways: tuple[tuple[str, str], ...]
+    buildings: tuple[Points, ...] = ()
+    """Outlines of what hides things; the net file knows nothing of them."""
 
     @classmethod
     def from_net(cls, net_file: Path) -> RoadNetwork:
@@ -66,8 +68,8 @@ class RoadNetwork:
         return cls.of(read_net(net_file))
 
     @classmethod
-    def of(cls, parts: NetParts) -> RoadNetwork:
-        """Make one from what was read."""
+    def of(cls, parts: NetParts, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
+        """Make one from what was read, and the outlines of its buildings."""
         return cls(
             lanes=parts.lanes,
             edges=parts.edges,
@@ -76,6 +78,7 @@ class RoadNetwork:
             crossings=parts.crossings,
             walking_areas=parts.walking_areas,
             footways=parts.footways,
+            buildings=buildings,
         )
 
     def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
@@ -218,13 +221,13 @@ class RoadNetwork:
     def drivable(self) -> BaseGeometry:
         """Where vehicles may be: car lanes with their width, and junctions without their walking areas.
 
-        Crossings count as road. Prepared for point tests.
+        Crossings and parking strips count as road. Prepared for point tests.
         """
         import shapely  # here: it takes long to import, and placing actors does without
 
         walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()])
         junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()])
-        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds]
+        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds or lane.parking]
         bands = [shapely.LineString(lane.shape).buffer(lane.width_m / 2, quad_segs=4) for lane in lanes]
         road = shapely.union_all([shapely.difference(junctions, walking), *bands])
         area = shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)

@@ -89,6 +89,7 @@ def _lane(element: Element, edge: str, function: str) -> Lane:
         width_m=float(get.get("width", _DEFAULT_WIDTH_M)),
         kinds=_kinds(get.get("allow"), get.get("disallow")),
         internal=function != "normal",
+        parking=get.get("type") == "parking",
     )
 
 

@@ -12,9 +12,10 @@ from pathlib import Path
 from foresee_dsl.compile import signals
 from foresee_dsl.compile.netconvert import run_netconvert, without_header
 from foresee_dsl.compile.netfile import parse_net
+from foresee_dsl.compile.netparts import read_net
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.model import Count, Junction, Length, Network, Point, Quantity, Road, Speed
+from foresee_dsl.language.model import Building, Count, Junction, Length, Network, Point, Quantity, Road, Speed
 
 LANE_WIDTH_M = 3.3
 """Ours: between the 3.25 m and 3.5 m that are usual on urban main roads."""
@@ -58,7 +59,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Edge:
-    """One `<edge>`: all its car lanes have the same width; `sidewalk` is None where there is none."""
+    """One `<edge>`: all its car lanes have the same width; `parking` and `sidewalk` are None where there is none."""
 
     id: str
     start: str
@@ -68,6 +69,7 @@ class Edge:
     speed: float
     spread: str
     shape: tuple[XY, ...]
+    parking: float | None
     sidewalk: float | None
     priority: int
 
@@ -86,7 +88,8 @@ def build_network(network: Network, out: Path) -> None:
     Junctions keep their names. Road `west` becomes the edges `west` and `west_back`.
 
     Raises:
-        CompileError: netconvert refused it, or a signal names a road that does not reach it.
+        CompileError: netconvert refused it, a signal names a road that does not reach it, or a building stands on a
+            road.
     """
     junctions = {item.name: item for item in network.body if isinstance(item, Junction)}
     roads = tuple(item for item in network.body if isinstance(item, Road))
@@ -108,6 +111,7 @@ def build_network(network: Network, out: Path) -> None:
             run_netconvert([*files, *extra, *_OPTIONS, "--output-file", final.name], folder)
             signals.check_same_links(net, final)
             net = final
+        _check_buildings(network, net)
         out.write_bytes(without_header(net.read_bytes()))
 
 
@@ -124,6 +128,7 @@ def road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[Edge, ...]:
     ends = (junctions[road.start].at, junctions[road.end].at)
     line = [_xy(p) for p in (ends[0], *road.via, ends[1])]
     sidewalk = None if road.sidewalk is None or _si(road.sidewalk) == 0 else _si(road.sidewalk)
+    parking = None if road.parking is None else _si(road.parking)
     half_median = _si_or(road.median, 0.0) / 2
     width = _si_or(road.lane_width, LANE_WIDTH_M)
     speed = _si_or(road.speed, SPEED_MPS)
@@ -138,6 +143,7 @@ def road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[Edge, ...]:
             speed=speed,
             spread="right" if back else "center",
             shape=tuple(shift_right(shape, half_median) if back else shape),
+            parking=parking,
             sidewalk=sidewalk,
             priority=_priority(lanes + back, speed),
         )
@@ -185,8 +191,9 @@ def _write_plain(
     crossings = [
         Crossing(j.name, found)
         for j in junctions
-        if j.crossings
+        if j.crossings is not None
         for road in roads
+        if road.name in j.crossings or not j.crossings
         if (found := tuple(e for e in edges_at(road, j.name) if e in walked))
     ]
     render("nodes.nod.xml", folder / "nodes.nod.xml", nodes=nodes, radius=CORNER_RADIUS_M)
@@ -211,6 +218,29 @@ def _check_names(junctions: dict[str, Junction], roads: Sequence[Road]) -> None:
             seen.add(edge)
     if not roads:
         raise CompileError("the network has no roads")
+
+
+def _check_buildings(network: Network, net: Path) -> None:
+    """A building on a lane would be driven through, and blind whoever is inside."""
+    buildings = {item.name: [_xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
+    if not buildings:
+        return
+    import shapely
+
+    parts = read_net(net)
+    bands = {
+        lane.id: shapely.LineString(lane.shape).buffer(lane.width_m / 2, cap_style="flat")
+        for lane in parts.lanes.values()
+        if (lane.kinds or lane.parking) and lane.edge not in parts.walking_areas
+    }
+    for name, outline in buildings.items():
+        shape = shapely.Polygon(outline)
+        if not shape.is_valid:
+            raise CompileError(f"the outline of building {name} crosses itself")
+        for lane, band in bands.items():
+            if shape.intersects(band):
+                at = shapely.intersection(shape, band).centroid
+                raise CompileError(f"building {name} stands on {lane}, at ({at.x:.0f} m, {at.y:.0f} m)")
 
 
 def _priority(lanes: int, speed_mps: float) -> int:

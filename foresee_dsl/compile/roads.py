@@ -20,7 +20,7 @@ class Lane:
     Attributes:
         shape: the centreline's points, m, as SUMO has it. length_m: as SUMO says; lengths in this package are measured
             along `line`, which can differ by the rounding.
-        internal: inside a junction.
+        internal: inside a junction. parking: a strip where vehicles are parked; nobody drives on it.
     """
 
     id: str
@@ -32,6 +32,7 @@ class Lane:
     width_m: float
     kinds: frozenset[LaneKind]
     internal: bool
+    parking: bool = False
 
     @cached_property
     def line(self) -> Polyline:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from foresee_dsl.compile import checks, codes
-from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Scene, Signal, Steering
+from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Scene, Signal, Steering
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.places import si
@@ -28,9 +28,11 @@ from foresee_dsl.language.model import (
     Expect,
     GoalAt,
     IgnoresRule,
+    Line,
     MeetsState,
     Path,
     Predicate,
+    Recorded,
     SignalState,
     StartAt,
     StartSpeed,
@@ -54,8 +56,6 @@ DRY_FRICTION, WET_FRICTION = 0.9, 0.5
 a road under water."""
 PATH_LIMIT_MPS = 30 / 3.6
 """What a vehicle on a path drives without a `speed`: a path has no limit of its own, and follows no lane (ours)."""
-BICYCLE_MPS = 15 / 3.6
-"""What people cycle in town where nobody hurries them."""
 TOP_SPEED_SLACK = 1.01
 """A speed of a clip may exceed the model's by its rounding."""
 
@@ -159,7 +159,11 @@ class _Builder:
             expects=scenario.all(Expect),
             signals=tuple((text(s.junction), text(s.stage), si(s.elapsed)) for s in scenario.all(SignalState)),
             friction=friction_of(si(weather.wetness)) if weather is not None else DRY_FRICTION,
+            rain=si(weather.rain) if weather is not None else 0.0,
+            fog=si(weather.fog) if weather is not None else 0.0,
+            sun=si(weather.sun) if weather is not None else 0.0,
             clip=self._case.snapshot,
+            began_s=self._case.clip.start_s if self._case.clip is not None else 0.0,
             must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(Expect)),
             notes=tuple(notes),
             places=self._said.places,
@@ -268,6 +272,7 @@ class _Builder:
         delay = item(actor, Delay)
         delay_s = si(delay.time) if delay is not None else 0.0
         timing = item(actor, Timing)
+        aside = item(actor, Line)
         waits = actor.name in self._waiting
         state, said = actor.state, item(actor, StartSpeed)
         if state is not None:
@@ -284,6 +289,8 @@ class _Builder:
             waits=waits,
             delay_s=delay_s,
             timing=si(timing.factor) if timing is not None else 1.0,
+            line_m=si(aside.left) if aside is not None and placed.control == "sumo" else 0.0,
+            recorded=tuple(_recorded(i) for i in items(actor, Recorded)) if placed.control == "ego" else (),
             steering=_steering(item(actor, Steers)),
             ignores=tuple(
                 (i.what, None if i.junction is None else text(i.junction)) for i in items(actor, IgnoresRule)
@@ -295,7 +302,7 @@ class _Builder:
         said = item(actor, CruiseSpeed)
         if said is not None:
             return si(said.speed)
-        return cruise_speed(spec, min(limit_mps, BICYCLE_MPS) if spec.kind == "bicycle" else limit_mps)
+        return cruise_speed(spec, limit_mps)
 
     def _journey(self, placed: Iterable[PlacedActor]) -> tuple[float, float]:
         """Return where the ego's journey starts and ends along its line."""
@@ -317,6 +324,19 @@ class _Builder:
             message = f"the goal is {start - goal:.1f} m behind the ego's start"
             self._add("ego", "goal", codes.GOAL, message, "put it in front, or let the ego start earlier")
         return start, goal
+
+
+def _recorded(said: Recorded) -> RecordedState:
+    state = said.state
+    return RecordedState(
+        time_s=si(said.time),
+        x=si(state.at.x),
+        y=si(state.at.y),
+        heading_rad=si(state.heading),
+        speed_mps=max(si(state.speed), 0.0),
+        acceleration_mps2=si(state.acceleration),
+        steer_rad=si(state.steer),
+    )
 
 
 def _steering(said: Steers | None) -> Steering | None:

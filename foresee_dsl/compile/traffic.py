@@ -13,6 +13,7 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.checks import footprint
 from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.kerb import Kerb
 from foresee_dsl.compile.places import si
 from foresee_dsl.compile.polyline import XY, Polyline
 from foresee_dsl.compile.roads import Lane, LaneKind
@@ -37,7 +38,6 @@ PACE = (0.8, 1.05)
 DEAD_END_M = 50.0
 """No vehicle starts nearer to the end of a road that leads nowhere: it would be gone at once."""
 PEDESTRIAN_GAP_M = 1.0
-_BICYCLE_MPS = 15 / 3.6
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,16 @@ def background(
     drawn = [mix[int(rng.integers(len(mix)))] for _ in range(wanted)] if mix else []
     road = _Road(network, ego.line, si(traffic.within), placed)
     paths = _Paths(network, ego.line, si(traffic.within), placed)
+    kerb = Kerb(network, ego.line, si(traffic.within), placed)
     found: list[PlacedActor] = []
     for spec in drawn:
         name = f"{traffic.name}_{len(found) + 1:02d}"
-        one = paths.draw(name, spec, end_s, rng) if spec.kind == "pedestrian" else road.draw(name, spec, end_s, rng)
+        if spec.kind == "obstacle":
+            one = kerb.draw(name, spec, rng)
+        elif spec.kind == "pedestrian":
+            one = paths.draw(name, spec, end_s, rng)
+        else:
+            one = road.draw(name, spec, end_s, rng)
         if one is not None:
             found.append(one)
     missing = wanted - len(found)
@@ -254,7 +260,7 @@ class _Paths:
 
 
 def _cruise(spec: ModelSpec, limit_mps: float, pace: float) -> float:
-    limit = min(limit_mps, _BICYCLE_MPS) if spec.kind == "bicycle" else limit_mps
+    limit = limit_mps if spec.cruise_mps is None else min(limit_mps, spec.cruise_mps)
     return min(limit * pace, spec.max_speed_mps)
 
 

@@ -34,12 +34,14 @@ from foresee_dsl.language.model import (
     Ego,
     Goal,
     IgnoresRule,
+    Line,
     Measure,
     Meets,
     MeetsState,
     Path,
     Point,
     Quantity,
+    Recorded,
     Risk,
     SignalState,
     Starts,
@@ -59,12 +61,27 @@ from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP
 DIGITS = 4
 """Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3, the
 driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 everybody stays within 1 cm, with 6 exactly."""
+RECORDED_EVERY_S = 0.05
+"""The ego's states of a hand-over: at each frame. Ours: with every second one it is millimetres off in between."""
+PLANS_EVERY_S = 0.2
+"""A clip with a hand-over begins at a multiple of this in the run. Ours: a driver that plans 5 or 10 times a second
+then plans at the same moments as in the run."""
+DRIVES_S = 1.0
+"""The driver drives for so long before the risky point, at least. Ours: a mutation's onset in the preset `focused`."""
 _WAYPOINT_M = 2.0
 """The spacing of `Trace.waypoints`."""
 
 
 def clip(
-    case: TestCase, trace: Trace, point: RiskyPoint, *, before_s: float, after_s: float, name: str, parent: str
+    case: TestCase,
+    trace: Trace,
+    point: RiskyPoint,
+    *,
+    before_s: float,
+    after_s: float,
+    name: str,
+    parent: str,
+    handover_s: float = 0.0,
 ) -> Clip:
     """Make the clip of the window [point - before_s, point + after_s], bounded by the run.
 
@@ -75,23 +92,32 @@ def clip(
         before_s: o_b. after_s: o_a (paper, section 3.3).
         name: the clip's name.
         parent: the case's file as the clip's file names it.
+        handover_s: for so long the ego follows its recorded states while its driver watches. A clip that begins where
+            its parent's run did needs none and has none.
 
     Returns:
         The clip, without a fidelity line (see `fidelity.with_fidelity`).
 
     Raises:
-        ValueError: the trace has no such frame.
+        ValueError: the trace has no such frame, or the hand-over ends less than `DRIVES_S` before the risky point.
     """
     if not 0 <= point.frame < trace.frames:
         raise ValueError(f"the run has {trace.frames} frames, none is {point.frame}")
+    if handover_s > max(before_s - DRIVES_S, 0.0):
+        raise ValueError(
+            f"a hand-over of {handover_s:g} s is too long: it has to end {DRIVES_S:g} s before the risky point, which "
+            f"is {before_s:g} s after the clip's beginning"
+        )
     first = max(0, point.frame - round(before_s / STEP_S))
+    if handover_s > 0:
+        first -= first % round(PLANS_EVERY_S / STEP_S)
     last = min(trace.frames - 1, point.frame + round(after_s / STEP_S))
     return Clip(
         name=name,
         parent=parent,
         case=case.id.partition("::")[2] or None,
         pin=pin_of(case),
-        body=_body(case, trace, point, first, last),
+        body=_body(case, trace, point, first, last, round(handover_s / STEP_S) if first else 0),
     )
 
 
@@ -116,7 +142,9 @@ def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
     return float(points[nearest, 0]), float(points[nearest, 1])
 
 
-def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int) -> tuple[ClipItem, ...]:
+def _body(
+    case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int, handover: int
+) -> tuple[ClipItem, ...]:
     start_s = float(trace.time_s[first])
     here = present(trace, first)
     gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
@@ -136,7 +164,7 @@ def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int
             at=_seconds(float(trace.time_s[point.frame])),
             actor=point.actor if point.actor and point.actor not in gone else None,
         ),
-        _ego(case, trace, first),
+        _ego(case, trace, first, min(first + handover, last)),
         Goal(at=_at(goal(trace, first, last))),
         *actors,
         *_signals(trace, first),
@@ -148,13 +176,22 @@ def _body(case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int
 # --- actors ----------------------------------------------------------------------------------------------------------
 
 
-def _ego(case: TestCase, trace: Trace, frame: int) -> Ego:
+def _ego(case: TestCase, trace: Trace, frame: int, drives_from: int) -> Ego:
     info = trace.actors[0]
     authored_ego = case.scenario.one(Ego)
     kept = [item for item in (authored_ego.body if authored_ego else ()) if isinstance(item, CruiseSpeed)]
     route = remaining_route(trace, 0, frame)
     body: list[ActorItem] = [EdgeRoute(edges=route)] if route else []
-    return Ego(model=info.model, state=_state(trace, 0, frame), body=(*body, *kept))
+    return Ego(
+        model=info.model, state=_state(trace, 0, frame), body=(*body, *kept, *_recorded(trace, frame, drives_from))
+    )
+
+
+def _recorded(trace: Trace, first: int, drives_from: int) -> tuple[Recorded, ...]:
+    """Return the ego's states after a frame, up to that from which its driver drives."""
+    step = round(RECORDED_EVERY_S / STEP_S)
+    frames = [*range(first + step, drives_from, step), drives_from] if drives_from > first else []
+    return tuple(Recorded(time=_seconds((k - first) * STEP_S), state=_state(trace, 0, k)) for k in frames)
 
 
 def _actor(
@@ -177,7 +214,7 @@ def _actor(
             *_way(trace, actor, frame),
             *_speed(info, source, told),
             *_rules(trace, actor, frame, source, replace(told, command=None) if (info.id, "speed") in taken else told),
-            *_offsets(source, told, now_s, waits=info.id in waiting),
+            *_offsets(source, told, now_s, waits=info.id in waiting, on_path=bool(info.path)),
         ),
     )
 
@@ -248,11 +285,11 @@ def _rules(
     return tuple(dict.fromkeys(in_force))
 
 
-def _offsets(source: Actor | None, told: Told, now_s: float, *, waits: bool) -> tuple[ActorItem, ...]:
+def _offsets(source: Actor | None, told: Told, now_s: float, *, waits: bool, on_path: bool) -> tuple[ActorItem, ...]:
     """Return what a mutation (or the author) gave the actor, with times counted from the window's beginning."""
     kept: list[ActorItem] = []
     for item in source.body if source else ():
-        if isinstance(item, Timing):
+        if isinstance(item, Timing) or (isinstance(item, Line) and not on_path):  # a path has it in its points
             kept.append(item)
         elif isinstance(item, Delay) and isinstance(item.time, Quantity):
             left_s = item.time.si - (now_s - (told.started_s or 0.0))

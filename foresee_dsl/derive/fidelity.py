@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import statistics
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,17 +23,52 @@ class Deviation:
     """How far the actors of a clip's run were from where their parent's run had them.
 
     Attributes:
-        actors: by id, the largest distance over the compared frames, m; the ego is among them.
-        largest_m: the largest of them. median_others_m: the median without the ego (0 when it is alone).
-        share_within: which share of all of them stayed within 0.1 m.
+        actors: by id, the largest distance over the compared frames, m; the ego is the first of them.
         frames: how many frames were compared: the window, or less where the clip's run ended earlier.
     """
 
     actors: Mapping[str, float]
-    largest_m: float
-    median_others_m: float
-    share_within: float
     frames: int
+
+    @property
+    def ego_m(self) -> float:
+        """The ego's: its driver starts afresh where the clip begins."""
+        return next(iter(self.actors.values()), 0.0)
+
+    @property
+    def others_m(self) -> tuple[float, ...]:
+        """Those of the others."""
+        return tuple(self.actors.values())[1:]
+
+    @property
+    def largest_m(self) -> float:
+        """The largest of all."""
+        return max(self.actors.values(), default=0.0)
+
+    @property
+    def largest_others_m(self) -> float:
+        """The largest without the ego."""
+        return max(self.others_m, default=0.0)
+
+    @property
+    def median_others_m(self) -> float:
+        """The median without the ego (0 when it is alone)."""
+        return statistics.median(self.others_m) if self.others_m else 0.0
+
+    @property
+    def share_within(self) -> float:
+        """Which share of all stayed within 0.1 m."""
+        return share_within(tuple(self.actors.values()))
+
+    @property
+    def share_others_within(self) -> float:
+        """Which share of the others did."""
+        return share_within(self.others_m)
+
+
+def share_within(deviations: Sequence[float]) -> float:
+    """Return which share of some deviations (m) is within 0.1 m; 1 where there are none."""
+    return sum(far <= WITHIN_M for far in deviations) / len(deviations) if deviations else 1.0
 
 
 def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
@@ -62,12 +99,15 @@ def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
             raise ValueError(f"the clip's run has no actor {info.id!r}")
         here = child.states[:frames, columns[info.id], [X, Y]]
         found[info.id] = _apart(here, there)
-    return _summary(found, parent.actors[0].id, frames)
+    # An actor that the clip could not put into the world at all has no place: infinitely far.
+    return Deviation({actor: math.inf if math.isnan(far) else far for actor, far in found.items()}, frames)
 
 
 def with_fidelity(clip: Clip, found: Deviation) -> Clip:
     """Return the clip with its `fidelity` line (centimetres), in place of the one that it may have had."""
-    line = Fidelity(deviation=Quantity.of(found.largest_m, "length", 2))
+    line = Fidelity(
+        deviation=Quantity.of(found.largest_others_m, "length", 2), ego=Quantity.of(found.ego_m, "length", 2)
+    )
     body = tuple(item for item in clip.body if not isinstance(item, Fidelity))
     return clip.model_copy(update={"body": (*body, line)})
 
@@ -85,17 +125,3 @@ def _held(places: NDArray[np.float64]) -> NDArray[np.float64]:
     known = np.maximum.accumulate(np.where(np.isnan(places[:, 0]), 0, np.arange(len(places))))
     held: NDArray[np.float64] = places[known]
     return held
-
-
-def _summary(found: dict[str, float], ego: str, frames: int) -> Deviation:
-    # An actor that the clip could not put into the world at all has no place: infinitely far.
-    found = {actor: float("inf") if np.isnan(far) else far for actor, far in found.items()}
-    values = np.array(list(found.values()))
-    others = [far for actor, far in found.items() if actor != ego]
-    return Deviation(
-        actors=found,
-        largest_m=float(values.max()) if values.size else 0.0,
-        median_others_m=float(np.median(others)) if others else 0.0,
-        share_within=float((values <= WITHIN_M).mean()) if values.size else 1.0,
-        frames=frames,
-    )

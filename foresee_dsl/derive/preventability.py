@@ -17,12 +17,13 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.derive.preventability_replay import Replay
 from foresee_dsl.derive.preventability_risk import Perception, perceive
+from foresee_dsl.derive.preventability_sight import sight_of
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.simulate.collision import Mover
-from foresee_dsl.simulate.outcome import STUCK_SPEED_MPS, contact_sides, who_struck
+from foresee_dsl.simulate.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-from foresee_dsl.simulate.verdict import RunResult, Verdict
+from foresee_dsl.simulate.verdict import Impact, RunResult, Verdict
 
 SAME_TIME_S = 0.1
 """The replay without braking has to end with the same contact within this time. Ours: two steps."""
@@ -66,36 +67,9 @@ class Preventability:
     braked_impact_mps: float | None = None
 
 
-@dataclass(frozen=True)
-class Contact:
-    """The last frame of a run that ended in a contact: both bodies, and the other's name."""
-
-    ego: Mover
-    other: Mover
-    name: str
-
-    @property
-    def impact_mps(self) -> float:
-        """Relative speed."""
-        (ax, ay), (bx, by) = self.ego.velocity, self.other.velocity
-        return math.hypot(ax - bx, ay - by)
-
-    @property
-    def struck(self) -> str:
-        """Who struck whom."""
-        return {
-            "a": f"the ego struck {self.name}",
-            "b": f"{self.name} struck the ego",
-            "both": f"the ego and {self.name} struck each other",
-            "neither": f"the ego and {self.name} touched in passing",
-        }[who_struck(self.ego, self.other)]
-
-
-def contact(result: RunResult) -> Contact | None:
+def contact(result: RunResult) -> Impact | None:
     """Return the contact that a run ended with, None where it ended otherwise."""
-    if not result.verdict.is_collision or not result.with_:
-        return None
-    return Contact(_mover(result.trace, 0), _mover(result.trace, result.trace.index(result.with_)), result.with_)
+    return result.impact if result.verdict.is_collision else None
 
 
 def assess(child: TestCase, result: RunResult) -> Preventability:
@@ -119,15 +93,15 @@ def assess_bundle(bundle: SumoBundle, result: RunResult) -> Preventability:
     if failed is None:
         what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
         return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
-    return replace(_judged(bundle, result, failed), struck=failed.struck, impact_mps=failed.impact_mps)
+    return replace(_judged(bundle, result, failed), struck=failed.struck, impact_mps=failed.relative_mps)
 
 
-def _judged(bundle: SumoBundle, result: RunResult, failed: Contact) -> Preventability:
-    if failed.ego.speed < STUCK_SPEED_MPS:
+def _judged(bundle: SumoBundle, result: RunResult, failed: Impact) -> Preventability:
+    if failed.ego_mps < STUCK_SPEED_MPS:
         return Preventability(Preventable.UNKNOWN, f"the ego stood: {failed.struck}")
-    seen = perceive(result.trace, result.trace.index(failed.name))
+    seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(result.trace, bundle))
     if seen is None:
-        where = " in the rear" if contact_sides(failed.ego, failed.other)[0] == "rear" else ""
+        where = " in the rear" if failed.side == "rear" else ""
         return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")
     strays = _strays(run(bundle, Replay(result.trace, None)), result)
     if strays:
@@ -159,7 +133,7 @@ def _too_late(seen: Perception, contact_s: float) -> Preventability:
 _BEFORE = "the risk is there at the first frame: a driver would have seen it coming before"
 
 
-def _after_braking(seen: Perception, failed: Contact, braked: RunResult) -> Preventability:
+def _after_braking(seen: Perception, failed: Impact, braked: RunResult) -> Preventability:
     """Read how the run ended in which the careful driver braked."""
     left = contact(braked)
     verdict, why = _without_contact(braked) if left is None else _with_contact(seen, failed, left)
@@ -168,7 +142,7 @@ def _after_braking(seen: Perception, failed: Contact, braked: RunResult) -> Prev
         f"braking from {seen.brakes_s:.2f} s {why}",
         perceived_s=seen.perceived_s,
         braked_s=seen.brakes_s,
-        braked_impact_mps=left.impact_mps if left else None,
+        braked_impact_mps=left.relative_mps if left else None,
     )
 
 
@@ -178,12 +152,12 @@ def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
     return Preventable.UNKNOWN, f"ends otherwise: {braked.reason}"
 
 
-def _with_contact(seen: Perception, failed: Contact, left: Contact) -> tuple[Preventable, str]:
-    if left.name != failed.name:
-        return Preventable.UNKNOWN, f"avoids {failed.name}, but {left.struck}"
-    if left.ego.speed < STUCK_SPEED_MPS:
+def _with_contact(seen: Perception, failed: Impact, left: Impact) -> tuple[Preventable, str]:
+    if left.with_ != failed.with_:
+        return Preventable.UNKNOWN, f"avoids {failed.with_}, but {left.struck}"
+    if left.ego_mps < STUCK_SPEED_MPS:
         return Preventable.UNKNOWN, f"brings the ego to a stand before {left.struck}"
-    leaves = f"leaves an impact of {left.impact_mps:.1f} m/s, without it {failed.impact_mps:.1f} m/s: {left.struck}"
+    leaves = f"leaves an impact of {left.relative_mps:.1f} m/s, without it {failed.relative_mps:.1f} m/s: {left.struck}"
     return (Preventable.UNKNOWN, f"{leaves}; {_BEFORE}") if seen.at_once else (Preventable.NO, leaves)
 
 

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from foresee_dsl.derive.preventability_path import RecordedPath
-from foresee_dsl.derive.preventability_sight import in_view
+from foresee_dsl.derive.preventability_sight import in_view, sight_of
 from foresee_dsl.forecast.geometry import FloatArray
 from foresee_dsl.simulate.collision import box_overlap
+from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
@@ -36,8 +37,6 @@ HARD_BRAKING_MPS2 = 5.0
 """Ours, after what R157 calls an emergency manoeuvre (braking above 5 m/s^2; clause not checked): a risk is seen no
 later than when evaluation, delay and this braking just suffice to take the ego's speed down to the other's. With 2 s
 alone, something that stands on a clear road would be run into from 8.5 m/s upwards (0.85 s are then 7.2 m)."""
-SEES_M = 80.0
-"""How far the driver sees, as the drivers under test do (`simulate.sensing`)."""
 MERGES_RAD = math.pi / 4
 """A vehicle whose heading is this near to the ego's and that comes onto the ego's line is expected to stay there: a
 cut-in, of which R157 looks at the time to collision along the lane. Ours: as near as counts as the same direction in
@@ -70,7 +69,7 @@ class Perception:
         return round(self.onset_s + EVALUATION_S + DELAY_S, 6)
 
 
-def perceive(trace: Trace, other: int) -> Perception | None:
+def perceive(trace: Trace, other: int, sight: Sight | None = None) -> Perception | None:
     """Say when the driver of the ego would perceive the risk that became the contact with an actor.
 
     A risk that is gone for less than the evaluation time is the same risk. One that passes without a contact is
@@ -78,16 +77,17 @@ def perceive(trace: Trace, other: int) -> Perception | None:
 
     Args:
         trace: a run that ends in the contact. other: the actor's column.
+        sight: what hides what in that run; None: what the trace alone says of it.
 
     Returns:
         None when there is no risk shortly before the contact. The contact's own frame does not count.
     """
-    path = RecordedPath(trace)
+    path, sight = RecordedPath(trace), sight or sight_of(trace)
     forgets = round(EVALUATION_S / STEP_S)
     onset, since = None, 0
     # From the contact back to where there was no risk for long enough.
     for frame in range(trace.frames - 2, -1, -1):
-        if is_risk(trace, path, other, frame):
+        if is_risk(trace, path, other, frame, sight):
             onset, since = frame, 0
             continue
         since += 1
@@ -96,14 +96,10 @@ def perceive(trace: Trace, other: int) -> Perception | None:
     return None if onset is None else Perception(round(onset * STEP_S, 6), at_once=onset == 0)
 
 
-def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int) -> bool:
+def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int, sight: Sight) -> bool:
     """Say whether the other's predicted way leads into the ego's corridor soon enough to be a risk."""
     me, them = trace.states[frame, 0], trace.states[frame, other]
-    if (
-        math.isnan(them[X])
-        or math.hypot(them[X] - me[X], them[Y] - me[Y]) > SEES_M
-        or not _in_front(trace, other, frame)
-    ):
+    if math.isnan(them[X]) or not _in_front(trace, other, frame):
         return False
     limit = critical_time_s(float(me[SPEED]), float(them[SPEED] * math.cos(them[HEADING] - me[HEADING])))
     time_s = np.arange(0.0, limit + 1e-9, PREDICTED_EVERY_S)
@@ -114,7 +110,7 @@ def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int) -> bool:
     boxes = predicted(trace, other, frame, time_s)
     if trace.actors[other].kind != "pedestrian" and math.cos(them[HEADING] - me[HEADING]) >= math.cos(MERGES_RAD):
         boxes = _merged(boxes, me)
-    return bool(box_overlap(ego, boxes).any()) and in_view(trace, other, frame)
+    return bool(box_overlap(ego, boxes).any()) and in_view(trace, other, frame, sight)
 
 
 def critical_time_s(speed_mps: float, along_mps: float) -> float:

@@ -1,57 +1,43 @@
-"""Whether the ego's driver can see somebody past the others. Buildings hide nothing: a trace does not hold them."""
+"""What the careful driver sees in a recorded run: with the sensors of the drivers under test, without their noise."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from foresee_dsl.forecast.geometry import BoolArray, FloatArray
-from foresee_dsl.simulate.collision import corners
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
+from foresee_dsl.simulate.sensing.settings import STANDARD
+from foresee_dsl.simulate.sensing.sight import Bodies, Sight
+from foresee_dsl.simulate.sensing.weather import Air
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
-SEEN_OVER = frozenset({"pedestrian", "bicycle", "motorcycle", "obstacle"})
-"""Kinds that hide nobody. Ours: narrow, or low (cones, crates, barriers)."""
 
-
-def in_view(trace: Trace, other: int, frame: int) -> bool:
-    """Say whether a corner or the middle of an actor is in view from the middle of the ego.
+def sight_of(trace: Trace, bundle: SumoBundle | None = None) -> Sight:
+    """Return the lines of sight from a run's ego.
 
     Args:
-        trace: a run. other: the actor's column. frame: when.
+        trace: the run.
+        bundle: what was run; its buildings, heights and weather count. Without it: no buildings, clear air, and
+            everybody as high as others of the class.
     """
-    hiding = [
-        k
-        for k, info in enumerate(trace.actors)
-        if k not in (0, other) and info.kind not in SEEN_OVER and not np.isnan(trace.states[frame, k, X])
-    ]
-    if not hiding:
-        return True
-    body = _boxes(trace, frame, [other])[0]
-    marks = np.vstack([corners(body), body[:2]])
-    eye = trace.states[frame, 0, [X, Y]]
-    return bool((~_cut(eye, marks, _boxes(trace, frame, hiding))).all(axis=1).any())
+    if bundle is not None:
+        scene = bundle.scene
+        bodies = Bodies.of([actor.model for actor in scene.actors[1:]])
+        return Sight(bodies, bundle.network.buildings, STANDARD, Air(scene.rain, scene.fog, scene.sun))
+    others = trace.actors[1:]
+    heights = {str(kind): defaults.height_m for kind, defaults in CLASS_DEFAULTS.items()}
+    sizes = np.array([(info.length_m, info.width_m) for info in others], dtype=np.float64).reshape(-1, 2)
+    kinds = tuple(info.kind for info in others)
+    return Sight(Bodies(kinds, sizes, np.array([heights[kind] for kind in kinds])), ())
 
 
-def _boxes(trace: Trace, frame: int, actors: list[int]) -> FloatArray:
-    sizes = [(trace.actors[k].length_m, trace.actors[k].width_m) for k in actors]
-    boxes: FloatArray = np.column_stack([trace.states[frame, actors][:, [X, Y, HEADING]], sizes])
-    return boxes
+def in_view(trace: Trace, other: int, frame: int, sight: Sight) -> bool:
+    """Say whether an actor is in sight from the ego.
 
-
-def _cut(eye: FloatArray, marks: FloatArray, boxes: FloatArray) -> BoolArray:
-    """Say which lines from an eye [2] to marks [M, 2] run through which boxes [K, 5]: [M, K].
-
-    In a box's own axes it is the set of points within half its length and half its width; a line is inside both over
-    one stretch each, and runs through the box where the stretches meet.
+    Args:
+        trace: a run. other: the actor's column. frame: when. sight: of that run.
     """
-    cos, sin = np.cos(boxes[:, 2]), np.sin(boxes[:, 2])
-    ex, ey = eye[:, None] - boxes[:, :2].T
-    start = np.stack([ex * cos + ey * sin, ey * cos - ex * sin], axis=-1)
-    dx, dy = (marks - eye).T[:, :, None]
-    way = np.stack([dx * cos + dy * sin, dy * cos - dx * sin], axis=-1)
-    way = np.where(np.abs(way) < 1e-12, 1e-12, way)
-    half = boxes[:, 3:] / 2
-    one, two = (-half - start) / way, (half - start) / way
-    begin = np.minimum(one, two).max(axis=-1).clip(min=0.0)
-    end = np.maximum(one, two).min(axis=-1).clip(max=1.0)
-    hidden: BoolArray = begin < end
-    return hidden
+    poses = trace.states[frame][:, [X, Y, HEADING]]
+    x, y, heading = poses[0].tolist()
+    who, _, _ = sight.seen(x, y, heading, poses[1:])
+    return other - 1 in who

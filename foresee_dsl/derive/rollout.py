@@ -11,9 +11,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from foresee_dsl.compile.aside import LINE_OVER_M
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.forecast.geometry import FloatArray, footprints
 from foresee_dsl.language.model import Change, Quantity
+from foresee_dsl.simulate.bodies import SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.simulate.collision import pairwise_box_distance
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
@@ -38,8 +40,12 @@ def predicted_gap_m(
             boxes = _with_model(boxes, models[value])
         elif change.property == "timing":
             boxes = _retimed(boxes, value.si, 0.0)
-        elif change.property == "delay":
-            boxes = _retimed(boxes, 1.0, value.si)
+        elif change.property == "delay" and isinstance(change.was, Quantity):
+            boxes = _retimed(boxes, 1.0, value.si - change.was.si)
+        elif change.property == "moving" and isinstance(change.was, Quantity):
+            boxes = _retimed(boxes, 1.0, 0.0, value.si - change.was.si)
+        elif change.property == "line" and isinstance(change.was, Quantity):
+            boxes = _aside(trace, actor, boxes, value.si - change.was.si)
         elif change.property == "steer":
             boxes = _steered(trace, actor, boxes, change, value.si, models)
     ego = footprints(trace, 0)
@@ -59,21 +65,35 @@ def _with_model(boxes: FloatArray, spec: ModelSpec) -> FloatArray:
     return changed
 
 
-def _retimed(boxes: FloatArray, factor: float, delay_s: float) -> FloatArray:
-    """Move along the recorded track `factor` times as fast and so much later; straight on beyond its end."""
+def _retimed(boxes: FloatArray, factor: float, delay_s: float, ahead_m: float = 0.0) -> FloatArray:
+    """Move along the recorded track `factor` times as fast, so much later and so far ahead; straight on at its end."""
     here = ~np.isnan(boxes[:, 0])
     track = boxes[here]
     if len(track) < 2:
         return boxes
     gone = np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
     time_s = np.arange(len(boxes)) * STEP_S
-    wanted = factor * np.interp(np.maximum(time_s - delay_s, 0.0), time_s[: len(gone)], gone)
+    wanted = ahead_m + factor * np.interp(np.maximum(time_s - delay_s, 0.0), time_s[: len(gone)], gone)
     # A little is added to each step, for places at which the actor stood to have an order.
     marks = gone + np.arange(len(gone)) * 1e-9
     beyond = np.maximum(wanted - gone[-1], 0.0)
     changed = np.column_stack([np.interp(wanted, marks, column) for column in _unwrapped(track).T])
     changed[:, 0] += beyond * np.cos(changed[:, 2])
     changed[:, 1] += beyond * np.sin(changed[:, 2])
+    return changed
+
+
+def _aside(trace: Trace, actor: int, boxes: FloatArray, left_m: float) -> FloatArray:
+    """Move the recorded track sideways as the simulation does: along a path over some metres, on a lane at a rate."""
+    speed = np.nan_to_num(trace.states[:, actor, SPEED])
+    if trace.actors[actor].path:
+        share = np.cumsum(speed) * STEP_S / LINE_OVER_M
+    else:
+        share = np.cumsum(np.minimum(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed)) * STEP_S / abs(left_m or 1.0)
+    left = left_m * np.minimum(share, 1.0)
+    changed = boxes.copy()
+    changed[:, 0] -= left * np.sin(boxes[:, 2])
+    changed[:, 1] += left * np.cos(boxes[:, 2])
     return changed
 
 

@@ -41,6 +41,13 @@ def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
     return bool(((gaps > 0) & (gaps >= wanted - 1e-9)).all())
 
 
+def touches_nobody(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
+    """Say whether an actor's footprint, [5], could be elsewhere at a frame without touching anybody."""
+    others = np.delete(boxes(trace, frame), actor, axis=0)
+    others = others[~np.isnan(others[:, 0])]
+    return not len(others) or bool((box_distances(box, others) > 0).all())
+
+
 def boxes(trace: Trace, frame: int) -> FloatArray:
     """Return all footprints at a frame, [A, 5]: x, y, heading, length, width; NaN where absent."""
     sizes = np.array([(info.length_m, info.width_m) for info in trace.actors])

@@ -1,7 +1,7 @@
 """The driver `idm`: follows its route with the Intelligent Driver Model, gives way, and brakes in an emergency.
 
-The floor that other drivers are compared with: no change of lane, nobody predicted beyond constant speed. It keeps
-nothing between steps. Route, signal distances and the steering are those of `pdm`.
+The floor that other drivers are compared with: no change of lane, nobody predicted beyond constant speed. Route,
+tracker, signals and the steering are those of `pdm`; between steps it keeps no more than that does.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ from foresee_dsl.drivers.idm_traffic import (
     walkers,
 )
 from foresee_dsl.drivers.pdm_route import Route, build_route
+from foresee_dsl.drivers.pdm_signals import SignalMemory
 from foresee_dsl.drivers.pdm_situation import Situation, read_situation
 from foresee_dsl.drivers.pdm_tracking import control, steering
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.tracking import Tracker
 from foresee_dsl.errors import DriverError
 
 EMERGENCY_TTC_S = 1.5
@@ -34,7 +36,7 @@ SLOWEST_MPS = 0.5
 class IdmDriver:
     """Follows its lane with the Intelligent Driver Model, gives way, emergency brake (the floor).
 
-    Its answer is a function of the observation, the mission and the vehicle alone; `seed` changes nothing.
+    Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` changes nothing.
     """
 
     name = "idm"
@@ -43,11 +45,13 @@ class IdmDriver:
     def __init__(self) -> None:
         self._route: Route | None = None
         self._vehicle: VehicleLimits | None = None
+        self._tracker, self._signals = Tracker(), SignalMemory()
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and take up a new mission; the seed is not used."""
         self._route = build_route(mission, vehicle)
         self._vehicle = vehicle
+        self._tracker, self._signals = Tracker(), SignalMemory()
 
     def step(self, observation: Observation) -> Control:
         """Answer one observation.
@@ -57,7 +61,8 @@ class IdmDriver:
         """
         if self._route is None or self._vehicle is None:
             raise DriverError("the driver idm was stepped before reset")
-        situation = read_situation(self._route, self._vehicle, observation)
+        tracks, signals = self._tracker.update(observation), self._signals.update(observation)
+        situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
         angle = steering(self._route, situation.pose, 0.0, self._vehicle)
         return control(angle, _acceleration(situation), observation.ego, self._vehicle)
 

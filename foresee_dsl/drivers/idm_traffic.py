@@ -14,6 +14,7 @@ import numpy as np
 from foresee_dsl.drivers.idm_model import ACCELERATION_MPS2
 from foresee_dsl.drivers.pdm_prediction import FoeMatches, match_foes
 from foresee_dsl.drivers.pdm_route import FoePath
+from foresee_dsl.drivers.pdm_rules import signal_braking
 from foresee_dsl.drivers.pdm_situation import EgoOnRoute, Situation
 from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage
 
@@ -26,8 +27,6 @@ STILL_MPS = 0.1
 """Ours: two that move by less than this relative to each other stay as they are."""
 STOP_MARGIN_M = 0.5
 """Ours: the front bumper stops this far before a stop line."""
-AMBER_BRAKING_MPS2 = 3.0
-"""ITE's signal timing practice: 10 ft/s^2 (3.05 m/s^2) is what a driver accepts at the onset of amber."""
 JUNCTION_REACH_M = 80.0
 """Ours: junctions nearer than this are thought about; the way to stop from 50 km/h at 1.5 m/s^2, and 15 m."""
 CONFLICT_MARGIN_M = 1.0
@@ -127,15 +126,13 @@ def walkers(situation: Situation, others: Others) -> float | None:
 
 def stop_line(situation: Situation) -> float | None:
     """Return the way to the first stop line whose signal asks to stop and where that can be done, m."""
-    ego, signals = situation.ego, situation.observation.signals
+    ego = situation.ego
     for passage in near_junctions(situation):
-        colour = signals.get(passage.signal) if passage.signal is not None else None
-        place = passage.stop_s - STOP_MARGIN_M
-        if colour not in ("red", "amber") or ego.front_s > passage.stop_s + STOP_MARGIN_M:
+        braking = signal_braking(passage, ego, situation.signals)
+        if braking is None or ego.front_s > passage.stop_s + STOP_MARGIN_M:
             continue
-        braking = AMBER_BRAKING_MPS2 if colour == "amber" else ego.strongest_braking_mps2
         if ego.stops_within(passage.stop_s, braking):
-            return place - ego.front_s
+            return passage.stop_s - STOP_MARGIN_M - ego.front_s
     return None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -153,39 +154,59 @@ def _longitudinal(
     situation: Situation, wishes: _Wishes, profile: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate the IDM: s and v [P, T], and the first acceleration [P]."""
-    pose, vehicle = situation.pose, situation.vehicle
-    share, strongest_braking = wishes.share, situation.ego.strongest_braking_mps2
-    lead_s, lead_v = wishes.lead_s - _front(vehicle) - pose.s, wishes.lead_v
-    dt, top = cfg.ACCELERATION_STEP_S, min(cfg.ACCELERATION_MPS2, vehicle.acceleration_mps2)
-    closing = 1.0 / (2.0 * np.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2))
-    count = len(lead_s)
-    s_all, v_all = np.empty((count, len(share))), np.empty((count, len(share)))
+    pose, share = situation.pose, wishes.share
+    least = -situation.ego.strongest_braking_mps2
+    dt, top = cfg.ACCELERATION_STEP_S, min(cfg.ACCELERATION_MPS2, situation.vehicle.acceleration_mps2)
+    lead_s = wishes.lead_s - _front(situation.vehicle) - pose.s
+    led = np.asarray((wishes.lead_s < FAR_M).any(axis=1)).tolist()
+    s_all, v_all = np.empty(lead_s.shape), np.empty(lead_s.shape)
     s, v = np.zeros(len(share)), np.full(len(share), pose.speed)
     last, rise = len(profile) - 1, np.diff(profile, append=profile[-1])
+    base = profile - rise * np.arange(len(profile))  # the profile's value at x is base + rise x
     first_a = v
-    for k in range(count):
+    for k in range(len(lead_s)):
         s_all[k], v_all[k] = s, v
-        place = np.minimum((s + cfg.PROFILE_PREVIEW_S * v) * (1.0 / GRID_M), last)
+        place = (s + cfg.PROFILE_PREVIEW_S * v) * (1.0 / GRID_M)
+        np.minimum(place, last, out=place)
         index = place.astype(np.int64)
-        wanted = (profile[index] + (place - index) * rise[index]) * share
-        ratio = v / wanted
+        place *= rise[index]
+        place += base[index]  # the speed allowed there
+        ratio = v / (place * share)
         ratio *= ratio
-        a = top * (1.0 - ratio * ratio)
+        ratio *= ratio
+        a = top - top * ratio
         # Never gentler than the profile asks for, never (for a lower share alone) harder than comfortable.
-        a = np.maximum(a, -cfg.BRAKING_MPS2)
-        a = np.minimum(a, (wanted / share - v) * (1.0 / cfg.PROFILE_PREVIEW_S))
-        gap = np.maximum(lead_s[k] - s, 0.1)
-        nearing = v - lead_v[k]
-        space = (np.maximum(v * (cfg.HEADWAY_S + nearing * closing), 0.0) + cfg.MINIMUM_GAP_M) / gap
-        needed = np.maximum(nearing, 0.0) ** 2 / gap * cfg.KINEMATIC_FACTOR
-        a = np.minimum(a, np.maximum(top * (1.0 - space * space), -np.maximum(needed, cfg.BRAKING_MPS2)))
-        a = np.maximum(np.minimum(a, wishes.most), -strongest_braking)
+        np.maximum(a, -cfg.BRAKING_MPS2, out=a)
+        place -= v
+        place *= 1.0 / cfg.PROFILE_PREVIEW_S
+        np.minimum(a, place, out=a)
+        if led[k]:
+            np.minimum(a, _behind(v, lead_s[k] - s, v - wishes.lead_v[k], top), out=a)
+        np.minimum(a, wishes.most, out=a)
+        np.maximum(a, least, out=a)
         if k == 0:
             first_a = a
         faster = np.maximum(v + dt * a, 0.0)
         s = s + (dt / 2) * (v + faster)
         v = faster
     return _fill(s_all).T + pose.s, _fill(v_all).T, first_a
+
+
+def _behind(speed: FloatArray, gap: FloatArray, nearing: FloatArray, top: float) -> FloatArray:
+    """Return the IDM's acceleration behind leaders, m/s^2: [P]."""
+    per_gap = 1.0 / np.maximum(gap, 0.1)
+    wish = nearing * (1.0 / (2.0 * math.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2)))
+    wish += cfg.HEADWAY_S
+    wish *= speed
+    np.maximum(wish, 0.0, out=wish)
+    wish += cfg.MINIMUM_GAP_M
+    wish *= per_gap
+    wish *= wish
+    needed = np.maximum(nearing, 0.0)
+    needed *= needed
+    needed *= per_gap
+    needed *= cfg.KINEMATIC_FACTOR
+    return np.asarray(np.maximum(top - top * wish, -np.maximum(needed, cfg.BRAKING_MPS2)))
 
 
 def _front(vehicle: VehicleLimits) -> float:

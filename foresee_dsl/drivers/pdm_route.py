@@ -17,7 +17,7 @@ PATH_M = 1.0
 BEFORE_M = 40.0
 AFTER_M = 120.0
 """Straight prolongations, so that look-ups need no bounds: 4 s at 100 km/h after the end."""
-SMOOTH_M = 0.8
+SMOOTH_M = 1.3
 """Ours: standard deviation of the smoothing; moves an arc of radius 6 m inwards by 0.05 m, and turns the corners of
 the lanes' polylines into curvature that the steering rate can follow."""
 COARSE = 10

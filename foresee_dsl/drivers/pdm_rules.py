@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from foresee_dsl.drivers import pdm_settings as cfg
 from foresee_dsl.drivers.pdm_prediction import FoeMatches
 from foresee_dsl.drivers.pdm_route import FoePath, Route
 from foresee_dsl.drivers.pdm_situation import BoolArray, EgoOnRoute, Situation
-from foresee_dsl.drivers.protocol import JunctionPassage, Observation
+from foresee_dsl.drivers.protocol import JunctionPassage, SignalColour
 
 PROFILE_STEP_M = 0.5
 STANDS_MPS = 0.5
@@ -53,12 +53,12 @@ def wall(situation: Situation, matches: FoeMatches, can_pass: BoolArray) -> floa
         matches: who is on which foe's path, of the junctions that are near.
         can_pass: [A], what stands for good and can be passed (so that it is no queue).
     """
-    route, ego, observation = situation.route, situation.ego, situation.observation
+    route, ego = situation.route, situation.ego
     queue_end_s = _queue_end(situation, can_pass)
     walls: list[float] = []
     for k in near_junctions(situation):
         passage = route.junctions[k]
-        stop = _signal_wall(passage, ego, observation)
+        stop = _signal_wall(passage, ego, situation.signals)
         if stop is None:
             stop = _queue_wall(passage, ego, queue_end_s)
         if stop is not None:
@@ -69,13 +69,27 @@ def wall(situation: Situation, matches: FoeMatches, can_pass: BoolArray) -> floa
     return min(walls, default=None)
 
 
-def _signal_wall(passage: JunctionPassage, ego: EgoOnRoute, observation: Observation) -> float | None:
-    colour = observation.signals.get(passage.signal) if passage.signal is not None else None
-    if colour not in ("red", "amber") or ego.front_s > passage.stop_s + cfg.STOP_MARGIN_M:
+def signal_braking(passage: JunctionPassage, ego: EgoOnRoute, signals: Mapping[str, SignalColour]) -> float | None:
+    """Return the braking up to which it stops at a junction's line, m/s^2; None where its signal lets it go.
+
+    A signal that should be there and is not seen is approached ready to stop.
+    """
+    if passage.signal is None:
+        return None
+    colour = signals.get(passage.signal)
+    if colour == "red":
+        return ego.strongest_braking_mps2
+    if colour == "amber":
+        return cfg.AMBER_BRAKING_MPS2
+    return cfg.UNSEEN_BRAKING_MPS2 if colour is None else None
+
+
+def _signal_wall(passage: JunctionPassage, ego: EgoOnRoute, signals: Mapping[str, SignalColour]) -> float | None:
+    braking = signal_braking(passage, ego, signals)
+    if braking is None or ego.front_s > passage.stop_s + cfg.STOP_MARGIN_M:
         return None
     if ego.front_s > passage.stop_s - cfg.STOP_MARGIN_M and ego.state.speed_mps < STANDS_MPS:
         return ego.front_s  # it stands at (or a hand's breadth over) the line, and stays
-    braking = cfg.AMBER_BRAKING_MPS2 if colour == "amber" else ego.strongest_braking_mps2
     return passage.stop_s - cfg.STOP_MARGIN_M if ego.stops_within(passage.stop_s, braking) else None
 
 

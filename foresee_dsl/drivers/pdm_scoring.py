@@ -35,7 +35,7 @@ class Scores:
 def score(situation: Situation, rollout: Rollout, prediction: Prediction) -> Scores:
     """Score all proposals."""
     vehicle, current_d = situation.vehicle, situation.pose.d
-    hit, close, ttc = _conflicts(situation, rollout, prediction)
+    hit, close, ttc = conflicts(situation, rollout, prediction)
     collision_s = np.where(hit.any(axis=1), TIMES_S[hit.argmax(axis=1)], NEVER_S)
     free = collision_s == NEVER_S
     way = rollout.s[:, -1] - rollout.s[:, 0]
@@ -77,9 +77,7 @@ def _within_lanes(route: Route, rollout: Rollout, vehicle: VehicleLimits) -> Boo
     return np.asarray((out.max(axis=1) <= np.maximum(out[:, 0], 0.0) + LEAVES_M) | rollout.brake)
 
 
-def _conflicts(
-    situation: Situation, rollout: Rollout, prediction: Prediction
-) -> tuple[BoolArray, BoolArray, BoolArray]:
+def conflicts(situation: Situation, rollout: Rollout, prediction: Prediction) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Compare footprints: [P, T] collides (and is to blame), passes closely, would collide within TTC_S."""
     actors, vehicle = situation.actors, situation.vehicle
     who = _relevant(rollout, prediction, vehicle)

@@ -79,6 +79,9 @@ STOP_MARGIN_M = 0.5
 """Ours: the front bumper stops this far before a stop line or conflict zone."""
 AMBER_BRAKING_MPS2 = 3.0
 """ITE's signal timing practice uses 10 ft/s^2 (3.05 m/s^2) as the braking a driver accepts at the onset of amber."""
+UNSEEN_BRAKING_MPS2 = 2.0
+"""Ours: braking before a signal that is not seen, from where it takes no more than this (everyday braking); who is
+nearer than that goes on by what it saw last."""
 YIELD_BEFORE_S = 1.5
 """Ours: time between the ego's leaving a conflict zone and the arrival of who has priority."""
 YIELD_AFTER_S = 0.3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
 from foresee_dsl.drivers.pdm_route import Projection, Route
-from foresee_dsl.drivers.protocol import EgoState, FloatArray, Observation, VehicleLimits
+from foresee_dsl.drivers.protocol import EgoState, FloatArray, Observation, SignalColour, VehicleLimits
+from foresee_dsl.drivers.tracking import Tracker, Tracks
 
 BoolArray = NDArray[np.bool_]
 
@@ -25,7 +27,7 @@ LEAST_REACH_M = 30.0
 
 @dataclass(frozen=True)
 class Actors:
-    """The others as seen now; every array is [A]."""
+    """The others as they are taken to be now; every array is [A]."""
 
     x: FloatArray
     y: FloatArray
@@ -78,7 +80,7 @@ class Situation:
 
     Attributes:
         now: the others on the route, [A]. own: [A], in the ego's lane, in its direction.
-        reach_m: how far ahead predictions are put on the route.
+        reach_m: how far ahead predictions are put on the route. signals: the colours that are known.
     """
 
     route: Route
@@ -90,13 +92,26 @@ class Situation:
     now: Projection
     own: BoolArray
     reach_m: float
+    signals: Mapping[str, SignalColour]
 
 
-def read_situation(route: Route, vehicle: VehicleLimits, observation: Observation) -> Situation:
-    """Read an observation."""
+def read_situation(
+    route: Route,
+    vehicle: VehicleLimits,
+    observation: Observation,
+    tracks: Tracks | None = None,
+    signals: Mapping[str, SignalColour] | None = None,
+) -> Situation:
+    """Read an observation.
+
+    Args:
+        route: where it goes. vehicle: the ego. observation: of this step.
+        tracks: the others as they were tracked; None: what a tracker makes of the observation at first sight.
+        signals: the colours that are known; None: those of the observation.
+    """
     state = observation.ego
-    pose = _pose(route, state, vehicle)
-    actors = _read_actors(observation)
+    pose = pose_on(route, state, vehicle)
+    actors = _read_actors(Tracker().update(observation) if tracks is None else tracks)
     reach = max(LEAST_REACH_M, pose.speed * cfg.HORIZON_S + 25.0)
     now = route.project(actors.x, actors.y, pose.s, max(reach, cfg.JUNCTION_REACH_M))
     return Situation(
@@ -109,6 +124,7 @@ def read_situation(route: Route, vehicle: VehicleLimits, observation: Observatio
         now=now,
         own=_in_lane(route, actors, now),
         reach_m=reach,
+        signals=observation.signals if signals is None else signals,
     )
 
 
@@ -117,7 +133,7 @@ def to_centre(vehicle: VehicleLimits) -> float:
     return vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
 
 
-def _pose(route: Route, state: EgoState, vehicle: VehicleLimits) -> EgoPose:
+def pose_on(route: Route, state: EgoState, vehicle: VehicleLimits) -> EgoPose:
     """Put the rear axle on the route."""
     back = to_centre(vehicle)
     x, y = state.x - back * math.cos(state.heading_rad), state.y - back * math.sin(state.heading_rad)
@@ -131,25 +147,21 @@ def _ego_on_route(state: EgoState, vehicle: VehicleLimits, centre_s: float) -> E
     return EgoOnRoute(centre_s + vehicle.length_m / 2, centre_s - vehicle.length_m / 2, state, strongest)
 
 
-def _read_actors(observation: Observation) -> Actors:
-    """Put the seen actors into arrays."""
-    seen = observation.actors
-    numbers = np.array(
-        [(a.x, a.y, a.heading_rad, a.speed_mps, a.length_m / 2, a.width_m / 2) for a in seen], dtype=float
-    ).reshape(-1, 6)
-    x, y, heading, speed, half_length, half_width = numbers.T
+def _read_actors(tracks: Tracks) -> Actors:
+    """Take over what the tracker knows."""
+    kinds = tracks.kinds
     return Actors(
-        x=x,
-        y=y,
-        heading=heading,
-        cos=np.cos(heading),
-        sin=np.sin(heading),
-        speed=speed,
-        half_length=half_length,
-        half_width=half_width,
-        pedestrian=np.array([a.kind == "pedestrian" for a in seen], dtype=bool),
-        obstacle=np.array([a.kind == "obstacle" for a in seen], dtype=bool),
-        speeds_up=np.array([cfg.SPEEDS_UP_MPS2.get(a.kind, 0.0) for a in seen], dtype=float),
+        x=tracks.x,
+        y=tracks.y,
+        heading=tracks.heading,
+        cos=np.cos(tracks.heading),
+        sin=np.sin(tracks.heading),
+        speed=tracks.speed,
+        half_length=tracks.length / 2,
+        half_width=tracks.width / 2,
+        pedestrian=np.array([kind == "pedestrian" for kind in kinds], dtype=bool),
+        obstacle=np.array([kind == "obstacle" for kind in kinds], dtype=bool),
+        speeds_up=np.array([cfg.SPEEDS_UP_MPS2.get(kind, 0.0) for kind in kinds], dtype=float),
     )
 
 

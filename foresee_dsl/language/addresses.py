@@ -17,7 +17,7 @@ FOREIGN_NETWORKS = (".net.xml", ".xodr")
 
 _MARKERS = (".git", ".hg", "pyproject.toml")
 """What lies in the topmost folder of a project."""
-_FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models)\b")
+_FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models|campaign)\b")
 _HEADER = re.compile(r"foresee\s+\d+$")
 _SNIFFED_BYTES = 65_536
 """The keyword stands in the first lines; this much allows for a long licence comment (ours)."""
@@ -45,7 +45,7 @@ def shown(path: str | PurePath) -> str:
 
 
 def kind_of(path: Path) -> str:
-    """Return what a file holds by its first keyword: scenario, clip, mutant, network or models; "" when unclear."""
+    """Return what a file holds by its first keyword: scenario, clip, mutant, network, models or campaign; "" when unclear."""
     try:
         with path.open("rb") as file:
             text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")

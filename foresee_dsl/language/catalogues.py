@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from types import MappingProxyType
 
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.concretise import Reporter
@@ -16,6 +17,7 @@ from foresee_dsl.language.model import (
     Ego,
     Item,
     Param,
+    Quantity,
     Ref,
     Scenario,
     Traffic,
@@ -27,6 +29,15 @@ from foresee_dsl.resources import data_folder
 
 VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
 """The classes that the ego and a `vehicle` may have; the other actors have the class of their own name."""
+
+
+SUM_SLACK_M = 0.0101
+"""How far overhangs and wheelbase may miss the length: each is rounded to a centimetre in tables (ours)."""
+
+CLASS_CRUISE_MPS = MappingProxyType({"pedestrian": 1.3, "bicycle": 15 / 3.6})
+"""What people walk and cycle where nobody hurries them and their model says nothing; others drive what the road
+allows. On foot: 1.2 to 1.4 m/s (Bohannon 1997, from memory; SUMO's default is 1.39 m/s). By bicycle: the mean of
+conventional ones in the German Naturalistic Cycling Study, 15.3 km/h (Schleinitz et al. 2017, figure from memory)."""
 
 
 def entries(catalogue: Catalogue) -> dict[str, VehicleModel]:
@@ -54,6 +65,14 @@ def bundled_models() -> dict[str, VehicleModel]:
         ForeseeError: the installation is damaged.
     """
     return dict(_bundled())
+
+
+def cruise_speed_mps(model: VehicleModel) -> float | None:
+    """Return what a model walks or drives where nobody says a speed, m/s; None: as fast as the road allows."""
+    said = model.cruise_speed
+    own = said.si if isinstance(said, Quantity) else CLASS_CRUISE_MPS.get(model.name.partition(".")[0])
+    top = model.max_speed
+    return min(own, top.si) if own is not None and isinstance(top, Quantity) else own
 
 
 def fits(model: str, kind: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -9,7 +10,7 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from foresee_dsl.language.catalogues import check_model
+from foresee_dsl.language.catalogues import check_model, cruise_speed_mps
 from foresee_dsl.language.concretise import Reporter, complaint, same_kind, value_text
 from foresee_dsl.language.conditions import mapped, parts
 from foresee_dsl.language.lints.weaker import weaker
@@ -25,6 +26,7 @@ from foresee_dsl.language.model import (
     End,
     Expect,
     Item,
+    Line,
     Param,
     ParamValue,
     Quantity,
@@ -33,8 +35,10 @@ from foresee_dsl.language.model import (
     Steers,
     Timing,
     VehicleModel,
+    Walked,
     Weather,
 )
+from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.project_codes import BAD_CHANGE, NOT_IN_PARENT, UNKNOWN_ACTOR, UNKNOWN_PROPERTY, WRONG_WAS
 from foresee_dsl.language.suggest import did_you_mean
 
@@ -94,6 +98,7 @@ def changed_body(
         and models is not None
     ):
         check_model(new.model, new.kind, models, reporter, place=(change, "now"))
+        new = _at_its_own_pace(new, models.get(str(change.was)), models.get(new.model))
     return tuple(new if item is old else item for item in body) if old is not None else (*body, new)
 
 
@@ -158,6 +163,24 @@ def _of_actor(
     if isinstance(now, Quantity) and change.property != "model" and not rule.accepts(now.si):
         raise _RefusedError("now", BAD_CHANGE, f"{_label(change)} cannot be {value_text(now)}", rule.needs)
     return actor, rule.write(actor, change, now)
+
+
+def _at_its_own_pace(actor: Participant, was: VehicleModel | None, now: VehicleModel | None) -> Participant:
+    """Return a clip's actor whose model was swapped with the cruise speed that the new model makes of the old one.
+
+    A clip says what everybody drives, which is the old model's doing: who walked 10 % faster than usual does so as
+    somebody else too, and nobody drives faster than the new model can. A scenario says a speed because it is meant.
+    """
+    cruise = _item_of(actor, CruiseSpeed)
+    if actor.state is None or cruise is None or not isinstance(cruise.speed, Quantity) or was is None or now is None:
+        return actor
+    old, new, top = cruise_speed_mps(was), cruise_speed_mps(now), now.max_speed
+    wanted = cruise.speed.si * (new / old if old and new else 1.0)
+    if isinstance(top, Quantity):
+        wanted = min(wanted, top.si)
+    if math.isclose(wanted, cruise.speed.si, rel_tol=1e-9):
+        return actor
+    return _replaced(actor, CruiseSpeed(speed=Quantity.of(wanted, "speed", 4)))
 
 
 # ---- what is no actor's ---------------------------------------------------------------------------------------------
@@ -282,6 +305,16 @@ def _read_delay(actor: Participant) -> ParamValue | Ref | None:
     return _value(delay.time) if delay else Quantity(value=Decimal(0), unit="s")
 
 
+def _read_line(actor: Participant) -> ParamValue | Ref | None:
+    line = _item_of(actor, Line)
+    return _value(line.left) if line else Quantity(value=Decimal(0), unit="m")
+
+
+def _read_moving(actor: Participant) -> ParamValue | Ref | None:
+    walked = _item_of(actor, Walked)
+    return _value(walked.along) if walked else None
+
+
 def _read_speed(actor: Participant) -> ParamValue | Ref | None:
     if actor.state is not None:
         return _value(actor.state.speed)
@@ -330,5 +363,17 @@ _PROPERTIES: Mapping[str, _Property] = {
         write=lambda actor, _, now: _replaced(actor, Delay.model_validate({"time": now})),
         accepts=lambda delay: delay >= 0,
         needs="a delay is zero or more",
+    ),
+    "line": _Property(
+        read=_read_line,
+        write=lambda actor, _, now: _replaced(actor, Line.model_validate({"left": now})),
+        accepts=lambda left: -WIDEST_LINE_M <= left <= WIDEST_LINE_M,
+        needs=f"a line is at most {WIDEST_LINE_M:g} m to the left (positive) or right of the actor's way",
+    ),
+    "moving": _Property(
+        read=_read_moving,
+        write=lambda actor, _, now: _replaced(actor, Walked.model_validate({"along": now})),
+        accepts=lambda along: along >= 0,
+        needs="how far it has come along its path is zero or more",
     ),
 }

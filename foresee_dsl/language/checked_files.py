@@ -50,7 +50,7 @@ def check_paths(
         try:
             text = texts.get(absolute(file))
             kind = kind_of(file) if text is None else kind_of_text(text)
-            if kind in ("network", "models"):
+            if kind in ("network", "models", "campaign"):
                 project.definition(file)
             else:
                 cases.extend(project.test_cases([address]))

@@ -15,7 +15,7 @@ from foresee_dsl import kept
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.document import Document
-from foresee_dsl.language.model import Catalogue, Clip, Extension, Item, Mutant, Network, Scenario
+from foresee_dsl.language.model import Catalogue, Definition, Item, Network
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
@@ -68,7 +68,7 @@ def parse(text: str, path: str) -> Document:
 
         raise InputError(with_certain(_diagnostics(mistakes, text, path), nodes, text, path))
     model = models[0]
-    if header is None or not isinstance(model, (Scenario, Extension, Clip, Mutant, Network, Catalogue)):
+    if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
     around = attach(nodes[0], span_of(header), comments, text)
     return Document(path=path, text=text, model=model, spans=builder.spans, comments=around)

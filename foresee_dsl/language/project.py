@@ -335,7 +335,7 @@ class Project:
             if parent.clip is None:
                 above.fail(WRONG_KIND, f"'{model.parent}' holds a scenario, but a mutant changes a clip")
             return expand_mutant(model, parent, source=file.path, document=file.document)
-        message = f"this holds a catalogue of {model.kind}" if isinstance(model, Catalogue) else "this holds a network"
+        message = f"this holds {_a(model)}"
         if use is not None:
             use.fail(WRONG_KIND, f"'{use.written}' is no parent: {message}", "name a scenario, clip or mutant")
         help = "name a scenario, clip or mutant"

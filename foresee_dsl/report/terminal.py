@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 from types import TracebackType
 
@@ -25,7 +26,8 @@ from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.resources import write_whole
-from foresee_dsl.simulate.verdict import ExpectationResult, RunResult, Verdict
+from foresee_dsl.simulate.near_misses import NearMiss, NearMisses
+from foresee_dsl.simulate.verdict import ExpectationResult, Impact, RunResult, Verdict
 
 FAMILY_TITLES = {
     "3": "crossing actor",
@@ -223,14 +225,13 @@ def _fidelity_line(result: CampaignResult) -> Text:
     clips = result.clips
     if not clips:
         return Text("\nNo clips.")
-    total = result.row()
-    within = sum(c.within for c in clips) / len(clips)
-    exact = sum(c.largest_m <= 0.1 for c in clips) / len(clips)
+    found = result.fidelity
     kept = sum(bool(c.children) for c in clips)
     return Text(
-        f"\nFidelity of the unmutated clips: {within:.1%} of the other actors within 0.1 m of their parent throughout, "
-        f"{exact:.0%} of the clips wholly; largest deviation median {total.fidelity_median_m:.2f} m, "
-        f"most {total.fidelity_max_m:.2f} m. {kept} of {len(clips)} clips were mutated.",
+        f"\nFidelity of the {len(clips)} unmutated clips with {result.settings.driver}, largest deviation from the "
+        f"parent's run:\n  other actors: {found.others_median_m:.2f} m in the median, {found.others_within:.1%} within "
+        f"0.1 m, {found.others_max_m:.2f} m at most\n  the ego: {found.ego_median_m:.2f} m in the median, "
+        f"{found.ego_max_m:.2f} m at most\n{kept} of {len(clips)} clips were mutated.",
     )
 
 
@@ -272,10 +273,45 @@ def print_run(console: Console, name: str, result: RunResult, trace: Path | None
     line.append(result.verdict.value, style=style)
     line.append(f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)")
     console.print(line)
+    for said in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
+        console.print(said, style="dim", highlight=False)
     for expectation in result.expectations:
         console.print(_expectation_line(expectation))
     if trace is not None:
         console.print(f"  trace {trace}", style="dim")
+
+
+def _impact_lines(impact: Impact | None) -> list[str]:
+    if impact is None:
+        return []
+    along = f"{abs(impact.ahead_m):.1f} m {'ahead of' if impact.ahead_m >= 0 else 'behind'} the ego's centre"
+    aside = f"{abs(impact.left_m):.1f} m to the {'left' if impact.left_m >= 0 else 'right'}"
+    return [
+        f"  impact    {impact.relative_mps:.1f} m/s ({impact.closing_mps:.1f} m/s onto each other), the ego's speed "
+        f"{impact.ego_mps:.1f} m/s",
+        f"            {impact.struck}; headings {abs(math.degrees(impact.turned_rad)):.0f} deg apart",
+        f"            at the ego's {impact.side} ({along}, {aside}), the other's {impact.other_side}",
+    ]
+
+
+_NEAR = (
+    ("distance_m", "nearest", "{:.2f} m"),
+    ("ttc_s", "TTC", "{:.2f} s"),
+    ("pet_s", "PET", "{:.2f} s"),
+    ("drac_mps2", "braking", "{:.1f} m/s^2 needed"),
+)
+"""The measures of near misses: field, what it is called, and how its value is written."""
+
+
+def _near_lines(near: NearMisses) -> list[str]:
+    lines = []
+    for name, called, form in _NEAR:
+        found: NearMiss | None = getattr(near, name)
+        if found is None:
+            continue
+        value = form.format(found.value) if math.isfinite(found.value) else "none would have been enough"
+        lines.append(f"  {called:<9} {value} at {found.time_s:.2f} s, {found.actor}")
+    return lines
 
 
 def _expectation_line(expectation: ExpectationResult) -> Text:

@@ -17,8 +17,10 @@ from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.simulate.bodies import ROUNDING_M, Body
 from foresee_dsl.simulate.collision import Mover, corner_points
-from foresee_dsl.simulate.dynamics import Bicycle, BicycleState, limits_of
-from foresee_dsl.simulate.followers import LaneRecovery, PathFollower
+from foresee_dsl.simulate.dynamics import Bicycle, BicycleState, lateral_limit_mps2, limits_of
+from foresee_dsl.simulate.followers import PathFollower
+from foresee_dsl.simulate.handover import handed_over
+from foresee_dsl.simulate.recovery import LaneRecovery
 from foresee_dsl.simulate.state import Mobile
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import GHOST_TYPE, World
@@ -38,12 +40,13 @@ _GRID_M = 0.5
 class Ego(Mobile):
     """The vehicle of the driver under test."""
 
-    __slots__ = ("motion",)
+    __slots__ = ("_recorded", "motion")
 
     def __init__(self, actor: PlacedActor, friction: float) -> None:
         """Start where the actor is placed."""
         super().__init__(actor)
         self.motion = Bicycle(limits_of(actor.model, friction))
+        self._recorded = iter(handed_over(self.bicycle(), actor.recorded, self.motion))
 
     @property
     def limits(self) -> VehicleLimits:
@@ -51,8 +54,12 @@ class Ego(Mobile):
         return self.motion.limits
 
     def drive(self, control: Control) -> None:
-        """Move one step; the lane is read from the network, not from SUMO."""
-        self.become(self.motion.step(self.bicycle(), control, STEP_S))
+        """Move one step; the lane is read from the network, not from SUMO.
+
+        While there are recorded states it moves to the next of them, whatever the driver answers.
+        """
+        recorded = next(self._recorded, None)
+        self.become(recorded or self.motion.step(self.bicycle(), control, STEP_S))
 
 
 class Spot(NamedTuple):
@@ -113,12 +120,12 @@ class Walker(Mobile):
 
     __slots__ = ("_world", "cruise", "follower", "ghost", "held_until", "network", "road_at", "stops")
 
-    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
+    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Start as far along the path as the scene says."""
         super().__init__(actor)
-        model = actor.model
+        model, paced = actor.model, sped(actor)
         self._world, self.network = world, network
-        self.cruise = actor.cruise_mps * actor.timing
+        self.cruise = paced.cruise_mps
         self.follower = PathFollower(
             actor.path,
             pace_mps=self.cruise,
@@ -126,7 +133,8 @@ class Walker(Mobile):
             braking_mps2=model.braking_mps2,
             length_m=0.0 if model.kind == "pedestrian" else model.length_m,
             along_m=actor.along_m,
-            speed_mps=actor.speed_mps * actor.timing,
+            speed_mps=paced.speed_mps,
+            lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, friction),
         )
         self.ghost = Ghost(world, network, actor.id, edge)
         self.stops = actor.walk_stops
@@ -196,23 +204,25 @@ class Steered(Body):
         actor = self.placed
         line = actor.line or network.line(actor.route, start_lane=actor.lane or None)
         limits = limits_of(actor.model, self.friction)
-        self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering)
+        self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering, line_m=actor.line_m)
         self.taken = self.recovery.take_over(self.x, self.y, self.heading, self.speed, self.acceleration)
         self.lane = ""
 
-    def recover(self, time_s: float, others: Sequence[Mover], stop_s: float | None) -> None:
+    def recover(self, time_s: float, others: Sequence[Mover], stop_s: float | None, *, yields: bool) -> None:
         """Move one step; afterwards it may be gone (`present`)."""
         if self.recovery is None or self.taken is None:
             return
-        self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s)
+        self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s, yields=yields)
         self.become(self.taken)
         self.present = not self.recovery.done(self.taken)
 
 
 def sped(actor: PlacedActor) -> PlacedActor:
-    """Return an actor with its `timing` worked into its speeds."""
-    k = actor.timing
-    return replace(actor, cruise_mps=actor.cruise_mps * k, speed_mps=actor.speed_mps * k) if k != 1.0 else actor
+    """Return an actor with its `timing` worked into its speeds, within what its model can."""
+    k, top = actor.timing, actor.model.max_speed_mps
+    if k == 1.0:
+        return actor
+    return replace(actor, cruise_mps=min(actor.cruise_mps * k, top), speed_mps=min(actor.speed_mps * k, top))
 
 
 def _lane_here(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:

@@ -74,7 +74,8 @@ class Body(Mobile):
 
     def _find_lane(self, nearest: Lane) -> None:
         """Find the lane that the vehicle follows, and the place on it that SUMO is to have it at."""
-        lane = self._heads_for(nearest)
+        # Who keeps beside the middle of its lane is not on its way to another one.
+        lane = nearest if self.placed.line_m else self._heads_for(nearest)
         self.lane = lane.id
         line = shapely.LineString(lane.shape)
         centre = shapely.line_interpolate_point(
@@ -105,12 +106,12 @@ class Body(Mobile):
         """Go on to where SUMO has the vehicle after a step."""
         x, y, speed, self.acceleration, self.lane = state
         jump = math.hypot(x - self._raw_x, y - self._raw_y) > speed * STEP_S + JUMP_M
-        if jump or self._offset:
+        if jump or self._offset or self.placed.line_m:
             cos, sin = self._direction(x, y)
             if jump:
                 self._offset += (self._raw_y - y) * cos - (self._raw_x - x) * sin
             most = min(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed) * STEP_S
-            self._offset = math.copysign(max(abs(self._offset) - most, 0.0), self._offset)
+            self._offset += max(-most, min(most, self.placed.line_m - self._offset))
             self._raw_x, self._raw_y = x, y
             x, y = x - self._offset * sin, y + self._offset * cos
         else:

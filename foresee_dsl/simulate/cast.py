@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors import STANDS_MPS, Block, Ego, Ghost, Steered, Walker, sped
+from foresee_dsl.simulate.bends import LaneBends
 from foresee_dsl.simulate.bodies import Body
 from foresee_dsl.simulate.progress import Progress
 from foresee_dsl.simulate.state import Mobile
@@ -18,8 +19,11 @@ OFF_LANE_M = 1.8
 """The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
-YIELDS_MPS2 = -0.05
-"""Who brakes harder lets somebody go. Ours: SUMO accelerates or keeps its speed exactly where nothing is in the way."""
+YIELDS_MPS2 = 0.05
+"""Who gains speed less than this on a junction, although it may drive faster, lets somebody go. Ours: SUMO accelerates
+or drives exactly what it may where nothing is in the way."""
+MAY_DRIVE_MPS = 0.3
+"""Who is at most so much slower than it may be drives as fast as it may. Ours: two steps of acceleration."""
 KNOWN_AFTER = 1
 """Steps that everybody is held where they are placed. Ours: SUMO learns of who comes to a junction a step later."""
 
@@ -48,10 +52,11 @@ class Cast:
         for actor in scene.actors[1:]:
             self.actors.append(self._make(actor, edge))
         self.by_id = {actor.id: actor for actor in self.actors}
-        self.cruise = {a.id: a.placed.cruise_mps * a.placed.timing or a.placed.model.max_speed_mps for a in self.actors}
-        self.ignores_signals: set[str] = set()
+        self.cruise = {a.id: sped(a.placed).cruise_mps or a.placed.model.max_speed_mps for a in self.actors}
+        self.ignored: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
+        self._bends = LaneBends(self.network, self.scene.friction)
         self.frame = 0
         self._enter(bundle)
 
@@ -69,6 +74,7 @@ class Cast:
         Returns:
             Ids of those who have left the world.
         """
+        self._slow_for_bends()
         self.ego.drive(control)
         for walker in self.walkers:
             walker.walk()
@@ -84,7 +90,8 @@ class Cast:
         return left
 
     def pace(self, actor: Mobile, speed_mps: float) -> None:
-        """Let an actor drive or walk at most this, from the next step on; 0 halts it."""
+        """Let an actor drive or walk at most this (and what its model can), from the next step on; 0 halts it."""
+        speed_mps = min(speed_mps, actor.placed.model.max_speed_mps)
         if isinstance(actor, Walker):
             actor.follower.pace_mps = speed_mps
         elif isinstance(actor, Steered) and actor.recovery is not None:
@@ -102,10 +109,9 @@ class Cast:
 
     def ignore(self, actor: Mobile, what: str, *, on: bool = True) -> None:
         """Let an actor ignore `signals` or `priority`, or obey again."""
-        if what == "signals":
-            (self.ignores_signals.add if on else self.ignores_signals.discard)(actor.id)
-            if isinstance(actor, Walker):
-                actor.stops = () if on else actor.placed.walk_stops
+        (self.ignored[actor.id].add if on else self.ignored[actor.id].discard)(what)
+        if what == "signals" and isinstance(actor, Walker):
+            actor.stops = () if on else actor.placed.walk_stops
         if actor.id in self.world:
             self.world.ignore(actor.id, what, on=on)
 
@@ -117,7 +123,7 @@ class Cast:
 
     def _make(self, actor: PlacedActor, edge: str) -> Mobile:
         if actor.control == "path":
-            walker = Walker(actor, self.world, self.network, edge)
+            walker = Walker(actor, self.world, self.network, edge, self.scene.friction)
             self.walkers.append(walker)
             return walker
         if actor.control == "static":
@@ -157,6 +163,7 @@ class Cast:
         self._hold([body for body in self.bodies.values() if not body.rolls], before)
         for body in rolling:
             world.roll(body.id, body.speed)
+        self._slow_for_bends()
         self._show()
         self._pass_step()
         for body in rolling:
@@ -167,18 +174,23 @@ class Cast:
     def _waves(self) -> tuple[list[list[Mobile]], int]:
         """Say who is put into SUMO in which step, and from which step on stand-ins are shown.
 
-        On a junction, who brakes or stands lets somebody else go first, who was there before; the others came as long
-        ago as their way inside takes at their speed.
+        On a junction, who stands or drives slower than it may lets somebody else go first, who was there before; the
+        others came as long ago as their way inside takes at their speed.
         """
         vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
         since = {actor.id: self.progress.since_entry(actor, self.frame) for actor in vehicles}
         inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
-        going = [a for a in inside if a is self.ego or (a.speed >= STANDS_MPS and a.acceleration > YIELDS_MPS2)]
+        going = [a for a in inside if a is self.ego or self._goes(a)]
         letting_go = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
         none: list[Mobile] = []
         waves = [*([a] for a in going), none, *([a] for a in letting_go), rest, *([none] * KNOWN_AFTER)]
         return waves, len(going)
+
+    def _goes(self, actor: Mobile) -> bool:
+        """Say whether a vehicle inside a junction seems to have nobody to wait for."""
+        may = min(self.cruise[actor.id], self._bend_speed(actor))
+        return actor.speed >= STANDS_MPS and (actor.acceleration > YIELDS_MPS2 or actor.speed >= may - MAY_DRIVE_MPS)
 
     def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
         if actor is self.ego:
@@ -264,12 +276,13 @@ class Cast:
         movers = {a.id: a.mover for a in self.actors if a.present}
         for actor in taken:
             others = [mover for name, mover in movers.items() if name != actor.id]
-            actor.recover(self.time_s, others, self._red_ahead(actor))
+            # Who runs a red light or refuses to yield goes on doing so, but not into what is in its way already.
+            actor.recover(self.time_s, others, self._red_ahead(actor), yields=not self.ignored[actor.id])
             if not actor.present:
                 self.world.remove(actor.id)
 
     def _red_ahead(self, actor: Mobile) -> float | None:
-        if actor.id in self.ignores_signals:
+        if "signals" in self.ignored[actor.id]:
             return None
         for passage, room in self.progress.ahead(actor, self.frame, LOOKS_AHEAD_M):
             tls, link = passage.movement.tls, passage.movement.link
@@ -282,6 +295,19 @@ class Cast:
             if actor.present and actor.due(self.time_s):
                 actor.take_over(self.network, self.cruise[actor.id])
                 self.world.take_over(actor.placed)
+
+    def _slow_for_bends(self) -> None:
+        """SUMO knows the bends inside junctions only, and neither who tips nor how wet the road is."""
+        for name, body in self.bodies.items():
+            if body.present and not (isinstance(body, Steered) and body.taken is not None):
+                self.world.slow_for_bend(name, self._bend_speed(body))
+
+    def _bend_speed(self, actor: Mobile) -> float:
+        placed, way_m = actor.placed, actor.speed * STEP_S
+        fastest = max(self.cruise[actor.id], actor.speed + 1.0)  # it may be told to go faster than it did
+        return self._bends.speed(
+            actor.id, placed.model, actor.lane, placed.route, actor.front, way_m=way_m, fastest_mps=fastest
+        )
 
     def _ego_lane(self) -> None:
         line = self.ego.placed.line

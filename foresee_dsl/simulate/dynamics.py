@@ -1,4 +1,4 @@
-"""How a driven vehicle moves: a kinematic bicycle with a steering rate, a drivetrain lag and a friction circle.
+"""How a driven vehicle moves: a kinematic bicycle with a steering rate, a drivetrain lag and a friction ellipse.
 
 The motion is that of the rear axle's centre, which follows the front wheels without slip (Rajamani, Vehicle Dynamics
 and Control, 2nd ed., section 2.2); states are given at the centre of the footprint, as everywhere else. All that the
@@ -7,8 +7,10 @@ next step needs is in the state, so a run restored from a state continues exactl
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import atan, cos, exp, isnan, sin, sqrt, tan
+from math import atan, cos, exp, inf, isnan, sin, sqrt, tan
+from types import MappingProxyType
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
@@ -26,6 +28,14 @@ constants."""
 STEERABLE_SHARE = 0.3
 """Share of the grip that braking leaves for steering where the front wheels ask for it. Ours: an anti-lock system keeps
 the car steerable; giving up 0.3 of the grip sideways costs 4.6 % of the braking (sqrt(1 - 0.3^2))."""
+
+TIPS_AT_G: Mapping[str, float] = MappingProxyType(
+    {"van": 0.7, "truck": 0.4, "bus": 0.5, "motorcycle": 0.8, "bicycle": 0.4}
+)
+"""The lateral acceleration, in g, over which a class of vehicle tips or its rider does not lean; cars slide before.
+From memory and not checked: loaded heavy trucks roll over at 0.35 to 0.45 g, city buses and vans later (Winkler and
+Ervin, Rollover of Heavy Commercial Vehicles, UMTRI 1999). Ours: riders lean to 39 deg (0.8 g) and, on a bicycle, to
+22 deg (0.4 g)."""
 
 
 @dataclass(slots=True)
@@ -73,8 +83,21 @@ def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
     )
 
 
+def lateral_limit_mps2(model: str, friction: float) -> float:
+    """Return the lateral acceleration that a vehicle can hold: what its tyres hold, or less where it would tip.
+
+    Args:
+        model: its name, `class.variant`.
+        friction: of the tyres on the road.
+    """
+    return min(friction, TIPS_AT_G.get(model.partition(".")[0], inf)) * GRAVITY_MPS2
+
+
 class Bicycle:
     """Moves one kind of vehicle.
+
+    Its acceleration stays in an ellipse: along, friction times gravity (motor and brakes may give less); across,
+    `lateral_limit_mps2`.
 
     Args:
         limits: what the vehicle can do.
@@ -91,6 +114,7 @@ class Bicycle:
         self.rear_axle_m = limits.wheelbase_m + limits.front_overhang_m - limits.length_m / 2
         """How far the rear axle lies behind the centre of the footprint."""
         self.grip_mps2 = limits.friction * GRAVITY_MPS2
+        self.lateral_mps2 = lateral_limit_mps2(limits.model, limits.friction)
 
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
@@ -152,19 +176,19 @@ class Bicycle:
 
         The wheels stay where the driver turned them; the vehicle runs wider than they point (understeer).
         """
-        grip = self.grip_mps2
+        grip, side = self.grip_mps2, self.lateral_mps2
         acceleration = max(-grip, min(grip, acceleration))
         curvature = tan(steer) / self.limits.wheelbase_m
         fastest = speed + max(0.0, acceleration) * dt
         demand = fastest * fastest * abs(curvature)
-        left_over = sqrt(grip * grip - acceleration * acceleration)
-        lateral = max(left_over, STEERABLE_SHARE * grip)
+        left_over = side * sqrt(1.0 - (acceleration / grip) ** 2)
+        lateral = max(left_over, STEERABLE_SHARE * side)
         if demand <= left_over:
             return acceleration, curvature
         if demand > lateral:
             curvature *= lateral / demand
             demand = lateral
-        most = sqrt(max(0.0, grip * grip - demand * demand))
+        most = grip * sqrt(max(0.0, 1.0 - (demand / side) ** 2))
         return max(-most, min(most, acceleration)), curvature
 
     def _move(

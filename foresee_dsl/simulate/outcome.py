@@ -17,19 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, inf, pi, sin
-from typing import Literal
+from math import cos, hypot, inf, pi, sin
 
 import numpy as np
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.compile.polyline import wrap
-from foresee_dsl.simulate.collision import FloatArray, Mover, ego_hits
+from foresee_dsl.simulate.collision import FloatArray, Mover, corner_points, ego_hits
 from foresee_dsl.simulate.dynamics import Bicycle, BicycleState
-from foresee_dsl.simulate.verdict import Verdict
-
-Side = Literal["front", "left", "right", "rear"]
-Striker = Literal["a", "b", "both", "neither"]
+from foresee_dsl.simulate.verdict import Impact, Side, Striker, Verdict
 
 STUCK_SPEED_MPS = 0.1
 """Slower than this is standing. Ours: the same as SUMO's threshold for a halting vehicle."""
@@ -48,6 +44,10 @@ FACING_RAD = pi / 4
 CONTACT_WITHIN_S = 0.1
 """How far back the first touch is looked for. Ours: two steps; were the bodies to need longer to come apart, their
 turning has brought them together and not their speed, and the least penetration says which sides touch."""
+
+FLUSH_M = 0.05
+"""Two sides whose ends are this near to each other touch along their length, nearer in angle than cars are square
+(ours); otherwise a corner of the one touches."""
 
 _PHRASE = {
     Verdict.F3: "frontal collision with {}",
@@ -80,31 +80,65 @@ def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
     return Verdict.F4
 
 
-def contact_sides(a: Mover, b: Mover) -> tuple[Side, Side]:
-    """Return which sides of two overlapping bodies touched first: (of a, of b)."""
-    normal = contact_normal(a, b)
-    return _side(normal - a.heading), _side(normal + pi - b.heading)
+def impact(ego: Mover, other: Mover, name: str) -> Impact:
+    """Return how two bodies touched.
+
+    The speeds are those of the moment given. Sides and place are those of the first touch, to which both are moved
+    back along their velocities.
+
+    Args:
+        ego: the ego where it overlaps the other. other: what it touches, at the same moment. name: the other's id.
+    """
+    since_s, normal = _first_touch(ego, other)
+    (ax, ay), (bx, by) = ego.velocity, other.velocity
+    nx, ny = cos(normal), sin(normal)
+    ahead, left = _touched_at(_moved_back(ego, since_s), _moved_back(other, since_s), normal)
+    return Impact(
+        with_=name,
+        side=_side(normal - ego.heading),
+        other_side=_side(normal + pi - other.heading),
+        ahead_m=ahead,
+        left_m=left,
+        turned_rad=wrap(other.heading - ego.heading),
+        struck_by=who_struck(ego, other),
+        relative_mps=hypot(ax - bx, ay - by),
+        closing_mps=(ax - bx) * nx + (ay - by) * ny,
+        ego_mps=ego.speed,
+        other_mps=other.speed,
+    )
 
 
-def who_struck(a: Mover, b: Mover) -> Striker:
+def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
+    """Return which sides of two overlapping bodies touched first: (of the ego, of the other)."""
+    normal = contact_normal(ego, other)
+    return _side(normal - ego.heading), _side(normal + pi - other.heading)
+
+
+def who_struck(ego: Mover, other: Mover) -> Striker:
     """Return which of two overlapping bodies moved towards the other, along the contact normal.
 
     Who did by more than `STUCK_SPEED_MPS` counts: both (head on, two that drift together), or neither (one that turns
     into the other while it passes).
     """
-    normal = contact_normal(a, b)
-    ahead, against = (body.speed * cos(body.heading - normal) for body in (a, b))
+    normal = contact_normal(ego, other)
+    ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
     strikes, struck = ahead > STUCK_SPEED_MPS, -against > STUCK_SPEED_MPS
     if strikes == struck:
         return "both" if strikes else "neither"
-    return "a" if strikes else "b"
+    return "ego" if strikes else "other"
 
 
 def contact_normal(a: Mover, b: Mover) -> float:
-    """Return the direction (rad) from `a` to `b` at right angles to the sides that touched first.
+    """Return the direction (rad) from `a` to `b` at right angles to the sides that touched first."""
+    return _first_touch(a, b)[1]
+
+
+def _first_touch(a: Mover, b: Mover) -> tuple[float, float]:
+    """Return how long ago (s) two overlapping bodies touched first, and the contact normal (rad, from `a` to `b`).
 
     Two boxes come to overlap at the moment when the last of the four directions at right angles to their sides stops
-    separating them. Going back along the relative velocity, that is the direction which separates them first.
+    separating them. Going back along the relative velocity, that is the direction which separates them first. Where
+    their speeds do not tell, it is now, and the direction is that of the least penetration.
     """
     dx, dy = b.x - a.x, b.y - a.y
     (ax, ay), (bx, by) = a.velocity, b.velocity
@@ -123,7 +157,37 @@ def contact_normal(a: Mover, b: Mover) -> float:
             since = (reach - sign * apart) / abs(speed)
             if since < soonest:
                 soonest, normal = since, angle if speed > 0 else angle + pi
-    return shallowest if normal is None else normal
+    return (0.0, shallowest) if normal is None else (soonest, normal)
+
+
+def _moved_back(body: Mover, time_s: float) -> Mover:
+    east, north = body.velocity
+    return body._replace(x=body.x - east * time_s, y=body.y - north * time_s)
+
+
+def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
+    """Return where two bodies touch across the contact normal: m ahead of the ego's centre and to its left.
+
+    It is the middle of what the ego's outermost side (or corner) and the other's have in common.
+    """
+    nx, ny = cos(normal), sin(normal)
+    (low, high), (theirs_low, theirs_high) = (
+        _outermost(body, sign * nx, sign * ny, (-ny, nx)) for body, sign in ((ego, 1.0), (other, -1.0))
+    )
+    # The middle of the overlap; bodies whose speeds do not tell may have none, and then it is the nearer end.
+    across = min(max((max(low, theirs_low) + min(high, theirs_high)) / 2, low), high)
+    out = _extent(ego, normal) / 2 + ego.x * nx + ego.y * ny
+    dx, dy = out * nx - across * ny - ego.x, out * ny + across * nx - ego.y
+    c, s = cos(ego.heading), sin(ego.heading)
+    return dx * c + dy * s, dy * c - dx * s
+
+
+def _outermost(body: Mover, nx: float, ny: float, tangent: tuple[float, float]) -> tuple[float, float]:
+    """Return from where to where the outermost side of a body in a direction reaches along the tangent, m."""
+    points = corner_points(body.box)
+    farthest = max(x * nx + y * ny for x, y in points)
+    along = [x * tangent[0] + y * tangent[1] for x, y in points if x * nx + y * ny > farthest - FLUSH_M]
+    return min(along), max(along)
 
 
 def off_road_points(bicycle: Bicycle, state: BicycleState) -> tuple[tuple[float, float], ...]:
@@ -140,12 +204,14 @@ class Decision:
 
     Attributes:
         verdict: how it ended. time_s: when. with_: id of the other party, or "". reason: a sentence for people.
+        impact: of a contact.
     """
 
     verdict: Verdict
     time_s: float
     with_: str
     reason: str
+    impact: Impact | None = None
 
 
 class Judge:
@@ -217,11 +283,13 @@ class Judge:
     def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
         name, kind = self._ids[k], self._kinds[k]
         whom = f"{name} ({kind})"
+        how = impact(ego, other, name)
         if time_s <= 0:
-            return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame")
+            return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
         verdict = classify(ego, other, kind)
         what = _PHRASE.get(verdict, "collision with {}").format(whom)
-        return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s")
+        # What comes after the time is left out when two runs are compared (`campaign.verify`).
+        return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
 
     def _stuck(self, time_s: float, speed: float, may_wait: bool) -> Decision | None:
         if speed >= STUCK_SPEED_MPS or may_wait:

@@ -20,7 +20,7 @@ from foresee_dsl.simulate.expectations import Expectations
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.outcome import Decision, Judge, off_road_points
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.sensing import observe
+from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.verdict import RunResult, Verdict
 from foresee_dsl.simulate.world import World
 
@@ -33,25 +33,31 @@ SIGNAL_AHEAD_M = 30.0
 behind have somebody in front."""
 _LONGEST_REASON = 1000
 """Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
-_TRACKS_PER_ACTOR = 10
-"""Track numbers are drawn from so many times as many, so that they do not tell how many actors there are."""
 
 
-def run(bundle: SumoBundle, driver: Driver, *, seed: int = 0, meta: Mapping[str, Any] | None = None) -> RunResult:
+def run(
+    bundle: SumoBundle,
+    driver: Driver,
+    *,
+    seed: int = 0,
+    meta: Mapping[str, Any] | None = None,
+    sensors: SensorSettings = STANDARD,
+) -> RunResult:
     """Run a test case. The same arguments give the same trace, in any process.
 
     Args:
         bundle: the compiled test case.
         driver: the software under test. What it raises is the run's result (`crash`), not an exception of this call. A
             driver that can be closed is closed when the run is over, however it ended.
-        seed: given to the driver, and what track numbers are drawn from.
+        seed: given to the driver, and what the sensors' noise and track numbers are drawn from.
         meta: goes into the trace's `meta`, over what is there by itself.
+        sensors: what the driver's sensors can do.
 
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
     """
     try:
-        return _Run(bundle, driver, seed, dict(meta or {})).go()
+        return _Run(bundle, driver, seed, dict(meta or {}), sensors).go()
     finally:
         if isinstance(driver, Closing):
             driver.close()
@@ -60,7 +66,9 @@ def run(bundle: SumoBundle, driver: Driver, *, seed: int = 0, meta: Mapping[str,
 class _Run:
     """One run's state."""
 
-    def __init__(self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any]) -> None:
+    def __init__(
+        self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings
+    ) -> None:
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
         self._world = World.shared(bundle)
         self._cast = Cast(bundle, self._world)
@@ -73,10 +81,11 @@ class _Run:
         room = bundle.scene.goal_s - self._cast.progress.of(self._cast.ego, 0)[0]
         self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
         others = self._cast.actors[1:]
-        self._tracks = _draw_tracks([actor.id for actor in others], seed)
+        self._sensing = Sensing(self._cast, self._mission, seed, sensors)
         self._judge = Judge(
             ids=[actor.id for actor in others],
-            kinds=[actor.placed.model.kind for actor in others],
+            # Whatever stands for the whole run is a static object, a parked car too.
+            kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
             sizes=np.array([(actor.length, actor.width) for actor in others], dtype=np.float64),
             ego_size=(self._cast.ego.length, self._cast.ego.width),
             end_s=bundle.scene.end_s,
@@ -92,8 +101,8 @@ class _Run:
         while True:
             self._director.step()
             self._recorder.frame(self._world)
-            observation = observe(self._cast, self._mission, self._tracks)
-            decision = self._look(observation)
+            observation = self._sensing.observe()
+            decision = self._look()
             if decision is not None:
                 return self._finish(decision, steps)
             try:
@@ -110,7 +119,7 @@ class _Run:
             for name in left:
                 self._recorder.event(self._cast.time_s, name, "arrived")
 
-    def _look(self, observation: Observation) -> Decision | None:
+    def _look(self) -> Decision | None:
         cast = self._cast
         others = cast.actors[1:]
         poses = np.array(
@@ -125,13 +134,16 @@ class _Run:
             np.array([a.speed for a in others], dtype=np.float64),
             off_road=bool((cast.network.off_road_depth(wheels) > 0).any()),
             arrived=not self._began_at_goal and self._conditions.arrived("ego"),
-            may_wait=self._may_wait(observation),
+            may_wait=self._may_wait(),
         )
         self._expectations.look(cast.time_s, ego_hit=decision is not None and bool(decision.with_))
         return decision
 
-    def _may_wait(self, observation: Observation) -> bool:
-        """Whether there is something to wait for: a signal that is not green, or somebody (not something) in front."""
+    def _may_wait(self) -> bool:
+        """Whether there is something to wait for: a signal that is not green, or somebody (not something) in front.
+
+        This judges the run, so it goes by where everybody is, not by what the driver sees.
+        """
         cast = self._cast
         if cast.ego.speed >= STANDS_MPS:
             return True  # it does not wait, so the question does not arise
@@ -143,10 +155,10 @@ class _Run:
                 break
         cos, sin = np.cos(cast.ego.heading), np.sin(cast.ego.heading)
         return any(
-            seen.kind != "obstacle"
-            and np.hypot(seen.x - cast.ego.x, seen.y - cast.ego.y) <= CLOSE_AHEAD_M
-            and (seen.x - cast.ego.x) * cos + (seen.y - cast.ego.y) * sin > 0
-            for seen in observation.actors
+            other.placed.control != "static"
+            and np.hypot(other.x - cast.ego.x, other.y - cast.ego.y) <= CLOSE_AHEAD_M
+            and (other.x - cast.ego.x) * cos + (other.y - cast.ego.y) * sin > 0
+            for other in cast.others(cast.ego)
         )
 
     def _broken(self, err: Exception) -> Decision:
@@ -180,17 +192,13 @@ class _Run:
             steps=steps,
             trace=trace,
             expectations=self._expectations.results(),
+            impact=decision.impact,
         )
 
 
 def _answer(driver: Driver, observation: Observation) -> Control:
     steer, throttle, brake = checked(driver.step(observation))
     return Control(steer, throttle, brake)
-
-
-def _draw_tracks(names: list[str], seed: int) -> dict[str, int]:
-    numbers = np.random.default_rng(seed).permutation(_TRACKS_PER_ACTOR * len(names) + 1)
-    return {name: int(number) for name, number in zip(names, numbers, strict=False)}
 
 
 def _waypoints(bundle: SumoBundle) -> NDArray[np.float64]:

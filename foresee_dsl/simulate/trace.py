@@ -10,7 +10,7 @@ import zipfile
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,17 +137,21 @@ class Trace:
     def save(self, path: Path) -> None:
         """Write the trace as a compressed `.npz`: the arrays, and `header`, a JSON text with everything else. All or
         nothing."""
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        temporary.write_bytes(self.packed())
+        temporary.replace(path)
+
+    def packed(self) -> bytes:
+        """Return what `save` writes."""
         buffer = io.BytesIO()
         arrays = {name: getattr(self, name) for name in self._ARRAYS}
         header = np.frombuffer(json.dumps(self._header(meta=True), sort_keys=True).encode(), dtype=np.uint8)
         np.savez_compressed(buffer, header=header, **arrays)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        temporary.write_bytes(buffer.getvalue())
-        temporary.replace(path)
+        return buffer.getvalue()
 
     @classmethod
-    def load(cls, path: Path) -> Trace:
-        """Read a trace.
+    def load(cls, path: Path | BinaryIO) -> Trace:
+        """Read a trace from its file.
 
         Raises:
             ValueError: not a trace, or of another format version.

@@ -60,6 +60,7 @@ class _Known:
     """What the door remembers of a vehicle that is in SUMO."""
 
     cruise_mps: float = 0.0
+    bend_mps: float = math.inf  # what the bends ahead allow
     edge: str = ""  # the last one that is no junction's, with the underscore that lane ids have after it
     factor: float = 1.0
     placed: bool = False
@@ -324,8 +325,17 @@ class World:
         """Set what a vehicle drives where nothing hinders it, m/s; over the limit of its road if need be."""
         known = self._vehicles[vehicle]
         known.cruise_mps = max(speed_mps, 0.1)  # SUMO refuses 0
-        self._sumo.vehicle.setMaxSpeed(vehicle, known.cruise_mps)
+        self._sumo.vehicle.setMaxSpeed(vehicle, min(known.cruise_mps, known.bend_mps))
         self._limit_speed(vehicle, known, known.edge)
+
+    def slow_for_bend(self, vehicle: str, speed_mps: float) -> None:
+        """Let a vehicle drive at most this in the next step, because of the bends ahead."""
+        known = self._vehicles.get(vehicle)
+        if known is None or not known.cruise_mps or known.bend_mps == speed_mps:
+            return
+        if min(speed_mps, known.bend_mps) < known.cruise_mps:
+            self._sumo.vehicle.setMaxSpeed(vehicle, min(known.cruise_mps, speed_mps))
+        known.bend_mps = speed_mps
 
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
         """Set how fast a vehicle gains speed at most."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
@@ -58,6 +60,24 @@ def test_rows_of_families_and_of_all() -> None:
     assert total.per_simulated_hour == 3 / (160 / 3600)
     assert total.fidelity_median_m == 0.2
     assert total.fidelity_max_m == 0.4
+
+
+def test_fidelity_tells_the_others_from_the_ego() -> None:
+    clips = tuple(
+        replace(one, others_m=others, ego_m=ego)
+        for one, others, ego in zip(result().clips, ((0.0, 0.02, 0.3), (0.01,), ()), (0.5, 0.1, 0.2), strict=True)
+    )
+    found = replace(result(), clips=clips)
+    assert found.as_dict()["fidelity"] == {
+        "driver": "pdm",
+        "clips": 3,
+        "others": {"actors": 4, "median_m": 0.015, "within_0.1_m": 0.75, "max_m": 0.3},
+        "ego": {"median_m": 0.2, "max_m": 0.5},
+    }
+    assert [run["deviation_m"]["ego"] for run in found.as_dict()["clip_runs"]] == [0.5, 0.1, 0.2]
+    # An actor that a clip's run lacks is infinitely far, which JSON cannot say.
+    lost = replace(found, clips=(replace(clips[0], others_m=(math.inf,)),))
+    assert lost.as_dict()["fidelity"]["others"]["max_m"] is None
 
 
 def test_order_does_not_depend_on_who_finished_first() -> None:

@@ -28,7 +28,7 @@ def stage(name, seconds, *green):
     return Stage(name=name, green=green, duration=q(seconds, "s"))
 
 
-def junction(name, x, y, *stages, control=None, crossings=False):
+def junction(name, x, y, *stages, control=None, crossings=None):
     control = control or ("signals" if stages else "priority")
     return Junction(name=name, at=point(x, y), control=control, crossings=crossings, stages=stages)
 
@@ -53,7 +53,7 @@ def four_arms(**west):
     """The content of scenarios/networks/four_arms.foresee."""
     stages = (stage("ns_go", 25, "north", "south"), stage("ew_go", 25, "east", "west"))
     ends = ends_of("north", "east", "south", "west")
-    middle = junction("j4", 0, 0, *stages, crossings=True)
+    middle = junction("j4", 0, 0, *stages, crossings=())
     plain = [road(n, f"{n}_end", "j4", speed=50, sidewalk=2) for n in ("north", "east", "south")]
     special = {"lanes": 2, "back": 1, "lane_width": 3.3, "speed": 50, "sidewalk": 2, "median": 1, "via": [(-60, 2)]}
     return Network(
@@ -64,7 +64,7 @@ def four_arms(**west):
 def t_junction(control="signals"):
     """Roads from west, east and south; the stem has green alone."""
     stages = (stage("main", 20, "west", "east"), stage("stem", 15, "south")) if control == "signals" else ()
-    middle = junction("j4", 0, 0, *stages, control=control, crossings=True)
+    middle = junction("j4", 0, 0, *stages, control=control, crossings=())
     ends = ends_of("west", "east", "south")
     sizes = {"west": {"lanes": 2, "speed": 60}, "east": {"lanes": 2, "speed": 60}, "south": {"speed": 50}}
     return Network(

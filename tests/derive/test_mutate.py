@@ -4,18 +4,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from handmade import EAST, NORTH, Track, make_trace, straight
-from situations import MODELS, case_of, crossing, risky, walker
+from situations import MODELS, case_of, crossing, q, risky, walker
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clip import clip
 from foresee_dsl.derive.mutate import mutate
-from foresee_dsl.derive.operators import GRAVITY_MPS2, Operator, operators
+from foresee_dsl.derive.operators import Operator, operators
 from foresee_dsl.derive.presets import FOCUSED, PAPER, UnknownPresetError
 from foresee_dsl.derive.validity import fits
 from foresee_dsl.language.expand import expand_clip, expand_mutant
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.simulate.dynamics import GRAVITY_MPS2
 
 
 def cut(trace, actor, at_s):
@@ -130,7 +131,7 @@ def test_timing_asks_for_no_speed_over_the_models():
 def test_path_followers_are_timed_and_delayed_but_not_steered():
     made = children(near(walker=walker(28, -6, math.pi / 2, 1.4)), actor="walker", count=30)
     kinds = {c.property for m in made for c in m.changes}
-    assert kinds == {"timing", "delay", "model"}
+    assert kinds == {"timing", "delay", "model", "line", "moving"}
     delays = [c.now.si for c in changes(made, "delay")]
     assert min(delays) >= 0.2
     assert max(delays) <= 1.5
@@ -254,3 +255,47 @@ def test_absent_actors_need_no_room():
     states = trace.states.copy()
     states[:, 2] = np.nan
     assert fits(replace(trace, states=states), 1, 0, spec_of(MODELS["car.long"]))
+
+
+# --- people and bicycles -------------------------------------------------------------------------------------------
+
+
+def test_somebody_on_foot_gets_pace_line_delay_and_head_start_first():
+    made = children(near(walker=walker(28, -6, math.pi / 2, 1.4)), actor="walker")
+    assert [m.origin.operator for m in made] == [("timing",), ("line",), ("delay",), ("head_start",)]
+    assert {c.actor for m in made for c in m.changes} == {"walker"}
+
+
+def test_a_bicycle_on_a_lane_gets_a_line_beside_the_vehicles_recipes():
+    tracks = near()
+    states = straight("bicycle", 25, -32, NORTH, 6).states
+    tracks["cyclist"] = Track("bicycle", states, ("south",), (), ("south_0",), 6.0)
+    made = children(tracks, actor="cyclist")
+    assert [m.origin.operator for m in made] == [("steer",), ("timing",), ("line",), ("model_swap", "steer")]
+
+
+def test_vehicles_get_no_line_and_no_head_start():
+    made = children(near(), count=40)
+    assert not changes(made, "line")
+    assert not changes(made, "moving")
+
+
+def test_lines_stay_within_their_bounds_to_both_sides():
+    preset = replace(FOCUSED, draws=1, recipes=(("line",),))
+    made = children(near(walker=walker(28, -6, math.pi / 2, 1.4)), actor="walker", count=40, preset=preset)
+    lines = [c.now.si for c in changes(made, "line")]
+    assert len(lines) == 30  # 0.30 m to 1.00 m in steps of 0.05 m, to both sides
+    assert {c.was for c in changes(made, "line")} == {q("0.00 m")}
+    assert (min(lines), max(lines), min(map(abs, lines))) == pytest.approx((-1.0, 1.0, 0.3))
+
+
+def test_a_head_start_is_where_it_would_have_been_and_on_nobody():
+    preset = replace(FOCUSED, draws=1, recipes=(("head_start",),))
+    tracks = near(walker=walker(28, -6, math.pi / 2, 1.4))
+    places = [c.now.si for c in changes(children(tracks, actor="walker", count=40, preset=preset), "moving")]
+    assert (min(places), max(places)) == pytest.approx((0.28, 1.4), abs=0.01)  # 0.2 s to 1 s at 1.4 m/s
+    box = straight("obstacle", 28, -4.9, EAST, 0)  # its side 1.1 m - 0.25 m - 0.25 m ahead of the walker
+    fewer = children(tracks | {"box": box}, actor="walker", count=40, preset=preset)
+    assert max(c.now.si for c in changes(fewer, "moving")) <= 0.6
+    standing = children(near(walker=walker(28, -6, math.pi / 2, 1.4, start_s=2.0)), actor="walker", preset=preset)
+    assert not changes(standing, "moving")

@@ -11,7 +11,7 @@ from handmade import EAST, NORTH, WEST, Track, make_trace, straight
 
 from foresee_dsl.derive.preventability_path import RecordedPath
 from foresee_dsl.derive.preventability_risk import Perception, critical_time_s, perceive, predicted
-from foresee_dsl.derive.preventability_sight import in_view
+from foresee_dsl.derive.preventability_sight import in_view, sight_of
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.simulate.collision import Mover, box_overlap
 from foresee_dsl.simulate.outcome import who_struck
@@ -116,8 +116,8 @@ def test_the_recorded_way_is_driven_by_length() -> None:
     assert path.at(np.array([6.0]))[0, 0] == pytest.approx(3.0)
 
 
-def test_a_van_hides_and_a_bicycle_does_not() -> None:
-    for kind, hidden in (("van", True), ("bicycle", False)):
+def test_a_van_hides_and_a_crate_does_not() -> None:
+    for kind, hidden in (("van", True), ("obstacle", False)):
         trace = make_trace(
             {
                 "ego": straight("car", 0, 0, EAST, 8.0),
@@ -125,9 +125,9 @@ def test_a_van_hides_and_a_bicycle_does_not() -> None:
                 "between": straight(kind, 25, -2.5, EAST, 0.0),
             }
         )
-        assert in_view(trace, 1, 0) is not hidden
+        assert in_view(trace, 1, 0, sight_of(trace)) is not hidden
     # Beside the van: seen once the ego's line of sight is past its corner.
-    assert in_view(trace, 2, 0)
+    assert in_view(trace, 2, 0, sight_of(trace))
 
 
 def mover(x: float, y: float, heading: float, speed: float) -> Mover:
@@ -137,17 +137,17 @@ def mover(x: float, y: float, heading: float, speed: float) -> Mover:
 @pytest.mark.parametrize(
     ("b", "speed", "striker"),
     [
-        (mover(3.9, 0, EAST, 2.0), 10.0, "a"),  # runs up
-        (mover(-3.9, 0, EAST, 12.0), 2.0, "b"),  # is run up to
-        (mover(2.9, 0, NORTH, 8.0), 10.0, "a"),  # into a side
-        (mover(0, -2.9, NORTH, 8.0), 10.0, "b"),  # in the side
+        (mover(3.9, 0, EAST, 2.0), 10.0, "ego"),  # runs up
+        (mover(-3.9, 0, EAST, 12.0), 2.0, "other"),  # is run up to
+        (mover(2.9, 0, NORTH, 8.0), 10.0, "ego"),  # into a side
+        (mover(0, -2.9, NORTH, 8.0), 10.0, "other"),  # in the side
         (mover(3.8, 0, WEST, 8.0), 10.0, "both"),
-        (mover(3.9, 0, WEST, 8.0), 0.0, "b"),
-        (mover(3.9, 0, WEST, 0.0), 8.0, "a"),
+        (mover(3.9, 0, WEST, 8.0), 0.0, "other"),
+        (mover(3.9, 0, WEST, 0.0), 8.0, "ego"),
         (mover(0, 1.9, EAST, 5.0), 10.0, "neither"),  # side by side
     ],
 )
 def test_who_struck_whom(b: Mover, speed: float, striker: str) -> None:
     a = mover(0, 0, EAST, speed)
     assert who_struck(a, b) == striker
-    assert who_struck(b, a) == {"a": "b", "b": "a"}.get(striker, striker)
+    assert who_struck(b, a) == {"ego": "other", "other": "ego"}.get(striker, striker)

@@ -2,7 +2,7 @@ import math
 
 import pytest
 from handmade import EAST, NORTH, make_trace, straight
-from situations import MODELS, q
+from situations import MODELS, q, walker
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.rollout import predicted_gap_m
@@ -55,3 +55,25 @@ def test_steering_goes_to_the_side_that_it_says(share, nearer):
     steer = Change(actor="other", property="steer", was=q("0"), now=q(share), start=q("8 s"), duration=q("1 s"))
     before = gap(trace=oncoming)[0]
     assert (gap(steer, trace=oncoming)[0] < before - 0.3) is nearer
+
+
+def test_a_line_and_a_head_start_move_the_track():
+    # A walker crosses ahead of the ego's front, 1.5 s too early, from the right; its left is west, nearer to the ego.
+    tracks = {"ego": straight("car", 0, 0, EAST, 5), "other": walker(30, -6, NORTH, 1.5)}
+    trace = make_trace(tracks)
+
+    def centres(prop, was, now):
+        return gap(Change(actor="other", property=prop, was=q(was), now=q(now)), trace=trace)[1]
+
+    assert centres("line", "0.00 m", "0.00 m") == pytest.approx(gap(trace=trace)[1])
+    assert centres("line", "0.00 m", "0.60 m") < gap(trace=trace)[1] < centres("line", "0.00 m", "-0.60 m")
+    assert centres("line", "0.60 m", "0.60 m") == pytest.approx(gap(trace=trace)[1])
+    # 2 s earlier the ego is further away when it is on its way; 3 m back is 2 s later, and the ego is there.
+    assert centres("moving", "3.00 m", "6.00 m") > gap(trace=trace)[1] > centres("moving", "3.00 m", "0.00 m")
+
+
+def test_less_delay_is_earlier():
+    trace = make_trace({"ego": straight("car", 0, 0, EAST, 5), "other": walker(30, -6, NORTH, 1.5)})
+    less = Change(actor="other", property="delay", was=q("2.00 s"), now=q("1.00 s"))
+    more = Change(actor="other", property="delay", was=q("1.00 s"), now=q("2.00 s"))
+    assert gap(less, trace=trace)[1] > gap(trace=trace)[1] > gap(more, trace=trace)[1]

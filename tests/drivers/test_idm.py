@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import SEDAN, crossing_foe, drive, line, mission, moving, standing
+from senses import Sensed
 from towns import drive_through, town
 
 from foresee_dsl.drivers import idm_model as model
@@ -121,7 +122,7 @@ def test_a_gap_is_taken_when_it_is_long_enough(away_m: float, waits: bool) -> No
 # ---- closed loop ----------------------------------------------------------------------------------------------------
 
 
-def test_is_a_driver_that_keeps_nothing() -> None:
+def test_is_a_driver_whose_decisions_keep_nothing() -> None:
     driver = load_driver("idm")
     assert isinstance(driver, Driver) and isinstance(driver, IdmDriver)
     with pytest.raises(DriverError, match="before reset"):
@@ -130,7 +131,36 @@ def test_is_a_driver_that_keeps_nothing() -> None:
     run = drive(driver, mission(points), start=start(10), seconds=6, others=[moving(1, points, 7.0, along_m=40)])
     fresh = IdmDriver()
     fresh.reset(mission(points), SEDAN, seed=7)
-    assert all(fresh.step(run.observations[k]) == run.controls[k] for k in (100, 3, 50))
+    for k in (100, 3, 50):
+        told, answered = fresh.step(run.observations[k]), run.controls[k]
+        assert (told.throttle, told.brake) == pytest.approx((answered.throttle, answered.brake), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_with_noise_it_follows_calmly_and_stops_for_who_walks(seed: int) -> None:
+    points = line((600, STRAIGHT))
+    run = drive(
+        Sensed(IdmDriver(), seed),
+        mission(points),
+        start=start(9.0),
+        seconds=25,
+        others=[moving(1, points, 9.0, along_m=40)],
+    )
+    assert abs(run.acceleration[100:]).max() < 0.8
+    walk = line((20, STRAIGHT), start=(80.0, -6.0, math.pi / 2))
+    walker = moving(1, walk, 1.4, kind="pedestrian", size=(0.5, 0.5))
+    met = drive(Sensed(IdmDriver(), seed), mission(points), start=start(LIMIT), seconds=14, others=[walker])
+    assert met.gap_m > 0.5
+
+
+def test_a_signal_that_is_not_seen_is_approached_ready_to_stop() -> None:
+    task = mission(line((300, STRAIGHT)), junctions=[JunctionPassage("j", 100.0, 120.0, "straight", "j")])
+    run = drive(IdmDriver(), task, start=start(LIMIT), seconds=25)
+    assert run.speed[-1] < 0.1
+    assert 90.0 < run.states[-1].x + SEDAN.length_m / 2 < 100.0
+    assert run.acceleration.min() > -3.5
+    at_line = drive(IdmDriver(), task, start=start(LIMIT, x=85.0), seconds=4)  # too late to stop in comfort
+    assert at_line.states[-1].x > 120.0
 
 
 def test_follows_with_its_gap() -> None:

@@ -58,7 +58,7 @@ def offered(scenarios: Path, text: str) -> list[str]:
         (BELOW + "case x { gap = 3 ", ["s", "ms", "min"]),
         (BELOW + "case x { way = ", ["straight", "left", "right", "back"]),
         ("", ["foresee"]),
-        ("foresee 1\n\n", ["clip", "models", "mutant", "network", "scenario"]),
+        ("foresee 1\n\n", ["campaign", "clip", "models", "mutant", "network", "scenario"]),
     ],
 )
 def test_exactly(scenarios: Path, text: str, expected: list[str]) -> None:

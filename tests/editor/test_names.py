@@ -122,7 +122,7 @@ def test_what_an_extension_changes_is_defined_in_the_other_file(files: Files, tm
 
 
 def test_every_name_of_the_bundled_files_has_a_definition(scenarios: Path) -> None:
-    known = ("straight", "left", "right", "back")
+    known = ("straight", "left", "right", "back", "red", "amber", "green")
     paths = sorted(scenarios.rglob("*.foresee"))
     files = Files({}, [scenarios])
     for path in paths:

@@ -42,7 +42,7 @@ ORDERED = (m.Ego, m.Actor, m.Traffic, m.When)
 
 def meaning(model: m.Item) -> Any:
     """A model's meaning, told independently of the comparison: order and texts out of it where they mean nothing."""
-    top = isinstance(model, m.Scenario | m.Clip | m.Mutant | m.Network | m.Catalogue | m.Extension)
+    top = isinstance(model, m.Definition)
     fields: dict[str, Any] = {}
     for name in type(model).model_fields:
         value = getattr(model, name)

@@ -175,7 +175,8 @@ def snapshot(bundle: SumoBundle, trace: Trace, frame: int, *, end_s: float = 10.
         (junction, trace.signal_stages[k][trace.stages[frame, k]], round(float(trace.elapsed[frame, k]), 3))
         for k, junction in enumerate(trace.signals)
     )
-    scene = replace(bundle.scene, actors=tuple(actors), signals=signals, end_s=end_s, clip=True)
+    began_s = bundle.scene.began_s + float(trace.time_s[frame])
+    scene = replace(bundle.scene, actors=tuple(actors), signals=signals, end_s=end_s, clip=True, began_s=began_s)
     return replace(bundle, scene=scene)
 
 

@@ -189,3 +189,51 @@ def test_limits_come_from_the_model() -> None:
         0.5,
     )
     assert Bicycle(limits).grip_mps2 == pytest.approx(0.5 * 9.81)
+
+
+# ------------------------------------------------------------------------------------------ the friction ellipse
+
+
+def kind(name: str, friction: float) -> Bicycle:
+    return Bicycle(replace(SEDAN, model=name, friction=friction))
+
+
+# Dry 0.9 x 9.81 = 8.83, wet 0.5 x 9.81 = 4.905; a truck tips at 0.4 g = 3.92, a bicycle too; a bus at 0.5 g = 4.905.
+@pytest.mark.parametrize(
+    ("name", "friction", "expected"),
+    [
+        ("car.sedan", 0.9, 8.829),
+        ("car.sedan", 0.5, 4.905),
+        ("truck.rigid", 0.9, 3.924),
+        ("truck.rigid", 0.5, 3.924),
+        ("bus.city", 0.9, 4.905),
+        ("bicycle.city", 0.9, 3.924),
+        ("bicycle.city", 0.3, 2.943),
+    ],
+)
+def test_a_step_steer_at_15_mps_turns_with_what_the_vehicle_holds(name: str, friction: float, expected: float) -> None:
+    states = drive(kind(name, friction), BicycleState(0, 0, 0, 15.0), Control(1, 0, 0), 3.0)
+    lateral = [abs(s.speed * s.yaw_rate) for s in states]
+    assert max(lateral) == pytest.approx(expected, abs=1e-9)
+    assert states[-1].speed == pytest.approx(15.0)
+
+
+@pytest.mark.parametrize("friction", [0.9, 0.5])
+@pytest.mark.parametrize("name", ["car.sedan", "truck.rigid"])
+@pytest.mark.parametrize("pedal", [Control(1, 0, 1), Control(0.1, 0, 0.5), Control(-0.3, 0, 1), Control(1, 1, 0)])
+def test_braking_in_the_turn_stays_in_the_ellipse(name: str, friction: float, pedal: Control) -> None:
+    bicycle = kind(name, friction)
+    along, across = friction * 9.81, bicycle.lateral_mps2
+    shares = [
+        math.hypot(s.acceleration / along, s.speed * s.yaw_rate / across)
+        for s in drive(bicycle, BicycleState(0, 0, 0, 15.0), pedal, 3.0)
+    ]
+    assert max(shares) <= 1 + 1e-9
+    assert max(shares) > 0.3
+
+
+def test_a_truck_that_may_not_turn_hard_still_brakes_with_all_its_tyres() -> None:
+    # Straight on nothing is lost: 8 m/s^2 of brakes on a dry road; the wet road holds 4.905.
+    for friction, expected in ((0.9, 8.0), (0.5, 4.905)):
+        states = drive(kind("truck.rigid", friction), BicycleState(0, 0, 0, 15.0), Control(0, 0, 1), 1.0)
+        assert min(s.acceleration for s in states) == pytest.approx(-expected, abs=0.01)

@@ -15,7 +15,8 @@ from foresee_dsl.compile.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
 from foresee_dsl.simulate.collision import Mover
 from foresee_dsl.simulate.dynamics import BicycleState
-from foresee_dsl.simulate.followers import FloatArray, LaneRecovery, PathFollower
+from foresee_dsl.simulate.followers import FloatArray, PathFollower
+from foresee_dsl.simulate.recovery import LaneRecovery
 
 DT = 0.05
 CAR = VehicleLimits("car.compact", 4.2, 1.8, 2.6, 0.85, 45.0, 2.6, 4.5, 8.0, math.radians(35), math.radians(400), 0.9)
@@ -189,7 +190,7 @@ def test_by_default_friction_limits_the_offset() -> None:
 def test_thrown_far_off_its_lane_it_hardly_swings_past_it(limits: VehicleLimits) -> None:
     actor = LaneRecovery(limits, STRAIGHT, cruise_mps=20.0, offset=Steering(1.0, 1.0, 1.0))
     offs = [s.y for s in drive(actor, actor.take_over(50, 0, 0, 20.0), 12.0)]
-    assert max(offs) > 10
+    assert max(offs) > 5
     assert min(offs) > -0.9
     assert max(abs(y) for y in offs[-40:]) < 0.3
 

@@ -13,7 +13,7 @@ from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.drivers.protocol import VehicleLimits
 from foresee_dsl.simulate.collision import Mover, overlaps
 from foresee_dsl.simulate.dynamics import Bicycle, BicycleState
-from foresee_dsl.simulate.outcome import Decision, Judge, classify, contact_sides, off_road_points
+from foresee_dsl.simulate.outcome import FLUSH_M, Decision, Judge, classify, contact_sides, impact, off_road_points
 from foresee_dsl.simulate.verdict import Verdict
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
@@ -104,6 +104,82 @@ def test_sides_when_nothing_moves() -> None:
     assert contact_sides(car(0, 0, EAST, 0), car(0, 1.9, EAST, 0)) == ("left", "right")
 
 
+# ------------------------------------------------------------------------------------------------ the impact
+
+
+IMPACTS = {
+    # ego 10 m/s into one that goes on with 2 m/s in front of it, half a metre to its right
+    "ego runs up": (EGO, car(3.8, -0.5, EAST, 2), ("front", "rear", 2.0, -0.25, 0.0, "ego", 8.0, 8.0)),
+    "ego is run up to": (
+        car(0, 0, EAST, 2),
+        car(-3.8, 0, EAST, 12),
+        ("rear", "front", -2.0, 0.0, 0.0, "other", 10, 10),
+    ),
+    "head on": (EGO, car(3.5, 0.8, WEST, 5), ("front", "front", 2.0, 0.4, math.pi, "both", 15.0, 15.0)),
+    # one from the right, its bonnet (y from -1 to 1 of it) into ego's right side 1 m behind the middle
+    "struck on the right": (
+        car(0, 0, EAST, 0),
+        car(-1.0, -2.9, NORTH, 6),
+        ("right", "front", -1.0, -1.0, math.pi / 2, "other", 6.0, 6.0),
+    ),
+    "struck on the left": (
+        car(0, 0, EAST, 0),
+        car(0.5, 2.9, SOUTH, 6),
+        ("left", "front", 0.5, 1.0, -math.pi / 2, "other", 6.0, 6.0),
+    ),
+    # ego's bonnet into the left side of one that stands across
+    "ego strikes a side": (EGO, car(2.9, 0.0, NORTH, 0), ("front", "left", 2.0, 0.0, math.pi / 2, "ego", 10.0, 10.0)),
+    # side by side at 10 m/s, the other drifts in by 10 degrees: a corner of it at ego's left side, closing 1.74 m/s
+    "drifts in": (
+        EGO,
+        car(0, 2.29, -10 * DEG, 10),
+        ("left", "right", None, 1.0, -10 * DEG, "other", 20 * math.sin(5 * DEG), 10 * math.sin(10 * DEG)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IMPACTS)
+def test_impact_by_hand(name: str) -> None:
+    ego, other, (side, theirs, ahead, left, turned, striker, relative, closing) = IMPACTS[name]
+    assert overlaps(ego.box, other.box)
+    found = impact(ego, other, "runner")
+    assert (found.side, found.other_side, found.struck_by) == (side, theirs, striker)
+    assert found.left_m == pytest.approx(left, abs=1e-9)
+    assert ahead is None or found.ahead_m == pytest.approx(ahead, abs=1e-9)
+    assert abs(math.remainder(found.turned_rad - turned, math.tau)) < 1e-9
+    assert (found.relative_mps, found.closing_mps) == pytest.approx((relative, closing))
+    assert (found.ego_mps, found.other_mps) == (ego.speed, other.speed)
+
+
+def test_a_corner_touches_where_it_is() -> None:
+    # The other stands askew to the left; its corner that lies lowest touches ego's left side, which is at y = 1.
+    heading = SOUTH - 30 * DEG
+    x = 0.4
+    c, s = math.cos(heading), math.sin(heading)
+    corners = [(2 * c - side * s, 2 * s + side * c) for side in (1, -1)]
+    lowest = min(corners, key=lambda corner: corner[1])
+    other = car(x - lowest[0], 1.0 - lowest[1], heading, 0.0)  # that corner at (0.4, 1)
+    found = impact(car(0, 0, EAST, 0), other, "runner")
+    assert (found.side, found.ahead_m, found.left_m) == ("left", pytest.approx(0.4), pytest.approx(1.0))
+
+
+poses = st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(-3, 3), st.floats(0, 15))
+
+
+@given(poses, st.floats(0, 15))
+def test_the_place_is_on_egos_outline_and_the_other_sees_the_same(pose: tuple[float, ...], speed: float) -> None:
+    ego, other = car(0, 0, EAST, speed), Mover(*pose, 4.0, 2.0)
+    if not overlaps(ego.box, other.box):
+        return
+    found, turned = impact(ego, other, "other"), impact(other, ego, "ego")
+    on_a_side = abs(abs(found.ahead_m) - 2) < FLUSH_M or abs(abs(found.left_m) - 1) < FLUSH_M
+    assert on_a_side
+    assert abs(found.ahead_m) <= 2 + FLUSH_M
+    assert abs(found.left_m) <= 1 + FLUSH_M
+    assert found.relative_mps == pytest.approx(turned.relative_mps)
+    assert abs(found.closing_mps) <= found.relative_mps + 1e-9
+
+
 # ---------------------------------------------------------------------------------------------- the judge
 
 FAR = [100.0, 100.0, 0.0]
@@ -129,11 +205,19 @@ def look(watcher: Judge, time_s: float, *poses: list[float], speed: float = 10.0
 
 def test_collisions_are_named() -> None:
     decision = look(judge(), 3.15, [2.8, 0, NORTH])
-    assert decision == Decision(Verdict.F4, 3.15, "runner", "F4 lateral collision with runner (car) at 3.15 s")
+    assert decision is not None
+    assert decision.reason == "F4 lateral collision with runner (car) at 3.15 s, 11.2 m/s"  # 10 east and 5 north
+    assert (decision.verdict, decision.time_s, decision.with_) == (Verdict.F4, 3.15, "runner")
     decision = look(judge(), 1.0, FAR, [2.1, 0, NORTH])
-    assert decision == Decision(Verdict.F2, 1.0, "walker", "F2 collision with walker (pedestrian) at 1.00 s")
+    assert decision is not None
+    assert decision.verdict is Verdict.F2
+    assert decision.reason == "F2 collision with walker (pedestrian) at 1.00 s, 11.2 m/s"
     decision = look(judge(), 1.0, FAR, FAR, [2.1, 0, 0])
-    assert decision == Decision(Verdict.F1, 1.0, "crate", "F1 collision with crate (obstacle) at 1.00 s")
+    assert decision is not None
+    assert decision.verdict is Verdict.F1
+    assert decision.reason == "F1 collision with crate (obstacle) at 1.00 s, 5.0 m/s"
+    assert decision.impact is not None
+    assert (decision.impact.with_, decision.impact.side) == ("crate", "front")
 
 
 def test_what_touches_at_the_first_frame_is_invalid() -> None:

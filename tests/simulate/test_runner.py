@@ -14,6 +14,7 @@ from scenes import Cruise, LaneKeeper, Town
 from foresee_dsl.drivers.protocol import Control, Observation
 from foresee_dsl.language.model import Comparison, Expect, Measure, Predicate, Quantity
 from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.sensing import IDEAL
 from foresee_dsl.simulate.trace import FIELDS, X
 from foresee_dsl.simulate.verdict import Verdict
 
@@ -130,7 +131,7 @@ def test_the_driver_sees_what_is_near_and_no_names(town: Town) -> None:
     near = town.vehicle("near", EAST, 60.0)
     far = town.vehicle("far", ("n32_n33",), 20.0, speed=0.0)
     driver = Cruise(0.0)
-    run(scene(town, near, far, end_s=2.0), driver, seed=5)
+    run(scene(town, near, far, end_s=2.0), driver, seed=5, sensors=IDEAL)
     first = driver.seen[0]
     assert len(first.actors) == 1
     assert (first.actors[0].kind, first.actors[0].length_m) == ("car", 4.0)
@@ -138,7 +139,7 @@ def test_the_driver_sees_what_is_near_and_no_names(town: Town) -> None:
     assert set(first.signals.values()) <= {"red", "amber", "green", "off"}
     assert len(first.signals) == 1
     again = Cruise(0.0)
-    run(scene(town, near, far, end_s=2.0), again, seed=5)
+    run(scene(town, near, far, end_s=2.0), again, seed=5, sensors=IDEAL)
     assert again.seen == driver.seen
 
 

@@ -24,7 +24,7 @@ _ABOUT_ONE = (
     m.InJunction,
     m.Within,
 )
-_MAY_REPEAT = ("ignores", "meets_state")
+_MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
 def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
@@ -45,6 +45,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     for actor in actors:
         _check_place(findings, actor)
         _check_once(findings, actor)
+        _check_recorded(findings, actor)
         _check_class(findings, actor, parameters, cases)
     for group in groups:
         for k, model in enumerate(group.models):
@@ -77,6 +78,20 @@ def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
             what = "a second route or path" if kind == "way" else "a second statement of this kind"
             findings.add(item, "", "FS047", f"{what} for '{actor.name}'", "keep one of the two")
         seen[kind] = item
+
+
+def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    """Recorded states are the ego's, and in the order of their times."""
+    before = 0.0
+    for item in actor.body:
+        if not isinstance(item, m.Recorded):
+            continue
+        if isinstance(actor, m.Actor):
+            findings.add(item, "", "FS056", f"'{actor.name}' has a recorded state", "only the ego can follow one")
+        elif isinstance(item.time, m.Quantity):
+            if item.time.si <= before:
+                findings.add(item, "time", "FS056", "the states are not in the order of their times", "put it earlier")
+            before = item.time.si
 
 
 def _check_class(

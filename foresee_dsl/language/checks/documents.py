@@ -8,6 +8,7 @@ from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
 from foresee_dsl.language.changes import OF_A_MUTANT, OWNERS
 from foresee_dsl.language.checks.actors import check_actors
+from foresee_dsl.language.checks.campaigns import check_campaign
 from foresee_dsl.language.checks.findings import Findings
 from foresee_dsl.language.checks.network import check_catalogue, check_network
 from foresee_dsl.language.checks.parameters import check_parameters
@@ -31,6 +32,8 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
         return findings.sorted()  # values and names: once it is joined with the other
     elif isinstance(model, m.Network):
         check_network(findings, model)
+    elif isinstance(model, m.Campaign):
+        check_campaign(findings, model)
     else:
         check_catalogue(findings, model)
     check_values(findings, model)
@@ -93,7 +96,14 @@ def _ends_early(window: m.Window) -> bool:
 
 # ---- mutants --------------------------------------------------------------------------------------------------------
 
-_CHANGED: dict[str, Dimension] = {"steer": "ratio", "timing": "ratio", "speed": "speed", "delay": "time"}
+_CHANGED: dict[str, Dimension] = {
+    "steer": "ratio",
+    "timing": "ratio",
+    "speed": "speed",
+    "delay": "time",
+    "line": "length",
+    "moving": "length",
+}
 _CHANGED_IN: dict[str, Dimension] = {"weather": "ratio", "end": "time"}
 
 

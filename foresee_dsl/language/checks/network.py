@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.catalogues import SUM_SLACK_M
 from foresee_dsl.language.checks.findings import CLASSES, Findings
+from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.suggest import did_you_mean
 
 
@@ -15,6 +17,8 @@ def check_network(findings: Findings, network: m.Network) -> None:
     roads = [item for item in network.body if isinstance(item, m.Road)]
     findings.unique(((j, "name", j.name) for j in junctions), "junctions")
     findings.unique(((r, "name", r.name) for r in roads), "roads")
+    buildings = (item for item in network.body if isinstance(item, m.Building))
+    findings.unique(((b, "name", b.name) for b in buildings), "buildings")
     names = [junction.name for junction in junctions]
     for road in roads:
         _check_road(findings, road, names, {r.name for r in roads})
@@ -33,6 +37,28 @@ def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
         if class_ not in CLASSES:
             help = did_you_mean(class_, CLASSES)
             findings.add(model, "name", "FS012", f"unknown class of models '{class_}'", help)
+        _check_figures(findings, model)
+
+
+def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
+    """Report figures of a model that contradict each other."""
+    for less, more in (("cruise_speed", "max_speed"), ("braking", "emergency_braking")):
+        low, high = getattr(model, less), getattr(model, more)
+        if isinstance(low, m.Quantity) and isinstance(high, m.Quantity) and low.si > high.si:
+            message = f"its {less} `{written(low)}` is above its {more} `{written(high)}`"
+            findings.add(model, less, "FS055", message, f"use at most `{written(high)}`, or raise `{more}`")
+    parts = {name: getattr(model, name) for name in ("front_overhang", "wheelbase", "rear_overhang")}
+    given = {name: part for name, part in parts.items() if isinstance(part, m.Quantity)}
+    if not given or not isinstance(model.length, m.Quantity):
+        return
+    sum_m, length_m = sum(part.si for part in given.values()), model.length.si
+    over_m = sum_m - length_m
+    if over_m > SUM_SLACK_M or (len(given) == len(parts) and over_m < -SUM_SLACK_M):
+        message = f"{' + '.join(given)} is {sum_m:.2f} m, and the length is {length_m:.2f} m"
+        last = next(reversed(given))
+        left_m = length_m - (sum_m - given[last].si)
+        help = f"write `{last} {left_m:.2f} m`" if left_m > 0 else "mend them, or the length"
+        findings.add(model, last, "FS055", message, help)
 
 
 def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
@@ -56,10 +82,12 @@ def _check_junction(findings: Findings, junction: m.Junction, roads: Sequence[m.
         help = f"write `signals` after its position, or remove the stages of '{junction.name}'"
         findings.add(junction.stages[0], "", "FS048", "a stage at a junction without signals", help)
     touching = [road.name for road in roads if junction.name in (road.start, road.end)]
-    for stage in junction.stages:
-        for k, name in enumerate(stage.green):
-            if name in touching:
-                continue
-            known = name in {road.name for road in roads}
-            message = f"road '{name}' does not touch '{junction.name}'" if known else f"unknown road '{name}'"
-            findings.add(stage, f"green.{k}", "FS041", message, did_you_mean(name, touching))
+    named: list[tuple[m.Item, str, str]]
+    named = [(junction, f"crossings.{k}", name) for k, name in enumerate(junction.crossings or ())]
+    named += [(stage, f"green.{k}", name) for stage in junction.stages for k, name in enumerate(stage.green)]
+    for item, field, name in named:
+        if name in touching:
+            continue
+        known = name in {road.name for road in roads}
+        message = f"road '{name}' does not touch '{junction.name}'" if known else f"unknown road '{name}'"
+        findings.add(item, field, "FS041", message, did_you_mean(name, touching))

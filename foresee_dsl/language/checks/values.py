@@ -10,6 +10,7 @@ from typing import Any, get_args
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.findings import Findings, fields_of, walk
 from foresee_dsl.language.codes import NOUNS
+from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.printing.phrases import condition
 from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.suggest import did_you_mean
@@ -75,9 +76,18 @@ _LIMITS: MappingProxyType[tuple[type[m.Item], str], tuple[float, float, str]] = 
         (m.Timing, "factor"): (0.01, 10.0, "FS043"),  # ours: the operator's own range is 0.6 to 1.4
         (m.Road, "lanes"): (1, 8, "FS050"),  # ours: the widest motorway halves have eight lanes
         (m.Road, "back"): (0, 8, "FS050"),
+        (m.RiskyPoints, "count"): (1, 1000, "FS050"),
+        (m.Children, "count"): (0, 1000, "FS050"),
+        (m.Repeat, "times"): (1, 100_000, "FS050"),  # ours: beyond the study's size (34,416 runs) by far
+        (m.FirstSeed, "seed"): (0, 2**31 - 1, "FS050"),
+        (m.ClipAround, "before"): (0.5, 60.0, "FS050"),
+        (m.ClipAround, "after"): (0.5, 60.0, "FS050"),
+        (m.Budget, "time"): (1.0, 1e9, "FS050"),
         (m.Traffic, "count"): (0, 500, "FS050"),  # ours: more is a traffic study, not a test case
         (m.Delay, "time"): (0.0, 1e9, "FS050"),
+        (m.Line, "left"): (-WIDEST_LINE_M, WIDEST_LINE_M, "FS050"),
         (m.Walked, "along"): (0.0, 1e9, "FS050"),
+        (m.Recorded, "time"): (0.05, 10.0, "FS050"),  # one step of the simulation, to a whole clip
         (m.CruiseSpeed, "speed"): (0.0, 1e9, "FS050"),
         (m.StartSpeed, "speed"): (0.0, 1e9, "FS050"),
         (m.State, "speed"): (0.0, 1e9, "FS050"),
@@ -87,8 +97,13 @@ _LIMITS: MappingProxyType[tuple[type[m.Item], str], tuple[float, float, str]] = 
         (m.Sustained, "since"): (-1e9, 0.0, "FS050"),
         (m.VehicleModel, "length"): (0.01, 100.0, "FS050"),
         (m.VehicleModel, "width"): (0.01, 100.0, "FS050"),
+        (m.VehicleModel, "height"): (0.01, 100.0, "FS050"),
+        (m.VehicleModel, "front_overhang"): (0.0, 100.0, "FS050"),
+        (m.VehicleModel, "rear_overhang"): (0.0, 100.0, "FS050"),
+        (m.VehicleModel, "cruise_speed"): (0.01, 1e9, "FS050"),
         (m.Road, "lane_width"): (1.0, 10.0, "FS050"),  # ours: a cycle lane to a bus stop
         (m.Road, "speed"): (0.1, 1e9, "FS050"),
+        (m.Road, "parking"): (1.0, 10.0, "FS050"),  # ours: a bicycle's stand to a lorry's bay across
         (m.Road, "sidewalk"): (0.0, 50.0, "FS050"),
         (m.Road, "median"): (0.0, 50.0, "FS050"),
     }

@@ -18,7 +18,6 @@ from foresee_dsl.language.model import (
     Clip,
     Definition,
     Ego,
-    Extension,
     Item,
     Mutant,
     Network,
@@ -100,7 +99,7 @@ def _apart(a: Item, b: Item) -> list[str]:
 
 def _no_field(item: Item) -> tuple[str, ...]:
     """Return the fields that are no setting: what the label says, and what means nothing."""
-    if isinstance(item, Scenario | Extension | Clip | Mutant | Network | Catalogue):
+    if isinstance(item, Definition):
         return ("kind", "name")
     if isinstance(item, VehicleModel):
         return ("kind", "name", "source")

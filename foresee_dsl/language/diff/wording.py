@@ -220,7 +220,7 @@ def _leaves(value: object) -> Iterator[object]:
 
 def group_of(item: m.Item) -> Group:
     """Return what a statement of a definition's body touches; whatever is new in the language is stimulus."""
-    if isinstance(item, m.Network | m.UseNetwork | m.Junction | m.Road):
+    if isinstance(item, m.Network | m.UseNetwork | m.Junction | m.Road | m.Building):
         return "network"
     if isinstance(item, m.Ego | m.Goal):
         return "ego"

@@ -147,22 +147,19 @@ class Delay(Item):
     time: Time
 
 
-ActorItem = Annotated[
-    Route
-    | EdgeRoute
-    | Path
-    | StartAt
-    | StartSpeed
-    | CruiseSpeed
-    | GoalAt
-    | IgnoresRule
-    | MeetsState
-    | Walked
-    | Steers
-    | Timing
-    | Delay,
-    ONE_OF,
-]
+WIDEST_LINE_M = 5.0
+"""The farthest that a `line` lies beside. Ours: more than a lane's width beside its way is another way."""
+
+
+class Line(Item):
+    """`line 0.60 m`: it keeps that far to the left of its own path, or of the middle of its lane (negative: right).
+
+    On a path it goes there from where it is at the beginning, straight, over 5 m of the path (or what is left of it).
+    On a lane it moves over as it would when it changes lane. Its speed along its way stays what it was.
+    """
+
+    kind: Literal["line"] = "line"
+    left: Length
 
 
 class State(Item):
@@ -177,6 +174,38 @@ class State(Item):
     speed: Speed
     acceleration: Acceleration | None = None
     steer: Angle | None = None
+
+
+class Recorded(Item):
+    """`recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s`: where the ego was that much after the beginning.
+
+    The ego follows its recorded states to the last of them, whatever its driver answers; from there on the driver
+    drives. So a driver that keeps in mind what it sees can see something before it counts (written into clips).
+    """
+
+    kind: Literal["recorded"] = "recorded"
+    time: Time
+    state: State
+
+
+ActorItem = Annotated[
+    Route
+    | EdgeRoute
+    | Path
+    | StartAt
+    | StartSpeed
+    | CruiseSpeed
+    | GoalAt
+    | IgnoresRule
+    | MeetsState
+    | Walked
+    | Steers
+    | Timing
+    | Delay
+    | Line
+    | Recorded,
+    ONE_OF,
+]
 
 
 class Ego(Item):

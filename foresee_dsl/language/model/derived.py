@@ -53,10 +53,15 @@ class Goal(Item):
 
 
 class Fidelity(Item):
-    """`fidelity 0.00 m`: the largest distance of any actor from its parent's trace when the unmutated clip is run."""
+    """`fidelity 0.00 m ego 0.12 m`: how far the run of the unmutated clip is from its parent's, at most.
+
+    The first length is about the other actors, the one behind `ego` about the ego, whose driver starts afresh. Where
+    there is no second, the first is about everybody.
+    """
 
     kind: Literal["fidelity"] = "fidelity"
     deviation: Length
+    ego: Length | None = None
 
 
 ClipItem = Annotated[Doc | Window | Risk | Ego | Goal | Actor | SignalState | When | Fidelity, ONE_OF]
@@ -92,7 +97,8 @@ class Change(Item):
 
     Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
     the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
-    its cruise speed); `delay` (a time: it stands that much longer). `weather.rain` and the like; `expect.NAME`, the
+    its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of its
+    way); `moving` (a length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the
     number that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
     default, and `end.after`.
     """

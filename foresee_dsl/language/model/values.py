@@ -111,7 +111,8 @@ class Ref(Item):
     name: Name
 
 
-def _has_dimension(dimension: Dimension) -> Callable[[Quantity | Ref], Quantity | Ref]:
+def has_dimension(dimension: Dimension) -> Callable[[Quantity | Ref], Quantity | Ref]:
+    """Return a validator of values: they have this dimension, and a count is a whole number."""
     def check(value: Quantity | Ref) -> Quantity | Ref:
         if isinstance(value, Ref):
             return value
@@ -126,15 +127,15 @@ def _has_dimension(dimension: Dimension) -> Callable[[Quantity | Ref], Quantity 
 
 
 Value = Quantity | Ref
-Time = Annotated[Value, AfterValidator(_has_dimension("time"))]
-Length = Annotated[Value, AfterValidator(_has_dimension("length"))]
-Speed = Annotated[Value, AfterValidator(_has_dimension("speed"))]
-Acceleration = Annotated[Value, AfterValidator(_has_dimension("acceleration"))]
-Angle = Annotated[Value, AfterValidator(_has_dimension("angle"))]
-AngularRate = Annotated[Value, AfterValidator(_has_dimension("angular_rate"))]
-Mass = Annotated[Value, AfterValidator(_has_dimension("mass"))]
-Ratio = Annotated[Value, AfterValidator(_has_dimension("ratio"))]
-Count = Annotated[Value, AfterValidator(_has_dimension("count"))]
+Time = Annotated[Value, AfterValidator(has_dimension("time"))]
+Length = Annotated[Value, AfterValidator(has_dimension("length"))]
+Speed = Annotated[Value, AfterValidator(has_dimension("speed"))]
+Acceleration = Annotated[Value, AfterValidator(has_dimension("acceleration"))]
+Angle = Annotated[Value, AfterValidator(has_dimension("angle"))]
+AngularRate = Annotated[Value, AfterValidator(has_dimension("angular_rate"))]
+Mass = Annotated[Value, AfterValidator(has_dimension("mass"))]
+Ratio = Annotated[Value, AfterValidator(has_dimension("ratio"))]
+Count = Annotated[Value, AfterValidator(has_dimension("count"))]
 
 Turn = Literal["straight", "left", "right", "back"]
 

@@ -19,11 +19,12 @@ def _actor(item: m.Actor, _: Parameters) -> Layout:
 
 def _model_and_state(item: m.Ego | m.Actor) -> str:
     model = item.model.name if isinstance(item.model, m.Ref) else item.model
-    state = item.state
-    if state is None:
-        return model
+    return model if item.state is None else f"{model} {_state(item.state)}"
+
+
+def _state(state: m.State) -> str:
     return (
-        f"{model} at {p.point(state.at)} heading {p.value(state.heading)} speed {p.value(state.speed)}"
+        f"at {p.point(state.at)} heading {p.value(state.heading)} speed {p.value(state.speed)}"
         f"{p.optional('acceleration', state.acceleration)}{p.optional('steer', state.steer)}"
     )
 
@@ -106,3 +107,13 @@ def _timing(item: m.Timing, _: Parameters) -> str:
 @line(m.Delay)
 def _delay(item: m.Delay, _: Parameters) -> str:
     return f"delay {p.value(item.time)}"
+
+
+@line(m.Line)
+def _line(item: m.Line, _: Parameters) -> str:
+    return f"line {p.value(item.left)}"
+
+
+@line(m.Recorded)
+def _recorded(item: m.Recorded, _: Parameters) -> str:
+    return f"recorded {p.value(item.time)} {_state(item.state)}"

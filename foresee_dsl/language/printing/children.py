@@ -25,7 +25,7 @@ def _goal(item: m.Goal, _: Parameters) -> str:
 
 @line(m.Fidelity)
 def _fidelity(item: m.Fidelity, _: Parameters) -> str:
-    return f"fidelity {p.value(item.deviation)}"
+    return f"fidelity {p.value(item.deviation)}{p.optional('ego', item.ego)}"
 
 
 @line(m.Change)

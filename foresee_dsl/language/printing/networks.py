@@ -17,7 +17,9 @@ _SHORT = 4
 def _junction(item: m.Junction, _: Parameters) -> Layout:
     said = item.control != "priority" or "control" in item.model_fields_set  # the default, where the author wrote it
     control = f" {item.control}" if said else ""
-    inside: list[tuple[Key, m.Item | str]] = [(("crossings",), "crossings")] if item.crossings else []
+    inside: list[tuple[Key, m.Item | str]] = []
+    if item.crossings is not None:
+        inside.append((("crossings",), f"crossings {p.listing(item.crossings)}" if item.crossings else "crossings"))
     inside += body(item.stages, "stages")
     return Layout(f"junction {item.name} at {p.point(item.at)}{control}", inside or None, inline=not item.stages)
 
@@ -33,9 +35,14 @@ def _settings(item: m.Item, names: Sequence[str]) -> list[tuple[Key, m.Item | st
     return [((name,), f"{name} {p.value(given)}") for name, given in found if given is not None]
 
 
+@line(m.Building)
+def _building(item: m.Building, _: Parameters) -> str:
+    return f"building {item.name} {p.listing(p.point(at) for at in item.outline)}"
+
+
 @block(m.Road)
 def _road(item: m.Road, _: Parameters) -> Layout:
-    inside = _settings(item, ("lanes", "back", "lane_width", "speed", "sidewalk", "median"))
+    inside = _settings(item, ("lanes", "back", "lane_width", "speed", "parking", "sidewalk", "median"))
     if item.via:
         inside.append((("via",), f"via {p.listing(p.point(at) for at in item.via)}"))
     inline = len(inside) <= _SHORT and not item.via

@@ -61,6 +61,61 @@ def _catalogue(item: m.Catalogue, _: Parameters) -> Layout:
     return Layout(f"models {item.name}", body(item.body))
 
 
+@block(m.Campaign)
+def _campaign(item: m.Campaign, _: Parameters) -> Layout:
+    return Layout(f"campaign {item.name}", body(item.body))
+
+
+@line(m.Seeds)
+def _seeds(item: m.Seeds, _: Parameters) -> str:
+    return f"seeds {p.string(item.path)}"
+
+
+@line(m.Drivers)
+def _drivers(item: m.Drivers, _: Parameters) -> str:
+    return f"drivers {p.listing(p.identifier(name) for name in item.names)}"
+
+
+@line(m.Rankers)
+def _rankers(item: m.Rankers, _: Parameters) -> str:
+    return f"rankers {p.listing(p.identifier(name) for name in item.names)}"
+
+
+@line(m.Preset)
+def _preset(item: m.Preset, _: Parameters) -> str:
+    return f"preset {item.name}"
+
+
+@line(m.ClipAround)
+def _clip_around(item: m.ClipAround, _: Parameters) -> str:
+    return f"clip before {p.value(item.before)} after {p.value(item.after)}"
+
+
+@line(m.RiskyPoints)
+def _risky_points(item: m.RiskyPoints, _: Parameters) -> str:
+    return f"risky_points {p.value(item.count)}"
+
+
+@line(m.Children)
+def _children(item: m.Children, _: Parameters) -> str:
+    return f"children {p.value(item.count)}"
+
+
+@line(m.Repeat)
+def _repeat(item: m.Repeat, _: Parameters) -> str:
+    return f"repeat {p.value(item.times)}"
+
+
+@line(m.FirstSeed)
+def _first_seed(item: m.FirstSeed, _: Parameters) -> str:
+    return f"seed {p.value(item.seed)}"
+
+
+@line(m.Budget)
+def _budget(item: m.Budget, _: Parameters) -> str:
+    return f"budget {p.value(item.time)}"
+
+
 @line(m.Doc)
 def _doc(item: m.Doc, _: Parameters) -> str:
     return f"doc {p.string(item.text)}"

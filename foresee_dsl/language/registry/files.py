@@ -3,6 +3,18 @@
 from foresee_dsl.language.codes import Code
 
 _DEEP = "not " * 41
+_CAR = """foresee 1
+
+models ours {
+  model car.odd {
+    length 4.30 m
+    width 1.80 m
+    front_overhang 0.85 m
+    wheelbase 2.60 m
+    rear_overhang REAR
+  }
+}
+"""
 
 _READING = (
     Code(
@@ -322,6 +334,32 @@ _MEANING = (
         "road more from j5 to side_end { lanes 0 }",
         "road more from j5 to side_end { lanes 1 }",
         "network",
+    ),
+    Code(
+        "FS055",
+        "figures of a model that contradict each other",
+        "Front overhang, wheelbase and rear overhang make up the length; nobody cruises faster than it can, and nobody "
+        "brakes harder in comfort than in an emergency.",
+        _CAR.replace("REAR", "0.95 m"),
+        _CAR.replace("REAR", "0.85 m"),
+        "file",
+    ),
+    Code(
+        "FS056",
+        "a recorded state that nobody can follow",
+        "The ego of a clip can follow recorded states before its driver takes over, one after the other. Other actors "
+        "have their own ways of moving.",
+        "route [south]\nrecorded 0.10 s at (1 m, -40 m) heading 90 deg speed 8 m/s",
+        "route [south]",
+        "actor",
+    ),
+    Code(
+        "FS057",
+        "a campaign without test cases",
+        "A campaign needs test cases to begin with: files, folders, patterns or addresses.",
+        "foresee 1\n\ncampaign nightly {\n  children 8\n}",
+        'foresee 1\n\ncampaign nightly {\n  seeds "scenarios/**"\n  children 8\n}',
+        "file",
     ),
 )
 

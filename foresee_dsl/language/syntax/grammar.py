@@ -31,6 +31,7 @@ STARTS = (
     "road_item",
     "model_item",
     "origin_item",
+    "campaign_item",
     "header",
     "scenario",
     "extension",
@@ -38,6 +39,7 @@ STARTS = (
     "mutant",
     "network",
     "models",
+    "campaign",
 )
 """What can be parsed on its own, besides a file, to find further mistakes: one statement of a block."""
 

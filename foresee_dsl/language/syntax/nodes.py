@@ -104,6 +104,8 @@ _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
     "steers": (m.Steers, ("value", "start", "duration")),
     "timing": (m.Timing, ("factor",)),
     "delay": (m.Delay, ("time",)),
+    "line": (m.Line, ("left",)),
+    "recorded": (m.Recorded, ("time", "state")),
     "when": (m.When, ("repeat", "name", "condition", "actions")),
     "meets": (m.Meets, ("actor", "other", "junction?", "order", "gap")),
     "ignores": (m.Ignores, ("actor", "what", "junction?")),
@@ -124,12 +126,24 @@ _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
     "named": (m.Named, ("name?",)),
     "sustained": (m.Sustained, ("condition", "duration", "since")),
     "stage": (m.Stage, ("name", "duration", "green")),
+    "building": (m.Building, ("name", "outline")),
     "models": (m.Catalogue, ("name", "body")),
+    "campaign": (m.Campaign, ("name", "body")),
+    "seeds": (m.Seeds, ("path",)),
+    "drivers": (m.Drivers, ("names",)),
+    "rankers": (m.Rankers, ("names",)),
+    "preset": (m.Preset, ("name",)),
+    "clip_around": (m.ClipAround, ("before", "after")),
+    "risky_points": (m.RiskyPoints, ("count",)),
+    "children": (m.Children, ("count",)),
+    "repeat_times": (m.Repeat, ("times",)),
+    "first_seed": (m.FirstSeed, ("seed",)),
+    "budget": (m.Budget, ("time",)),
     "clip": (m.Clip, ("name", "parent", "case", "pin", "body")),
     "window": (m.Window, ("start", "end")),
     "risk": (m.Risk, ("text", "at", "actor")),
     "clip_goal": (m.Goal, ("at",)),
-    "fidelity": (m.Fidelity, ("deviation",)),
+    "fidelity": (m.Fidelity, ("deviation", "ego")),
     "mutant": (m.Mutant, ("name", "parent", "pin", "body")),
     "ref": (m.Ref, ("name",)),
     "point": (m.Point, ("x", "y")),
@@ -140,7 +154,7 @@ RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
 """Words that mean themselves wherever they stand, so that no parameter may be called so."""
 
 CHANGEABLE: dict[str, tuple[str, ...]] = {
-    "ego": ("model", "steer", "timing", "speed", "delay"),
+    "ego": ("model", "steer", "timing", "speed", "delay", "line", "moving"),
     "weather": ("rain", "fog", "wetness", "sun"),
     "end": ("after",),
     "expect": (),
@@ -394,7 +408,9 @@ class NodeMaker:
                     stages.append(made)
                 else:
                     self._once(node, "crossings", span_of(child))
-                    node.fields["crossings"] = True
+                    node.fields["crossings"] = ()
+                    if child.children and child.children[0] is not None:
+                        self._fill(node, child.children, ("crossings",))
                     node.lines.append((("crossings",), span_of(child), None))
         node.fields["stages"] = tuple(stages)
         return node

@@ -13,7 +13,7 @@ from dataclasses import replace
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.document import Document
-from foresee_dsl.language.model import Catalogue, Clip, Extension, Mutant, Network, Scenario
+from foresee_dsl.language.model import Definition
 from foresee_dsl.language.suggest import closest
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.nodes import Node
@@ -49,7 +49,7 @@ def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str
     node = _whole(nodes[0])
     builder = Builder(partial=True)
     model = builder.build(node) if node is not None else None
-    if None in broken or not isinstance(model, Scenario | Extension | Clip | Mutant | Network | Catalogue):
+    if None in broken or not isinstance(model, Definition):
         return found
     more = [
         certain

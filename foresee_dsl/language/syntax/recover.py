@@ -26,7 +26,7 @@ _EXTENDS = re.compile(r"\bextends\b")
 _LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
 _NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remove the braces"
 
-_DEFINITIONS = ("scenario", "clip", "mutant", "network", "models")
+_DEFINITIONS = ("scenario", "clip", "mutant", "network", "models", "campaign")
 _ACTORS = ("ego", "vehicle", "bicycle", "pedestrian", "obstacle")
 _HOLDERS = ("add", "change")
 """Words in front of a whole statement, in a scenario that extends another."""

@@ -1,0 +1,210 @@
+"""How drivers do on plain test cases: every case with every driver, and a row of figures for each."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from foresee_dsl.campaign.pool import Broken, Task, WorkerPool
+from foresee_dsl.compile import compile_test_case, placement_mistakes
+from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.project import load_test_case
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
+from foresee_dsl.simulate.verdict import Verdict
+
+HARD_BRAKING_MPS2 = 3.0
+"""Braking harder than this is an event. Naturalistic driving studies count harsh braking from 0.3 g (2.9 m/s^2) on;
+cited from memory."""
+APART_S = 0.5
+"""Two brakings with less than this between them are one event. Ours: half a second is a driver's reaction."""
+
+
+@dataclass(frozen=True)
+class DriverRun:
+    """One test case with one driver.
+
+    Attributes:
+        driver: its address. version: its own. way_m: how far the ego came. hard_brakings: events.
+        step_ms: mean wall time of the driver's own answer. digest: the trace's; equal for equal runs.
+    """
+
+    case: str
+    family: str
+    driver: str
+    version: str
+    verdict: Verdict
+    reason: str
+    duration_s: float
+    way_m: float
+    hard_brakings: int
+    step_ms: float
+    digest: str
+
+
+@dataclass(frozen=True)
+class DriverRow:
+    """The runs of one driver (and of one family, or "all"), summed up; shares are of the cases."""
+
+    driver: str
+    family: str
+    cases: int
+    verdicts: Counter[Verdict]
+    duration_s: float
+    way_m: float
+    hard_brakings: int
+    step_ms: float
+
+    def share(self, *verdicts: Verdict) -> float:
+        """Return the share of the cases that ended in one of these."""
+        return sum(self.verdicts[v] for v in verdicts) / self.cases if self.cases else 0.0
+
+    @property
+    def failed(self) -> float:
+        """The share that ended in a collision or off the road, F1 to F5."""
+        return self.share(*(v for v in Verdict if v.is_collision))
+
+    @property
+    def mean_mps(self) -> float:
+        """Mean speed over all of its way, standing included."""
+        return self.way_m / self.duration_s if self.duration_s else 0.0
+
+    @property
+    def hard_brakings_per_km(self) -> float:
+        """Events a kilometre."""
+        return self.hard_brakings / self.way_m * 1000 if self.way_m else 0.0
+
+
+@dataclass(frozen=True)
+class AssessTask:
+    """What a worker runs."""
+
+    address: str
+    driver: str
+    seed: int
+
+
+def assess_drivers(
+    cases: Sequence[TestCase],
+    drivers: Sequence[str],
+    *,
+    jobs: int,
+    seed: int = 0,
+    told: Callable[[DriverRun], None] = lambda _: None,
+) -> tuple[tuple[DriverRun, ...], tuple[str, ...]]:
+    """Run every case with every driver.
+
+    Args:
+        cases: already loaded. drivers: addresses. jobs: worker processes; the result does not depend on it.
+        told: hears of each run when it is done.
+
+    Returns:
+        The runs, by driver (in the order given) and case; and what could not be run, with why.
+
+    Raises:
+        InputError: a test case is impossible on its network; nothing was run.
+    """
+    if mistakes := placement_mistakes(cases):
+        raise InputError(mistakes)
+    pool = WorkerPool(jobs)
+    pool.add(
+        Task(f"{case.id} with {driver}", run_one, AssessTask(case.id, driver, seed))
+        for case in cases
+        for driver in drivers
+    )
+    runs: list[DriverRun] = []
+    broken: list[str] = []
+    try:
+        for task, outcome in pool.results():
+            if isinstance(outcome, Broken):
+                broken.append(f"{task.name}: {outcome.reason}")
+                continue
+            runs.append(outcome)
+            told(outcome)
+    finally:
+        pool.close()
+    runs.sort(key=lambda one: (list(drivers).index(one.driver), one.case))
+    return tuple(runs), tuple(sorted(broken))
+
+
+def run_one(task: AssessTask) -> DriverRun:
+    """Run one case with one driver."""
+    case = load_test_case(task.address)
+    timed = _Timed(load_driver(task.driver))
+    result = run(compile_test_case(case), timed, seed=task.seed, meta={"driver": task.driver})
+    return DriverRun(
+        case=case.id,
+        family=case.family,
+        driver=task.driver,
+        version=timed.version,
+        verdict=result.verdict,
+        reason=result.reason,
+        duration_s=result.duration_s,
+        way_m=float(np.nansum(result.trace.states[:, 0, SPEED])) * STEP_S,
+        hard_brakings=hard_brakings(result.trace),
+        step_ms=timed.spent_s / max(timed.steps, 1) * 1000,
+        digest=result.trace.digest,
+    )
+
+
+def hard_brakings(trace: Trace) -> int:
+    """Count the ego's brakings over 3 m/s^2; two with less than half a second between them are one."""
+    frames = np.flatnonzero(trace.states[:, 0, ACCELERATION] < -HARD_BRAKING_MPS2)
+    return 0 if not len(frames) else 1 + int((np.diff(frames) * STEP_S > APART_S + STEP_S / 2).sum())
+
+
+def rows_of(runs: Iterable[DriverRun], *, families: bool = False) -> tuple[DriverRow, ...]:
+    """Return a row for each driver, or for each driver and family, in the order of the runs."""
+    rows = []
+    for driver, mine in groupby(runs, key=lambda one: one.driver):
+        listed = list(mine)
+        parts = sorted({one.family for one in listed}) if families else ["all"]
+        rows += [_row(driver, f, [one for one in listed if f in ("all", one.family)]) for f in parts]
+    return tuple(rows)
+
+
+def _row(driver: str, family: str, runs: Sequence[DriverRun]) -> DriverRow:
+    steps = [one.duration_s for one in runs]
+    return DriverRow(
+        driver=driver,
+        family=family,
+        cases=len(runs),
+        verdicts=Counter(one.verdict for one in runs),
+        duration_s=sum(steps),
+        way_m=sum(one.way_m for one in runs),
+        hard_brakings=sum(one.hard_brakings for one in runs),
+        step_ms=sum(one.step_ms * one.duration_s for one in runs) / sum(steps) if sum(steps) else 0.0,
+    )
+
+
+class _Timed:
+    """A driver, and how long its answers took."""
+
+    def __init__(self, driver: Driver) -> None:
+        self._driver = driver
+        self.name, self.version = driver.name, driver.version
+        self.steps, self.spent_s = 0, 0.0
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        self._driver.reset(mission, vehicle, seed)
+        self.name, self.version = self._driver.name, self._driver.version
+
+    def step(self, observation: Observation) -> Control:
+        started = time.perf_counter()
+        try:
+            return self._driver.step(observation)
+        finally:
+            self.spent_s += time.perf_counter() - started
+            self.steps += 1
+
+    def close(self) -> None:
+        if isinstance(self._driver, Closing):
+            self._driver.close()

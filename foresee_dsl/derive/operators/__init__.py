@@ -1,0 +1,25 @@
+"""The mutation operators: model swap and steering (paper, section 3.4); when and beside which line (ours)."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+
+from foresee_dsl.derive.operators.line import LineShift
+from foresee_dsl.derive.operators.moments import DelayShift, HeadStart, TimingShift
+from foresee_dsl.derive.operators.situation import Operator, Situation
+from foresee_dsl.derive.operators.steer import Steer
+from foresee_dsl.derive.operators.swap import ModelSwap
+
+__all__ = ["GROUP", "Operator", "Situation", "operators"]
+
+GROUP = "foresee_dsl.operators"
+"""A package adds its own with `[project.entry-points."foresee_dsl.operators"]` and `mine = "package.module:MINE"`,
+an object with a `name` and `changes`."""
+
+_OURS: tuple[Operator, ...] = (ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift())
+
+
+def operators() -> dict[str, Operator]:
+    """Return all operators by name: ours, and those of installed packages (ours win)."""
+    added = {entry.name: entry.load() for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name)}
+    return {**added, **{o.name: o for o in _OURS}}

@@ -1,0 +1,108 @@
+"""The constants of the `frenetix` driver, each with its source.
+
+What it shares with `pdm` (signals, right of way, predictions, air beside others) has its constants in `pdm_settings`.
+Werling: Werling, Ziegler, Kammel, Thrun 2010, "Optimal Trajectory Generation for Dynamic Street Scenarios in a Frenet
+Frame", the method that the library implements.
+"""
+
+from __future__ import annotations
+
+# --- planning ---------------------------------------------------------------------------------------------------
+REPLAN_STEPS = 2
+"""A new plan every second step of 0.05 s, 10 Hz; the planners of the field run at 5 to 10 Hz."""
+HORIZON_S = 4.0
+PLAN_STEP_S = 0.2
+"""Ours: the predictions' horizon, every second of their frames. The car moves 2.8 m between frames at 50 km/h, less
+than its length, so that no footprint is jumped over; half the frames halve the cost of reading the samples out."""
+END_TIMES_S = (2.0, 3.0, 4.0)
+"""Ours: how long a sampled change of speed or lane takes; under 2 s it is uncomfortable, beyond 4 s nothing is
+predicted."""
+SPEED_SHARES = (1.0, 0.75, 0.5, 0.25)
+"""Ours: sampled end speeds as shares of the highest one ; the present speed, that of the road here and 0 come on
+top."""
+STOP_SPEED_MPS = 0.02
+"""Ours: the end speed of a stop; with exactly 0 rounding makes the last frame run backwards, and the library rejects
+that."""
+LONGEST_STOP_S = 12.0
+"""Ours: a stop that takes longer is not thought about yet; from 50 km/h it begins 83 m before the place."""
+ACCELERATION_MPS2 = 2.5
+"""Ours: the most a plan gains speed with, whatever the motor can; nuPlan calls up to 2.4 m/s^2 comfortable."""
+RISE = 0.6
+"""Ours: the mean acceleration of a sample is at most this share of the car's. A quartic's peak is 1.5 times its mean,
+which leaves a tenth in hand."""
+LOW_SPEED_MPS = 4.0
+"""The library's low-velocity mode (lateral motion over the way instead of over time) below this; its authors' planner
+uses the same figure (cited from memory, not checked)."""
+LEAST_WAY_M = 0.6
+"""Ours: a lateral motion over less than this cannot be computed reliably; such a sample is replaced by braking
+straight on."""
+CREEP_MPS = 1.0
+CREEP_BRAKING_MPS2 = (0.8, 1.6)
+"""Ours: under this speed, coming to rest straight on is offered too; gentle enough not to nod."""
+
+# --- reference --------------------------------------------------------------------------------------------------
+REFERENCE_STEP_M = 1.0
+"""Ours: spacing of the points that the library gets; in a bend of 5 m their chords cut it by 0.025 m."""
+WINDOW_M = 40.0
+BEHIND_M = 10.0
+"""Ours: the library's coordinates are made anew every 40 m, from 10 m behind: their cost grows with the square of the
+number of points (measured: 2 ms for 120, 200 ms for 850)."""
+
+# --- costs: all in the unit of 1 m/s of mean speed over the horizon ---------------------------------------------
+SLOW_WEIGHT = 1.0
+FAST_WEIGHT = 12.0
+"""Ours: per (m/s)^2 above what limit, bend, stop place or leader allow. The cheapest is then 0.04 m/s too fast."""
+HEADWAY_WEIGHT = 8.0
+HEADWAY_S = 1.5
+"""IDM, table I: the time gap. Ours: the weight, per share of the wished gap (standing gap and 1.5 s) that is
+missing."""
+REACTION_S = 0.5
+"""Ours: its speed leaves room to stop behind a leader that brakes, after this time; a plan takes about as long to turn
+from cruising to braking. Without it a leader that stopped with 3 m/s^2 was touched."""
+OFFSET_WEIGHT = 0.4
+"""Ours: a metre beside the middle of the lane is worth 0.4 m/s: from a stand behind something parked, to set off at
+once wins 2.5 m/s, and 2.5 m aside must cost less."""
+LATERAL_JERK_WEIGHT = 0.1
+LONGITUDINAL_JERK_WEIGHT = 0.1
+"""Werling weights jerk with 0.1 against the end state's errors."""
+NEAR_WEIGHT = 3.0
+PRESSED_WEIGHT = 3.0
+"""Ours: share of the frames with less air than `pdm_settings` asks for, and with less than its time to collision."""
+DOUBT_MPS = 0.5
+DOUBT_M = 1.5
+"""Ours: half the length of who moves grows by this much a second, up to 1.5 m: a speed that is 0.5 m/s off."""
+CHANGE_WEIGHT = 0.3
+"""Ours: per metre between the new plan's end offset and the last one's: no swaying between two equal ways."""
+COMFORT_BRAKING_MPS2 = 2.0
+"""Ours: the braking with which a stop or a slower leader is met; everyday braking, as in `pdm`."""
+MINIMUM_GAP_M = 2.0
+"""IDM, table I."""
+LATERAL_SHARE = 0.6
+"""Ours: of the friction, what a plan may use sideways; the rest is for braking in the bend."""
+BATCH = 24
+"""Ours: so many of the cheapest are checked for collisions at once; in free traffic one batch is enough."""
+
+# --- when nothing is feasible -----------------------------------------------------------------------------------
+OLD_PLAN_S = 0.5
+"""Ours: the last plan is kept while it is younger than this and free of collisions. In 0.5 s a pedestrian walks 0.7 m,
+about the air that a plan leaves."""
+EMERGENCY_BRAKING_MPS2 = (3.0, 5.0)
+"""Ours: braking that is tried along the present path before the strongest: what amber asks for, and the edge of what
+an ordinary driver uses."""
+FADE_M = 5.0
+"""Ours: without a plan the path of an emergency stop turns parallel to the lane over this way."""
+
+# --- tracking ---------------------------------------------------------------------------------------------------
+LAG_S = 0.2
+"""The mean lag of drivetrain and brakes: the plan's acceleration is asked for this much ahead."""
+SPEED_GAIN = 1.2
+PLACE_GAIN = 0.2
+INTEGRAL_GAIN = 0.1
+INTEGRAL_LIMIT_MPS2 = 0.4
+"""Ours: PID of the speed (1/s, 1/s^2, 1/s^2), well damped with the lags of 0.1 and 0.2 s; the integral is cut off where
+a slope of 4 % would be met."""
+OFF_PLAN_M = 1.0
+OFF_PLAN_SIDE_M = 0.3
+OFF_PLAN_MPS = 1.0
+OFF_PLAN_RAD = 0.15
+"""Ours: farther from the plan than this, the next one begins at the car's own state instead of the last plan's."""

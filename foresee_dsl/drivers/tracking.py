@@ -1,0 +1,328 @@
+"""The others, tracked: smooth places, speeds and headings at the present moment, made of noisy and late object lists.
+
+Each object has a filter of its own with the gains of a Kalman filter: heading with yaw rate, speed with acceleration,
+and the place, which is carried along by both. Gains come from tables, by how often an object was seen: no covariance is
+carried. All objects are moved on together, in arrays. What it knows is a function of the observations since `reset`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.drivers.protocol import ActorClass, EgoState, FloatArray, Observation, SeenActor
+
+COAST_S = 1.5
+"""Ours: an object that is not seen any more is carried on for this long. The sensors give back its number within 1 s;
+in the rest of the time a new number may be the same object."""
+STANDING_COAST_S = 4.0
+"""Ours: the same for what stood when it was seen last, such as a parked car behind a passing lorry."""
+DOUBT_MPS = 0.2
+"""Ours: by how much a second each side of a moving object grows while it is not seen; what a constant acceleration of
+0.3 m/s^2 adds to its way in 1.5 s."""
+STANDS_MPS = 0.25
+"""Ours: slower than this after smoothing is standing still; over three times the noise of a smoothed speed."""
+
+SPEED_NOISE_MPS = 0.15
+HEADING_NOISE_RAD = math.radians(2.0)
+WALKER_HEADING_NOISE_RAD = math.radians(10.0)
+PLACE_NOISE_M = 0.1
+PLACE_NOISE_PER_M = 0.003
+"""Standard deviations that the filters reckon with, about those of the standard sensors (`simulate/sensing`)."""
+JERK_MPS3 = 4.0
+"""Ours: how fast accelerations change, as a standard deviation of each step; of 2, 3, 4 and 8 this has the least error
+over driving on, setting off and braking with 6 m/s^2."""
+START_ACCELERATION_MPS2 = 1.0
+"""Ours: spread of accelerations in town, which an object is taken to have before it was seen to change its speed."""
+YAW_CHANGE_RAD_S2 = 0.7
+"""Ours: how fast yaw rates change; entering a turn with 7 m radius at 5 m/s in 1.5 s."""
+START_YAW_RAD_S = 0.1
+"""Ours: spread of yaw rates at first sight; nearly everybody goes straight."""
+DRIFT_MPS = 0.4
+"""Ours: by how much the true motion of the centre differs from the filtered speed along the filtered heading."""
+STANDING_DRIFT_MPS = 0.02
+"""Ours: the same while it stands, so that places of parked cars settle."""
+STANDING_TURN_RAD_S = 0.03
+"""Ours: who stands hardly turns."""
+WALKER_TURN_RAD_S = 0.7
+"""Ours: how fast somebody on foot strays from a heading; a quick turn, of over 60 degrees, is a jump."""
+SIZE_GAIN = 0.05
+"""Ours: sizes do not change, but what is seen of something may, as more of it comes into view."""
+JUMP = 6.0
+"""Ours: who is this many standard deviations (of one measurement) off where it was expected has begun something new,
+and its filter starts again. Two of them are the noise of the prediction; noise alone hardly ever does that."""
+SAME_PLACE_M = 1.5
+SAME_PLACE_MPS = 1.5
+"""Ours: a new number is an object that was lost if it is within this (and this much more a second that it was lost) of
+where that should be: under the distance between two cars in a queue."""
+SAME_SIZE = 0.3
+"""Ours: and if its length differs by less than this share; ten times the noise."""
+FADES_S = 0.5
+"""Ours: acceleration and yaw rate of what is not seen fade with this time constant."""
+
+X, Y, HEADING, SPEED, LENGTH, WIDTH, ACCELERATION, YAW_RATE = range(8)
+"""Rows of a tracker's state; the first six are measured."""
+MEASURED = 6
+DRIVES, STANDS, WALKS = range(3)
+"""How somebody moves, as far as the gains go."""
+SAME_TIME_S = 1e-6
+
+_LONG = 60
+"""Gains have settled after so many measurements, 3 s."""
+_BIN_M = 20.0
+_BINS = 5
+IntArray = NDArray[np.int64]
+_read = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The others at `time_s`; every array is [A].
+
+    Attributes:
+        x, y: m, the centre. heading: rad. speed: m/s, never negative. acceleration: m/s^2 along the heading.
+        length, width: m, grown by doubt where it is not seen. lost_s: how long it has not been seen, s.
+        numbers: the object list's numbers. kinds: their classes.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    length: FloatArray
+    width: FloatArray
+    lost_s: FloatArray
+    numbers: tuple[int, ...]
+    kinds: tuple[ActorClass, ...]
+
+    def seen(self) -> tuple[SeenActor, ...]:
+        """Return them as an observation has them."""
+        columns = (self.x, self.y, self.heading, self.speed, self.length, self.width)
+        return tuple(map(SeenActor, self.numbers, self.kinds, *(column.tolist() for column in columns)))
+
+
+class Tracker:
+    """Follows the objects of an object list from step to step."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._state = np.empty((8, 0))
+        self._times_seen = np.empty(0, dtype=np.int64)
+        self._seen_s = np.empty(0)
+        self._walks = np.empty(0, dtype=bool)
+        self._numbers: list[int] = []
+        self._kinds: list[ActorClass] = []
+        self._measured_s: float | None = None
+        self._some_lost = False
+
+    def update(self, observation: Observation) -> Tracks:
+        """Take in an observation, and return everybody at its `time_s`.
+
+        An object list that was measured when the last one was says nothing new. One from before it means that time
+        began anew: everything is forgotten.
+        """
+        measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
+        passed_s = math.inf if self._measured_s is None else measured_s - self._measured_s
+        if passed_s < -SAME_TIME_S:
+            self.reset()
+            passed_s = math.inf
+        if passed_s > SAME_TIME_S:
+            self._measured_s = measured_s
+            if self._numbers:
+                _move(self._state, passed_s)
+            self._take_in(observation, passed_s, measured_s)
+            self._drop(measured_s)
+        return self._tracks(observation.time_s, measured_s)
+
+    def _take_in(self, observation: Observation, passed_s: float, measured_s: float) -> None:
+        """Begin with those that are new, correct the predictions of the others by what was measured."""
+        seen = observation.actors
+        measured = np.array([_read(a) for a in seen]).reshape(-1, MEASURED).T
+        places = {number: k for k, number in enumerate(self._numbers)}
+        found = [places.get(a.track, -1) for a in seen]
+        if -1 in found:
+            found = self._begin(seen, found, measured, measured_s)
+        where = np.array(found, dtype=np.int64)
+        if places and found:
+            self._correct(where, measured, observation.ego, passed_s, measured_s)
+        self._seen_s[where] = measured_s
+        self._some_lost = len(found) < len(self._numbers)
+        if self._some_lost:
+            lost = self._seen_s < measured_s
+            self._state[ACCELERATION:, lost] *= math.exp(-passed_s / FADES_S)
+
+    def _correct(
+        self, where: IntArray, measured: FloatArray, ego: EgoState, passed_s: float, measured_s: float
+    ) -> None:
+        state, count = self._state[:, where], self._times_seen[where]
+        off = np.empty_like(state)
+        off[:MEASURED] = measured - state[:MEASURED]
+        off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
+        off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
+        if self._some_lost:
+            # A filter that waited knows less: it goes on as one that has seen less.
+            missed = np.rint((measured_s - self._seen_s[where]) * (1 / passed_s)).astype(np.int64) - 1
+            count = np.maximum(count - 2 * np.maximum(missed, 0), 1)
+        distance = np.hypot(measured[X] - ego.x, measured[Y] - ego.y)
+        bins = np.minimum((distance * (1 / _BIN_M)).astype(np.int64), _BINS - 1)
+        mode = np.where(state[SPEED] < STANDS_MPS, STANDS, DRIVES)
+        mode[self._walks[where]] = WALKS
+        count[(np.abs(off[: SPEED + 1]) > _JUMPS[:, mode, bins]).any(axis=0)] = 0
+        state += _gains(round(passed_s, 3))[:, mode, bins, count] * off
+        np.maximum(state[SPEED], 0.0, out=state[SPEED])
+        state[ACCELERATION:] *= count > 0
+        state[YAW_RATE] *= mode == DRIVES
+        self._state[:, where] = state
+        self._times_seen[where] = np.minimum(count + 1, _LONG - 1)
+
+    def _begin(self, seen: Sequence[SeenActor], found: list[int], measured: FloatArray, measured_s: float) -> list[int]:
+        """Give a place to each number that is new: that of an object that was lost there, else one at the end."""
+        taken, fresh = set(found), []
+        for k, actor in enumerate(seen):
+            if found[k] >= 0:
+                continue
+            place = self._lost_there(actor, taken, measured_s)
+            if place < 0:
+                place = len(self._numbers)
+                self._numbers.append(actor.track)
+                self._kinds.append(actor.kind)
+                fresh.append(k)
+            else:
+                self._numbers[place] = actor.track
+                taken.add(place)
+            found[k] = place
+        if fresh:
+            more = np.zeros((8, len(fresh)))
+            more[:MEASURED] = measured[:, fresh]
+            self._state = np.concatenate([self._state, more], axis=1)
+            self._times_seen = np.concatenate([self._times_seen, np.ones(len(fresh), dtype=np.int64)])
+            self._seen_s = np.concatenate([self._seen_s, np.full(len(fresh), measured_s)])
+            self._walks = np.array([kind == "pedestrian" for kind in self._kinds], dtype=bool)
+        return found
+
+    def _lost_there(self, actor: SeenActor, taken: set[int], measured_s: float) -> int:
+        """Return the nearest lost object of the same class and about the same size at an actor's place, or -1."""
+        best, nearest = -1, math.inf
+        for k in range(self._state.shape[1]):
+            if k in taken or self._kinds[k] != actor.kind:
+                continue
+            x, y, length = (float(v) for v in self._state[[X, Y, LENGTH], k])
+            away, lost_s = math.hypot(x - actor.x, y - actor.y), measured_s - float(self._seen_s[k])
+            near = away < min(SAME_PLACE_M + SAME_PLACE_MPS * lost_s, nearest)
+            if near and abs(actor.length_m - length) < SAME_SIZE * length:
+                best, nearest = k, away
+        return best
+
+    def _drop(self, measured_s: float) -> None:
+        """Forget who has not been seen for too long."""
+        if not self._some_lost:
+            return
+        lost_s = measured_s - self._seen_s
+        if lost_s.max() <= COAST_S:
+            return
+        keep = lost_s <= np.where(self._state[SPEED] < STANDS_MPS, STANDING_COAST_S, COAST_S)
+        self._state, self._times_seen = self._state[:, keep], self._times_seen[keep]
+        self._seen_s, self._walks = self._seen_s[keep], self._walks[keep]
+        kept = np.flatnonzero(keep).tolist()
+        self._numbers, self._kinds = [self._numbers[k] for k in kept], [self._kinds[k] for k in kept]
+
+    def _tracks(self, time_s: float, measured_s: float) -> Tracks:
+        """Return everybody as they are taken to be at `time_s`."""
+        now = self._state.copy()
+        if now.size and time_s > measured_s:
+            _move(now, time_s - measured_s)
+        moves = now[SPEED] >= STANDS_MPS
+        lost_s = np.zeros(len(moves))
+        if self._some_lost:
+            lost_s = np.where(self._seen_s < measured_s, time_s - self._seen_s, 0.0)
+            now[LENGTH : WIDTH + 1] += 2 * DOUBT_MPS * lost_s * moves
+        return Tracks(
+            x=now[X],
+            y=now[Y],
+            heading=now[HEADING],
+            speed=now[SPEED] * moves,
+            acceleration=now[ACCELERATION] * moves,
+            length=now[LENGTH],
+            width=now[WIDTH],
+            lost_s=lost_s,
+            numbers=tuple(self._numbers),
+            kinds=tuple(self._kinds),
+        )
+
+
+def _move(state: FloatArray, dt: float) -> None:
+    """Move everybody on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
+    speed, turned = state[SPEED], state[YAW_RATE] * dt
+    after = np.maximum(speed + state[ACCELERATION] * dt, 0.0)
+    way = (speed + after) * (dt / 2)
+    way[speed < STANDS_MPS] = 0.0  # the noise of a speed that cannot be negative would carry it on
+    middle = state[HEADING] + turned / 2
+    state[X] += way * np.cos(middle)
+    state[Y] += way * np.sin(middle)
+    state[HEADING] += turned
+    state[SPEED] = after
+
+
+_PLACE_NOISES_M = PLACE_NOISE_M + PLACE_NOISE_PER_M * _BIN_M * (np.arange(_BINS) + 0.5)
+"""[bins] of places, by distance."""
+_JUMPS = JUMP * np.array(
+    [
+        [_PLACE_NOISES_M] * 3,
+        [_PLACE_NOISES_M] * 3,
+        [[noise] * _BINS for noise in (HEADING_NOISE_RAD, HEADING_NOISE_RAD, WALKER_HEADING_NOISE_RAD)],
+        [[SPEED_NOISE_MPS] * _BINS] * 3,
+    ]
+)
+"""[4, mode, bins] differences of x, y, heading and speed from which on a filter starts again."""
+
+
+@cache
+def _gains(dt: float) -> FloatArray:
+    """Return the gains of each row of the state for measurements `dt` apart, s: [row, mode, bins, count].
+
+    `count` is how often the object was seen before. The rates get theirs from what was measured of their values.
+    """
+    table = np.empty((8, 3, _BINS, _LONG))
+    pace = _pair_gains(SPEED_NOISE_MPS, 0.0, START_ACCELERATION_MPS2, JERK_MPS3 * dt, dt)
+    table[SPEED], table[ACCELERATION] = pace[:, 0], pace[:, 1]
+    table[LENGTH], table[WIDTH] = (np.maximum(1.0 / np.arange(1, _LONG + 1), SIZE_GAIN),) * 2
+    turns = {
+        DRIVES: _pair_gains(HEADING_NOISE_RAD, 0.0, START_YAW_RAD_S, YAW_CHANGE_RAD_S2 * dt, dt),
+        STANDS: _pair_gains(HEADING_NOISE_RAD, STANDING_TURN_RAD_S * dt, 0.0, 0.0, dt),
+        WALKS: _pair_gains(WALKER_HEADING_NOISE_RAD, WALKER_TURN_RAD_S * dt, 0.0, 0.0, dt),
+    }
+    drifts = {DRIVES: DRIFT_MPS, STANDS: STANDING_DRIFT_MPS, WALKS: DRIFT_MPS}
+    for mode, turn in turns.items():
+        table[HEADING, mode], table[YAW_RATE, mode] = turn[:, 0], turn[:, 1]
+        for k, noise in enumerate(_PLACE_NOISES_M.tolist()):
+            table[X : Y + 1, mode, k] = _pair_gains(noise, drifts[mode] * dt, 0.0, 0.0, dt)[:, 0]
+    return table
+
+
+def _pair_gains(noise: float, drift: float, start_rate: float, rate_change: float, dt: float) -> FloatArray:
+    """Return the gains of a Kalman filter of a value and its rate, by how often it was measured before: [count, 2].
+
+    Args:
+        noise: standard deviation of a measurement of the value. drift: by which the value strays in a step besides.
+        start_rate: of the rate before anything is known. rate_change: of the rate from step to step. dt: s.
+    """
+    value, both, rate = noise * noise, 0.0, start_rate * start_rate  # after the first measurement
+    gains = [(1.0, 0.0)]
+    for _ in range(_LONG - 1):
+        value += 2 * dt * both + dt * dt * rate + drift * drift + (rate_change * dt / 2) ** 2
+        both += dt * rate + rate_change * rate_change * dt / 2
+        rate += rate_change * rate_change
+        first, second = value / (value + noise * noise), both / (value + noise * noise)
+        gains.append((first, second))
+        value, both, rate = (1 - first) * value, (1 - first) * both, rate - second * both
+    return np.array(gains)

@@ -1,0 +1,140 @@
+"""The terminal's table of drivers over plain test cases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
+from foresee_dsl.simulate.verdict import Verdict
+
+_KINDS = tuple(verdict for verdict in Verdict if verdict.is_collision)
+_REST = (Verdict.CRASH, Verdict.INVALID)
+
+
+class RunsProgress:
+    """A progress bar on a terminal; silent elsewhere."""
+
+    def __init__(self, console: Console, total: int) -> None:
+        self._progress = Progress(
+            TextColumn("runs"),
+            BarColumn(bar_width=None),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+            transient=True,
+            expand=True,
+        )
+        self._task = self._progress.add_task("runs", total=total)
+
+    def __enter__(self) -> RunsProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def done(self, run: DriverRun) -> None:
+        """One more."""
+        del run
+        self._progress.advance(self._task)
+
+
+def print_assessment(
+    console: Console, runs: Sequence[DriverRun], broken: Sequence[str], *, failures: bool = False
+) -> None:
+    """Print the drivers' rows, their rows by family, and what could not be run; it fits 80 columns."""
+    console.print(_table("Drivers on plain test cases", "driver", [(row.driver, row) for row in rows_of(runs)]))
+    by_family = rows_of(runs, families=True)
+    if len({row.family for row in by_family}) > 1:
+        named = [(f"{row.driver} {row.family}", row) for row in by_family]
+        console.print(_table("\nBy scenario family", "driver, family", named))
+    console.print(
+        Text(
+            "F1 object or off road, F2 pedestrian, F3 frontal, F4 lateral, F5 rear: share of the cases;\n"
+            "brake: brakings over 3 m/s^2 a kilometre; ms: the driver's own time a step",
+            style="dim",
+        )
+    )
+    if failures:
+        for one in (one for one in runs if one.verdict is not Verdict.PASS):
+            console.print(Text(f"{one.driver}  {one.case}\n    {one.verdict.value}: {one.reason}"))
+    for what in broken:
+        console.print(Text(f"could not be run: {what}", style="red"))
+
+
+def as_dict(runs: Sequence[DriverRun], broken: Sequence[str], seed: int) -> dict[str, Any]:
+    """Return everything for JSON; what is measured on the clock (`step_ms`) differs from run to run."""
+    return {
+        "schema": 1,
+        "seed": seed,
+        "drivers": [_row_dict(row) for row in rows_of(runs)],
+        "families": [_row_dict(row) for row in rows_of(runs, families=True)],
+        "runs": [{**asdict(one), "verdict": one.verdict.value} for one in runs],
+        "broken": list(broken),
+    }
+
+
+def _row_dict(row: DriverRow) -> dict[str, Any]:
+    return {
+        "driver": row.driver,
+        "family": row.family,
+        "cases": row.cases,
+        "verdicts": {v.value: row.verdicts[v] for v in Verdict if row.verdicts[v]},
+        "arrived": round(row.share(Verdict.PASS), 4),
+        "failed": round(row.failed, 4),
+        "mean_mps": round(row.mean_mps, 3),
+        "hard_brakings_per_km": round(row.hard_brakings_per_km, 3),
+        "step_ms": round(row.step_ms, 3),
+    }
+
+
+def _table(title: str, first: str, rows: Sequence[tuple[str, DriverRow]]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column(first, overflow="fold")
+    columns = (
+        "cases",
+        "arrive",
+        "fail",
+        *(kind.value for kind in _KINDS),
+        "stuck",
+        "late",
+        "other",
+        "km/h",
+        "brake",
+        "ms",
+    )
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    for label, row in rows:
+        table.add_row(
+            label,
+            str(row.cases),
+            f"[bold]{row.share(Verdict.PASS):.0%}[/bold]",
+            f"[bold]{row.failed:.0%}[/bold]",
+            *(_share(row, kind) for kind in _KINDS),
+            _share(row, Verdict.STUCK),
+            _share(row, Verdict.TIMEOUT),
+            _share(row, *_REST),
+            f"{row.mean_mps * 3.6:.0f}",
+            f"{row.hard_brakings_per_km:.1f}",
+            f"{row.step_ms:.2f}",
+        )
+    return table
+
+
+def _share(row: DriverRow, *verdicts: Verdict) -> str:
+    share = row.share(*verdicts)
+    return f"{share:.0%}" if share else "[dim]0[/dim]"

@@ -1,0 +1,216 @@
+"""Pictures of a run: what stays the same is drawn once, each step adds what moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
+from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
+from foresee_dsl.simulate.rasters.camera import Camera
+from foresee_dsl.simulate.rasters.ground import GroundMap
+from foresee_dsl.simulate.rasters.layout import (
+    CAMERA_RANGE_M,
+    FORWARD_CHANNELS,
+    GROUP_OF,
+    GROUPS,
+    SIGNAL_HEADS_M,
+    SIGNAL_HEIGHT_M,
+    SIGNAL_WIDTH_M,
+)
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_LAMPS: dict[str, int] = {name: FORWARD_CHANNELS.index(name) for name in ("red", "amber", "green")}
+_FIRST_GROUP = FORWARD_CHANNELS.index(GROUPS[0])
+
+
+class Canvas:
+    """Draws a run's pictures from plain arrays; nothing is drawn, the map neither, before the first is asked for."""
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        route: FloatArray | None = None,
+        stops: Sequence[StopLine] = (),
+        ego_size_m: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Take what stays the same.
+
+        Args:
+            network: its ground and buildings; the map is kept per network.
+            route: [N, 2] the ego's line, m. stops: its stop lines.
+            ego_size_m: length and width; without a size no ego is drawn.
+        """
+        self._network, self._route, self._stops, self._ego_size_m = network, route, tuple(stops), ego_size_m
+
+    @classmethod
+    def of_mission(cls, network: RoadNetwork, mission: Mission, ego_size_m: tuple[float, float]) -> Canvas:
+        """Return the canvas of a run: the route ends at the mission's goal."""
+        to_goal = mission.centreline[mission.s <= mission.goal_s]
+        return cls(network, to_goal, stops_of(mission), ego_size_m)
+
+    def birds_eye(
+        self,
+        pose: Pose,
+        actors: FloatArray,
+        groups: IntArray,
+        signals: Mapping[str, SignalColour] | None = None,
+    ) -> NDArray[np.uint8]:
+        """Draw the view from above.
+
+        Args:
+            pose: x, y (m) of the ego's middle, its heading (rad).
+            actors: [K, 6] x, y (m), heading (rad), speed (m/s), length, width (m); NaN where somebody is absent.
+            groups: [K] index into `layout.GROUPS`. signals: the colours that are seen.
+
+        Returns:
+            [19, 192, 192] uint8, channels as in `layout.BIRDS_EYE_CHANNELS`.
+        """
+        return self._birds_eye.draw(pose, actors, groups, signals or {})
+
+    def forward(
+        self,
+        pose: Pose,
+        bodies: FloatArray,
+        groups: IntArray,
+        signals: Mapping[str, SignalColour] | None = None,
+        *,
+        range_m: float = CAMERA_RANGE_M,
+    ) -> NDArray[np.uint8]:
+        """Draw what the camera shows.
+
+        Args:
+            pose: x, y (m) of the ego's middle, its heading (rad).
+            bodies: [K, 6] x, y (m), heading (rad), length, width, height (m); NaN where somebody is absent.
+            groups: [K] index into `layout.GROUPS`. signals: the colours that are seen; lamps that are off are dark.
+            range_m: how far the weather lets it see.
+
+        Returns:
+            [13, 64, 160] uint8, channels as in `layout.FORWARD_CHANNELS`.
+        """
+        boxes = np.column_stack((bodies[:, :5], np.zeros(len(bodies)), bodies[:, 5]))
+        labels, half = groups + _FIRST_GROUP, SIGNAL_HEIGHT_M / 2
+        lamps = [
+            (x, y, stop.heading_rad, SIGNAL_WIDTH_M, SIGNAL_WIDTH_M, middle - half, middle + half, _LAMPS[colour])
+            for stop in self._stops
+            if (colour := (signals or {}).get(stop.signal or "", "off")) in _LAMPS
+            for x, y, middle in stop.heads
+        ]
+        if lamps:
+            boxes = np.concatenate((boxes, [lamp[:7] for lamp in lamps]))
+            labels = np.concatenate((labels, [lamp[7] for lamp in lamps]))
+        return self._camera.draw(pose, boxes, labels, range_m=range_m)
+
+    @cached_property
+    def _ground(self) -> GroundMap:
+        return GroundMap.of(self._network)
+
+    @cached_property
+    def _birds_eye(self) -> BirdsEye:
+        ground = self._ground if self._route is None else self._ground.with_route(self._route)
+        return BirdsEye(ground, self._stops, self._ego_size_m)
+
+    @cached_property
+    def _camera(self) -> Camera:
+        return Camera(self._ground, self._network.buildings)
+
+
+class RunViews:
+    """Makes the pictures of each step of a run; nothing is drawn before a driver asks."""
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        mission: Mission,
+        ego: ModelSpec,
+        others: Sequence[ModelSpec],
+        *,
+        range_m: float = CAMERA_RANGE_M,
+    ) -> None:
+        """Take what stays the same.
+
+        Args:
+            network: where the run is. mission: the ego's. ego: its model.
+            others: models of the other actors, in the order of `states` below.
+            range_m: how far the weather lets the camera see.
+        """
+        self.canvas, self.range_m = Canvas.of_mission(network, mission, (ego.length_m, ego.width_m)), range_m
+        sizes = [(model.length_m, model.width_m, model.height_m) for model in others]
+        self.sizes = np.array(sizes, dtype=np.float64).reshape(-1, 3)
+        self.groups = np.array([GROUP_OF[model.kind] for model in others], dtype=np.int64)
+
+    def at(self, observation: Observation, pose: Pose, states: FloatArray) -> StepViews:
+        """Return the pictures of a step.
+
+        Args:
+            observation: what the driver is told. pose: where the ego really is.
+            states: [K, >=3] x, y (m), heading (rad) of the others as they really are, NaN where one is absent; not to
+                be changed afterwards.
+        """
+        return StepViews(self, observation.ego, observation.actors, observation.signals, pose, states)
+
+
+@dataclass(frozen=True, slots=True)
+class StepViews:
+    """The pictures of one step (`Observation.views`), drawn whenever they are asked for and not kept.
+
+    The bird's-eye view shows what the observation says, where its localisation puts the ego. The camera takes shapes as
+    they are.
+
+    Attributes:
+        run: what stays the same. ego, actors, signals: those of the observation.
+        pose: where the ego really is. states: the others, see `RunViews.at`.
+    """
+
+    run: RunViews
+    ego: EgoState
+    actors: tuple[SeenActor, ...]
+    signals: Mapping[str, SignalColour]
+    pose: Pose
+    states: FloatArray
+
+    def birds_eye(self) -> NDArray[np.uint8]:
+        """Return the view from above, [19, 192, 192]."""
+        actors, groups = seen_arrays(self.actors)
+        pose = (self.ego.x, self.ego.y, self.ego.heading_rad)
+        return self.run.canvas.birds_eye(pose, actors, groups, self.signals)
+
+    def forward(self) -> NDArray[np.uint8]:
+        """Return the view forward, [13, 64, 160]."""
+        run = self.run
+        bodies = np.hstack((self.states[:, :3], run.sizes))
+        return run.canvas.forward(self.pose, bodies, run.groups, self.signals, range_m=run.range_m)
+
+
+def seen_arrays(actors: Iterable[SeenActor]) -> tuple[FloatArray, IntArray]:
+    """Return an object list as `Canvas.birds_eye` takes it."""
+    seen = tuple(actors)
+    rows = [(a.x, a.y, a.heading_rad, a.speed_mps, a.length_m, a.width_m) for a in seen]
+    groups = np.array([GROUP_OF[a.kind] for a in seen], dtype=np.int64)
+    return np.array(rows, dtype=np.float64).reshape(-1, 6), groups
+
+
+def stops_of(mission: Mission) -> tuple[StopLine, ...]:
+    """Return the stop lines of a mission's junctions."""
+    lines = []
+    for junction in mission.junctions:
+        s = (junction.stop_s - 1.0, junction.stop_s)
+        (x0, x), (y0, y) = (np.interp(s, mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
+        heading = math.atan2(y - y0, x - x0)
+        c, sine = math.cos(heading), math.sin(heading)
+        heads = [(x + a * c - b * sine, y + a * sine + b * c, height) for a, b, height in SIGNAL_HEADS_M]
+        # The free width of the ego's direction: the line goes across all of its lanes.
+        left, right = (float(np.interp(junction.stop_s, mission.s, side)) for side in (mission.left_m, mission.right_m))
+        aside = (left - right) / 2
+        middle = (x - aside * sine, y + aside * c)
+        lines.append(StopLine(*middle, heading, left + right, junction.signal, tuple(heads)))
+    return tuple(lines)

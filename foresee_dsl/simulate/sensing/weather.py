@@ -1,0 +1,70 @@
+"""What rain, fog and sun leave of the sensors' ranges.
+
+A lidar's echo falls with the square of the distance and with the air's extinction there and back. The range in bad
+air is where the echo is as weak as at the range in clear air; a camera has the same trouble at that distance, if for
+other reasons. What radar sees through fog has no class and no size, and does not count (ours).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+FOG_VISIBILITY_M = 50.0
+"""Visibility at fog 1: the thickest class of fog in the Open Simulation Interface, "thick", ends at 50 m; below it the
+traffic stops. Visibility is inversely proportional to the ratio: fog 0.25 is 200 m, fog 0.05 is mist of 1 km."""
+KOSCHMIEDER = 3.0
+"""Extinction times visibility: 5 % of the light is left there (Koschmieder; the Met Office's definition)."""
+RAIN_MM_H = 50.0
+"""Rain 1: the lower bound of what the Met Office calls a violent shower (cited from memory and not checked)."""
+RAIN_K, RAIN_POWER = 1.076, 0.67
+"""Attenuation in rain of R mm/h: 1.076 R^0.67 dB/km for optical links in ITU-R P.1814 (cited from memory and not
+checked): 15 dB/km at 50 mm/h."""
+SUN_LOSES = 0.5
+"""Share of the signals' range that a low sun (1) takes. Ours: glare; the language gives the sun no direction, so it
+comes from everywhere. Objects are seen by lidar, which a low sun hardly troubles."""
+RAIN_LOSES = 0.3
+"""Share of the signals' range that rain (1) takes. Ours: drops on the windscreen; the air itself takes nothing from a
+lamp over such distances."""
+_PER_M = math.log(10.0) / 10.0 / 1000.0
+"""1 dB/km in 1/m."""
+_CLOSE_M = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Air:
+    """Rain, fog and sun, ratios from 0 to 1, as the scene has them."""
+
+    rain: float = 0.0
+    fog: float = 0.0
+    sun: float = 0.0
+
+    @property
+    def extinction(self) -> float:
+        """Extinction coefficient, 1/m."""
+        rain_db_km = RAIN_K * math.pow(RAIN_MM_H * self.rain, RAIN_POWER)
+        return KOSCHMIEDER * self.fog / FOG_VISIBILITY_M + rain_db_km * _PER_M
+
+    def object_range_m(self, clear_m: float) -> float:
+        """Return how far an object is seen that is seen `clear_m` far in clear air, m."""
+        extinction = self.extinction
+        low, high = 0.0, clear_m
+        while high - low > _CLOSE_M:  # r^2 exp(2 a r) = R^2, or r exp(a r) = R: the left side grows
+            middle = (low + high) / 2
+            if middle * math.exp(extinction * middle) > clear_m:
+                high = middle
+            else:
+                low = middle
+        return high
+
+    def signal_range_m(self, clear_m: float) -> float:
+        """Return how far a signal is seen that is seen `clear_m` far in clear air, m.
+
+        In fog no farther than one sees.
+        """
+        seen_m = clear_m * (1.0 - SUN_LOSES * self.sun) * (1.0 - RAIN_LOSES * self.rain)
+        return min(seen_m, FOG_VISIBILITY_M / self.fog) if self.fog > 0.0 else seen_m
+
+
+CLEAR = Air()
+"""Nothing in the air."""
