@@ -1,41 +1,64 @@
-"""The campaign: seeds are run, failing ones set aside, the others forecast, clipped, mutated; what fails is kept."""
+"""The campaign: what is not in the store yet is run, and everything found is put together.
+
+A step is run once for its key, whoever asks for it, and is in the store before anything is said of it or follows from
+it: whenever this process ends, the same command goes on from there.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
+from foresee_dsl.campaign.assembly import Assembly, assemble
+from foresee_dsl.campaign.attachments import CaseFiles
+from foresee_dsl.campaign.breakages import broken_row
+from foresee_dsl.campaign.executors import Executor, local
 from foresee_dsl.campaign.folder import CampaignFolder
-from foresee_dsl.campaign.pool import Broken, Task, WorkerPool
-from foresee_dsl.campaign.results import CampaignResult, ClipOutcome, SeedOutcome, sorted_outcomes
-from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps import case_name
-from foresee_dsl.campaign.tasks import ClipTask, SeedTask, run_clip, run_seed
+from foresee_dsl.campaign.listening import Listener
+from foresee_dsl.campaign.pool import Broken, Part, Task, Update
+from foresee_dsl.campaign.records import Made, encode
+from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
+from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.document import TestCase
 
+ORDER = {"seed": 0, "forecast": 0, "clip": 1, "mutants": 1, "child": 2}
+"""Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their children
+before those of second rank: where time runs out, the best points were studied."""
 
-class Listener(Protocol):
-    """What is told while a campaign runs (a progress bar)."""
 
-    def seeds(self, total: int) -> None:
-        """So many test cases will be run."""
+@dataclass(frozen=True)
+class RunOptions:
+    """How a campaign is done; none of it changes a result.
 
-    def seed_done(self, outcome: SeedOutcome, clips: int) -> None:
-        """One is done, and gave so many clips."""
+    Attributes:
+        jobs: worker processes here. limits: what a run may take. shard: the part of the campaign.
+        retry: run again what broke in an earlier campaign (died, hung, raised).
+        executor: makes what runs the tasks, other than processes here.
+        stop: asked ten times a second whether to stop.
+    """
 
-    def clip_done(self, outcome: ClipOutcome) -> None:
-        """One clip and its children are done."""
-
-    def broken(self, what: str) -> None:
-        """Something could not be run."""
+    jobs: int = 1
+    limits: Limits = field(default_factory=Limits)
+    shard: Shard = field(default_factory=Shard)
+    retry: bool = False
+    executor: Callable[[RunOptions], Executor] | None = None
+    stop: Callable[[], bool] = lambda: False
 
 
 def run_campaign(
-    cases: Sequence[TestCase], settings: CampaignSettings, *, out: Path, jobs: int, listener: Listener
+    cases: Sequence[TestCase],
+    settings: CampaignSettings,
+    *,
+    out: Path,
+    store: Store,
+    listener: Listener,
+    options: RunOptions = RunOptions(),
 ) -> CampaignResult:
     """Run a whole campaign and write its folder.
 
@@ -43,73 +66,141 @@ def run_campaign(
         cases: the test cases, already loaded (so that mistakes show before anything runs).
         settings: what to do.
         out: the campaign's folder; its `children` and `traces` are replaced, all at once, at the end.
-        jobs: worker processes; the result does not depend on it.
+        store: where results are kept, open to be written.
         listener: is told of progress.
+        options: how to do it.
 
     Returns:
-        The result; after Ctrl-C, with what was finished and `interrupted` set.
+        The result; when it was stopped, with what was finished and `interrupted` set.
 
     Raises:
         InputError: a test case is impossible on its network; nothing was run or written.
+        StoreError: the store cannot be written any more; what was finished is in it.
     """
     started = time.monotonic()
     mistakes = placement_mistakes(cases)
     if mistakes:
         raise InputError(mistakes)
+    stages = Stages(cases, settings, store, out, options.shard)
     folder = CampaignFolder(out)
-    seeds: list[SeedOutcome] = []
-    clips: list[ClipOutcome] = []
-    broken: list[str] = []
-    interrupted = False
-    pool = WorkerPool(jobs)
-    listener.seeds(len(cases))
-    try:
-        with folder.working() as work:
-            pool.add(Task(t.address, run_seed, t) for t in seed_tasks(cases, settings, out, work))
-            try:
-                for task, outcome in pool.results():
-                    if isinstance(outcome, Broken):
-                        broken.append(f"{task.name}: {outcome.reason}")
-                        listener.broken(broken[-1])
-                    elif isinstance(outcome, SeedOutcome):
-                        seeds.append(outcome)
-                        more = _clip_tasks(task, outcome)
-                        pool.add(more)
-                        listener.seed_done(outcome, len(more))
-                    elif isinstance(outcome, ClipOutcome):
-                        clips.append(outcome)
-                        listener.clip_done(outcome)
-            except KeyboardInterrupt:
-                interrupted = True
-            finally:
-                pool.close()
-            ordered = sorted_outcomes(seeds, clips)
-            result = CampaignResult(settings, *ordered, time.monotonic() - started, interrupted, tuple(sorted(broken)))
-            folder.publish(result)
-    finally:
-        pool.close()
+    with folder.working() as work:
+        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listener, options).go(started)
+        found = assemble(stages, out)
+        result = _result(settings, found, broken, time.monotonic() - started, stopped)
+        folder.publish(result, found.traces, store.blobs)
     return result
 
 
-def seed_tasks(cases: Sequence[TestCase], settings: CampaignSettings, out: Path, work: Path) -> list[SeedTask]:
-    """Return a task for each test case, with a name of its own for its files.
-
-    The name is the scenario's and the case's (`red_light_runner_r02`); when two files hold scenarios of one name, a
-    number follows.
-    """
-    owners: dict[str, str] = {}
-    tasks = []
-    for case in cases:
-        base = case_name(case)
-        name, number = base, 2
-        while owners.setdefault(name, case.id) != case.id:
-            name, number = f"{base}_{number}", number + 1
-        tasks.append(SeedTask(case.id, name, f"children/{case.source.stem}", out, work, settings))
-    return tasks
+def _result(
+    settings: CampaignSettings, found: Assembly, broken: Sequence[str], wall_s: float, stopped: bool
+) -> CampaignResult:
+    return CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
 
 
-def _clip_tasks(task: Task, outcome: SeedOutcome) -> list[Task]:
-    seed = task.argument
-    if not isinstance(seed, SeedTask):
-        return []
-    return [Task(draft.name, run_clip, ClipTask(seed, outcome.family, outcome.trace, draft)) for draft in outcome.clips]
+class _Run:
+    """What is under way in a campaign."""
+
+    def __init__(self, stages: Stages, store: Store, files: CaseFiles, listener: Listener, options: RunOptions) -> None:
+        self._stages, self._store, self._files = stages, store, files
+        self._listener, self._options = listener, options
+        self._executor: Executor | None = None
+        self._nodes: dict[int, Node] = {}
+        """The step of each task that is under way, by the task's identity (it is held here, too)."""
+        self._tasks: dict[int, Task] = {}
+        self._waiting: dict[str, list[Node]] = {}
+        """Steps whose result a task under way may give, by key."""
+        self._expected: dict[str, int] = {}
+        """Keys that tasks under way may give, and how many of these tasks."""
+        self._broken: list[str] = []
+        self._cut = False
+        """Whether it was stopped while it looked at what there is to do."""
+
+    def go(self, started: float) -> tuple[list[str], bool]:
+        """Run what is missing; return what could not be done, and whether it was stopped before the end."""
+        if self._options.retry:
+            self._store.execute("DELETE FROM runs WHERE broken = 1")
+        budget_s = self._options.limits.budget_s
+
+        def stop() -> bool:
+            return self._options.stop() or (budget_s is not None and time.monotonic() - started > budget_s)
+
+        try:
+            self._meet(self._stages.seeds, stop)
+            if self._executor is not None:
+                for update in self._executor.updates(stop):
+                    self._take(update, stop)
+            return self._broken, self._cut or bool(self._nodes)
+        finally:
+            if self._executor is not None:
+                self._executor.close()
+
+    def _meet(self, nodes: Iterable[Node], stop: Callable[[], bool]) -> None:
+        """Go through steps and what follows from them as far as it is known; hand out what is missing."""
+        ahead = list(reversed(tuple(nodes)))
+        while ahead and not stop():
+            node = ahead.pop()
+            self._listener.planned(node.kind, 1)
+            row = self._stages.row(node)
+            if row is None:
+                self._hand_out(node)
+            else:
+                self._listener.known(row)
+                ahead.extend(reversed(self._stages.after(node, row)))
+        self._cut = self._cut or bool(ahead)
+
+    def _hand_out(self, node: Node) -> None:
+        self._waiting.setdefault(node.key, []).append(node)
+        if self._expected.get(node.key):
+            return  # a task that is under way gives it
+        task = self._stages.task(node, self._files, self._options.limits)
+        self._nodes[id(task)], self._tasks[id(task)] = node, task
+        for key in self._stages.expected(node):
+            self._expected[key] = self._expected.get(key, 0) + 1
+        if self._executor is None:
+            self._executor = (self._options.executor or local)(self._options)
+        self._executor.add([task], (ORDER[node.kind] > 0, node.draft.rank if node.draft else 0, ORDER[node.kind]))
+
+    def _take(self, update: Update, stop: Callable[[], bool]) -> None:
+        if isinstance(update.value, Part):
+            self._keep(update.value.value, stop)
+            return
+        node = self._nodes.pop(id(update.task))
+        del self._tasks[id(update.task)]
+        keys = self._stages.expected(node)
+        for key in keys:
+            self._expected[key] -= 1
+        if isinstance(update.value, Broken):
+            # The part that it was at is the first that it has not given.
+            key = next((k for k in keys if not self._store.has(k)), node.key)
+            row = broken_row(key, node, update.value)
+            if row is not None:
+                self._add(row, None, stop)
+            else:
+                self._waiting.pop(key, None)
+                self._broken.append(f"{node.kind} {update.task.name}: {update.value.reason}")
+                self._listener.broken(self._broken[-1])
+
+    def _keep(self, made: Made, stop: Callable[[], bool]) -> None:
+        run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
+        row = Row(
+            key=made.key,
+            kind=made.kind,
+            name=made.name,
+            record=encode(made.record, made.kind),
+            driver=made.driver,
+            verdict=run.verdict.value if run else "",
+            reason=run.reason if run else "",
+            simulated_s=run.duration_s if run else 0.0,
+            wall_s=made.wall_s,
+        )
+        self._add(row, made.trace, stop)
+
+    def _add(self, row: Row, trace: bytes | None, stop: Callable[[], bool]) -> None:
+        row = self._store.add(row, trace)
+        waiting = self._waiting.pop(row.key, [])
+        for k, node in enumerate(waiting):
+            if k == 0:
+                self._listener.finished(row)
+            else:
+                self._listener.known(row)
+            self._meet(self._stages.after(node, row), stop)

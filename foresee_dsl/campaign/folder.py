@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from foresee_dsl.campaign.assembly import trace_of
+from foresee_dsl.campaign.blobs import Blobs
 from foresee_dsl.campaign.results import CampaignResult
 
 _PARTS = ("children", "traces")
@@ -23,38 +25,79 @@ class CampaignFolder:
 
     def __init__(self, out: Path) -> None:
         self.out = out
-        self._work = out / f".work-{os.getpid()}"
+        self.work = out / f".work-{os.getpid()}"
 
     @contextmanager
     def working(self) -> Iterator[Path]:
-        """Make the folder where files gather, and remove it at the end.
+        """Make the folder where files gather, and remove it at the end; also what killed campaigns left.
 
         Raises:
             OSError: the folder cannot be made or written to.
         """
         self.out.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(self._work, ignore_errors=True)
+        for left in self.out.glob(".work-*"):
+            if not _runs(left.name.rpartition("-")[2]):
+                shutil.rmtree(left, ignore_errors=True)
+        shutil.rmtree(self.work, ignore_errors=True)
         for part in _PARTS:
-            (self._work / part).mkdir(parents=True)
+            (self.work / part).mkdir(parents=True)
         try:
-            yield self._work
+            yield self.work
         finally:
-            shutil.rmtree(self._work, ignore_errors=True)
+            shutil.rmtree(self.work, ignore_errors=True)
 
-    def publish(self, result: CampaignResult) -> None:
-        """Write the children that failed, with their clips, and `campaign.json`; then put all in place."""
+    def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
+        """Write the children that failed, with their clips, the traces, and `campaign.json`; then put all in place.
+
+        Args:
+            result: what was found. blobs: where the traces are.
+            traces: by file, the blob's name, and the test case's id where the trace has another one.
+        """
         for clip in result.clips:
             if clip.failing:
                 self._write(clip.file, clip.text)
             for child in clip.failing:
                 self._write(child.file, child.text)
+        for file, (name, test_case) in traces.items():
+            self._show(file, name, test_case, blobs)
         self._write("campaign.json", json.dumps(result.as_dict(), indent=2) + "\n")
-        for part in _PARTS:
-            shutil.rmtree(self.out / part, ignore_errors=True)
-            (self._work / part).replace(self.out / part)
-        (self._work / "campaign.json").replace(self.out / "campaign.json")
+        for part in (*_PARTS, "campaign.json"):
+            self._put_in_place(part)
+
+    def _put_in_place(self, part: str) -> None:
+        """Put a finished part where the old one is, which goes with the working folder."""
+        old = self.out / part
+        if old.is_dir():
+            old.replace(self.work / f"old-{part}")
+        (self.work / part).replace(old)
+
+    def _show(self, file: str, name: str, test_case: str, blobs: Blobs) -> None:
+        """Put a trace into the folder: the store's own file where the disk can give it a second name."""
+        source, target = blobs.path(name), self.work / file
+        if test_case:
+            data = blobs.get(name)
+            if data is not None:
+                target.write_bytes(trace_of(data, test_case))
+            return
+        try:
+            os.link(source, target)
+        except OSError:
+            shutil.copyfile(source, target)
 
     def _write(self, name: str, text: str) -> None:
-        file = self._work / name
+        file = self.work / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _runs(pid: str) -> bool:
+    """Say whether there is a process of this number; of what is no number, that there is."""
+    if not pid.isdecimal():
+        return True
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

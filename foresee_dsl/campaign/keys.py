@@ -17,6 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from foresee_dsl import __version__
+from foresee_dsl.derive.operators import GROUP as OPERATORS
 from foresee_dsl.drivers.registry import GROUP as DRIVERS
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.forecast.registry import GROUP as RANKERS
@@ -24,7 +25,12 @@ from foresee_dsl.resources import data_folder
 
 KEY_DIGITS = 40
 """Hexadecimal digits of a key. Ours: 160 bits; two of a billion keys are the same with a chance below 1e-30."""
-_LANGUAGE = ("language", "errors.py", "resources.py", *(f"campaign/{name}.py" for name in ("records", "results", "steps", "work")))
+_LANGUAGE = (
+    "language",
+    "errors.py",
+    "resources.py",
+    *(f"campaign/{name}.py" for name in ("records", "results", "steps", "work")),
+)
 _RUN = (*_LANGUAGE, "compile", "drivers", "simulate")
 CODE = {
     "seed": _RUN,
@@ -74,6 +80,13 @@ def driver_identity(address: str) -> str:
 def ranker_identity(name: str) -> str:
     """Return what stands for a ranker: its name and a hash of its package's code."""
     return json.dumps([name, _plugin(RANKERS, name)])
+
+
+def operators_identity() -> str:
+    """Return what stands for the operators that packages have added to ours."""
+    return json.dumps(
+        sorted({entry.name: _plugin(OPERATORS, entry.name) for entry in entry_points(group=OPERATORS)}.items())
+    )
 
 
 def _plugin(group: str, name: str) -> str:

@@ -16,8 +16,8 @@ from foresee_dsl.campaign.isolation import Task, Worker
 __all__ = ["BATCH", "DEATHS", "Broken", "Part", "Task", "Update", "WorkerPool"]
 
 DEATHS = 3
-"""So often a task's process has to die before the task is to blame. Ours: somebody's `kill`, or the kernel's when memory
-is short, hits an innocent one now and then; a crash inside a library comes back every time."""
+"""So often a task's process has to die before the task is to blame. Ours: somebody's `kill`, or the kernel's when
+memory is short, hits an innocent one now and then; a crash inside a library comes back every time."""
 BATCH = 8
 """Tasks that a process gets at once, at most. Ours: handing one over costs 0.2 ms, so 8 hide it; more would leave other
 workers without work at the end."""

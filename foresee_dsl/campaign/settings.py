@@ -1,4 +1,4 @@
-"""What a campaign does: one immutable record, shown in its report."""
+"""What a campaign does, shown in its report; and how it is done, which changes no result."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ class CampaignSettings:
     """Settings of a campaign.
 
     The defaults are the paper's best configuration (section 4.6, RQ1): clips of 10 s, four risky points a seed, four
-    children a risky point; the preset `focused` is ours.
+    children a risky point; the preset `focused` is ours. Several drivers or rankers are several settings: with one
+    store they share the runs that they have in common.
 
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
@@ -20,6 +21,7 @@ class CampaignSettings:
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
             lane's free width beside a car, 0.75 m; beyond it the clip is another situation).
         handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches.
+        repeat: clips are mutated so often, with `seed` and the seeds that follow it.
     """
 
     driver: str = "pdm"
@@ -32,7 +34,61 @@ class CampaignSettings:
     seed: int = 0
     fidelity_limit_m: float = 0.75
     handover_s: float = 0.0
+    repeat: int = 1
 
     def as_dict(self) -> dict[str, str | float | int]:
         """Return the settings by name."""
         return asdict(self)
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `number` (from 1) of `of` parts of a campaign, by a hash of each test case's key."""
+
+    number: int = 1
+    of: int = 1
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Read `2/8`.
+
+        Raises:
+            ValueError: it is not two whole numbers, the first of them between 1 and the second.
+        """
+        first, slash, second = text.partition("/")
+        if not (slash and first.isascii() and first.isdigit() and second.isascii() and second.isdigit()):
+            raise ValueError(f"{text!r} is no part of a campaign: write K/N, such as 2/8")
+        shard = cls(int(first), int(second))
+        if not 1 <= shard.number <= shard.of:
+            raise ValueError(f"{text!r} is no part of a campaign: the parts of {shard.of} are 1 to {shard.of}")
+        return shard
+
+    def holds(self, key: str) -> bool:
+        """Say whether a test case with this key belongs to the part."""
+        return int(key[:12], 16) % self.of == self.number - 1
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a run may take; a run that takes more is a result of its own (`timeout`, `crash`) and stops nothing else.
+
+    Attributes:
+        deadline_s: wall time; None: `STEADY_S` and `SLOWEST` times what is simulated.
+        memory_mb: memory of a worker.
+        budget_s: wall time of the campaign, after which nothing more is begun; None: as long as it takes.
+    """
+
+    deadline_s: float | None = None
+    memory_mb: float = 4096
+    budget_s: float | None = None
+
+    def for_run(self, simulated_s: float) -> float:
+        """Return the wall time that a run of so many simulated seconds may take."""
+        return self.deadline_s if self.deadline_s is not None else STEADY_S + SLOWEST * simulated_s
+
+
+STEADY_S = 60.0
+"""Ours: a worker starts, builds its network and imports a framework for learned models in far less."""
+SLOWEST = 20.0
+"""So much slower than real time may a driver be. Ours: a second of wall time for a step, as the driver `external` has
+it; a run that takes longer hangs."""

@@ -33,7 +33,7 @@ COLUMNS = (
     "key", "kind", "name", "driver", "tool", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "made_s",
     "record",
 )  # fmt: skip
-_INSERT = f"INSERT OR IGNORE INTO runs VALUES ({', '.join('?' * len(COLUMNS))})"
+_INSERT = f"INSERT OR IGNORE INTO runs VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - no value of anybody's
 _BUSY_MS = 10_000
 """How long a statement waits for a reader that holds the database. Ours: `stat` reads a large store in a second."""
 

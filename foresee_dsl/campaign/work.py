@@ -157,7 +157,7 @@ def run_mutant(work: ChildWork) -> Iterator[Made]:
     clip_case = _clip_case(draft.text, work.case, work.folder / f"{draft.name}.foresee")
     mutant = _mutant_of(work.mutant.text, work.name)
     file = work.folder / f"{mutant.name}.foresee"
-    outcome, result = run_child(mutant, clip_case, file, file.name, driver=settings.driver, seed=work.seed)
+    outcome, result = run_child(mutant, clip_case, file, file.as_posix(), driver=settings.driver, seed=work.seed)
     trace = result.trace.packed() if result.verdict.is_failure else None
     wall_s = time.perf_counter() - started
     yield Made(work.key, "child", mutant.name, outcome, trace, settings.driver, wall_s)

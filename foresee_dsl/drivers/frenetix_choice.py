@@ -34,7 +34,7 @@ def at_frames(situation: Situation, prediction: Prediction) -> Prediction:
     """
     frames = Prediction(*(getattr(prediction, field.name)[:, ::STRIDE] for field in fields(prediction)))
     doubt = np.minimum(cfg.DOUBT_MPS * TIMES_S, cfg.DOUBT_M)
-    grown = frames.half_length + np.where(situation.actors.speed[:, None] > STANDS_MPS, doubt, 0.0)
+    grown = frames.half_length + np.where(situation.actors.speed[:, None] > STANDS_MPS, doubt, cfg.CORNER_M)
     return replace(frames, half_length=grown)
 
 
@@ -114,6 +114,8 @@ def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, la
     allowed = ~_leaves_lanes(situation, candidates)
     if behaviour.stop_s is not None:
         room = behaviour.stop_s - front
+        if situation.pose.speed < cfg.CREEP_MPS and behaviour.stop_s - situation.ego.front_s < cfg.HOLD_M:
+            most = np.zeros_like(most)  # near enough: it comes to rest, and does not creep the rest of the way
         most = np.minimum(most, np.sqrt(braking * np.maximum(room, 0.0)))
         allowed &= (room > -PASSES_M).all(axis=1) | (speed[:, 0] < cfg.CREEP_MPS)
     cost += cfg.FAST_WEIGHT * (np.maximum(speed - most, 0.0) ** 2).mean(axis=1)

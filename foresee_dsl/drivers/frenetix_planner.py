@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,7 @@ from foresee_dsl.drivers.pdm_route import Route
 from foresee_dsl.drivers.pdm_situation import BoolArray, Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 
+logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
 FRAMES = len(TIMES_S)
 READ_OUT = 6
 

@@ -66,6 +66,7 @@ def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[fl
     places = [] if behaviour.stop_s is None else [behaviour.stop_s]
     standing = behaviour.lead_speed[:, 0] < STANDS_MPS
     places += [float(s) - cfg.MINIMUM_GAP_M for s in np.unique(behaviour.lead_s[standing, 0]) if s < FAR_M]
-    times = [stop_time(start, place - front_s) for place in places]
+    reach = float(situation.route.profile.max()) * cfg.HORIZON_S
+    times = [stop_time(start, place - front_s) for place in places if place - front_s < reach]
     found = [time for time in times if time is not None and time < cfg.LONGEST_STOP_S]
     return found if start.s_dot > pdm_settings.COAST_MPS else []

@@ -24,7 +24,9 @@ STOP_SPEED_MPS = 0.02
 """Ours: the end speed of a stop; with exactly 0 rounding makes the last frame run backwards, and the library rejects
 that."""
 LONGEST_STOP_S = 12.0
-"""Ours: a stop that takes longer is not thought about yet; from 50 km/h it begins 83 m before the place."""
+"""Ours: a stop that takes longer, or a way that takes longer than the horizon at the route's highest speed, is not
+thought about yet: a plan begins to brake 56 m before the place at 50 km/h, and stays within the library's
+coordinates."""
 ACCELERATION_MPS2 = 2.5
 """Ours: the most a plan gains speed with, whatever the motor can; nuPlan calls up to 2.4 m/s^2 comfortable."""
 RISE = 0.6
@@ -39,6 +41,8 @@ straight on."""
 CREEP_MPS = 1.0
 CREEP_BRAKING_MPS2 = (0.8, 1.6)
 """Ours: under this speed, coming to rest straight on is offered too; gentle enough not to nod."""
+HOLD_M = 1.5
+"""Ours: so slow and this near to its stop place it stops, instead of taking five seconds for the last metre."""
 
 # --- reference --------------------------------------------------------------------------------------------------
 REFERENCE_STEP_M = 1.0
@@ -71,6 +75,8 @@ PRESSED_WEIGHT = 3.0
 DOUBT_MPS = 0.5
 DOUBT_M = 1.5
 """Ours: half the length of who moves grows by this much a second, up to 1.5 m: a speed that is 0.5 m/s off."""
+CORNER_M = 0.5
+"""Ours: half the length of what stands grows by this: its corners are passed within a tracking error of 0.1 m."""
 CHANGE_WEIGHT = 0.3
 """Ours: per metre between the new plan's end offset and the last one's: no swaying between two equal ways."""
 COMFORT_BRAKING_MPS2 = 2.0

