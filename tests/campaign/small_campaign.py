@@ -51,8 +51,8 @@ scenario crosser {
   end after 12 s
 
   case after { gap = -0.8 s }
-  case later { gap = 1.2 s }
-  case last { gap = 2.0 s }
+  case later { gap = -0.7 s }
+  case last { gap = -0.9 s }
 }
 """
 SETTINGS = CampaignSettings(driver="idm", before_s=3, after_s=3, risky_points=2, children=4)

@@ -468,7 +468,8 @@ def test_along_a_route_in_the_town(bundle: SumoBundle, tmp_path: Path) -> None:
             assert above[ABOVE["route"], 95:97, 95:97].all(), "and runs under the ego"
         assert (ahead[:12].astype(bool).sum(axis=0) <= 1).all(), "a pixel shows one thing"
         assert (ahead[:12].any(axis=0) == (ahead[12] > 0)).all(), "and has its depth"
-        assert ahead[AHEAD["road"], 50:].any()
+        if min(math.hypot(x - pose[0], y - pose[1]) for x, y, *_ in actors) > 10:  # nobody fills the picture
+            assert ahead[AHEAD["road"], 50:].any()
         c, s = math.cos(pose[2]), math.sin(pose[2])
         for (x, y, *_), group in zip(actors, groups, strict=True):
             dx, dy = x - pose[0], y - pose[1]

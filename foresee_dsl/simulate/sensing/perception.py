@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.simulate.cast import Cast
+from foresee_dsl.simulate.rasters import RunViews
+from foresee_dsl.simulate.rasters.layout import CAMERA_RANGE_M
 from foresee_dsl.simulate.sensing.noise import Streams
 from foresee_dsl.simulate.sensing.objects import ObjectList, Pose, frames_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
@@ -68,6 +70,9 @@ class Sensing:
         self._drifts = Streams(seed, (f"{scene.ego.id}'s pose",), (1.0, 1.0, 1.0), max(frames_of(where.drifts_s), 1))
         self._spread = np.array((where.position_m, where.position_m, where.heading_rad))
         self._pipe: deque[_Measured] = deque()
+        models = [actor.placed.model for actor in others]
+        camera_m = air.object_range_m(CAMERA_RANGE_M) if settings.weather else CAMERA_RANGE_M
+        self._views = RunViews(cast.network, mission, scene.ego.model, models, range_m=camera_m)
 
     def observe(self) -> Observation:
         """Return what the driver learns at the frame that the cast is at."""
@@ -88,13 +93,14 @@ class Sensing:
         while len(self._pipe) > 1 and self._pipe[1].frame <= ready:
             self._pipe.popleft()
         got = self._pipe[0]
-        return Observation(
+        told = Observation(
             time_s=cast.time_s,
             ego=_moved(ego.bicycle().as_ego(), taken),
             actors=got.actors,
             signals=dict(got.signals),
             measured_s=round((got.frame - self._began) * STEP_S, 6),
         )
+        return replace(told, views=self._views.at(told, pose, states))
 
     def _measure(self, frame: int, pose: Pose, taken: Pose, states: FloatArray, s: float) -> _Measured:
         actors = self._objects.measure(frame, pose, taken, states)
