@@ -29,7 +29,8 @@ from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.examples import FRAMES
 from foresee_dsl.language.expand import expand_mutant
 from foresee_dsl.language.keywords import KEYWORDS
-from foresee_dsl.language.model import Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
+from foresee_dsl.language.model import Campaign, Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
+from foresee_dsl.language.model.campaign import Seeds
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.project import load_catalogue, load_test_case, load_test_cases
 from foresee_dsl.language.registry.lints import CODES as LINTS
@@ -117,7 +118,7 @@ def drive(case: TestCase) -> RunResult:
 
 def test_every_kind_of_file_is_shown() -> None:
     assert len(SNIPPETS) == len(FILES)
-    assert all(named(kind) for kind in (Scenario, Extension, Network, Catalogue, Clip, Mutant))
+    assert all(named(kind) for kind in (Scenario, Extension, Network, Catalogue, Clip, Mutant, Campaign))
 
 
 @pytest.mark.parametrize("name", SNIPPETS)
@@ -151,6 +152,23 @@ def test_networks_can_be_built(project: Path, tmp_path: Path, name: str) -> None
 @pytest.mark.parametrize("name", named(Catalogue))
 def test_catalogues_can_be_loaded(project: Path, name: str) -> None:
     assert load_catalogue(project / f"{name}.foresee")
+
+
+@pytest.mark.parametrize("name", named(Campaign))
+def test_campaigns_have_no_mistakes_and_their_seeds_exist(project: Path, name: str) -> None:
+    done = CliRunner().invoke(app, ["check", str(project / f"{name}.foresee")])
+    assert done.exit_code == 0, done.output
+    model = SNIPPETS[name][1]
+    assert isinstance(model, Campaign)
+    for item in model.body:
+        assert not isinstance(item, Seeds) or any(project.glob(item.path)), item.path
+
+
+def test_the_mutant_that_is_shown_fails_as_its_origin_says(project: Path) -> None:
+    (name,) = named(Mutant)
+    found = re.search(r'found "(.*)"', SNIPPETS[name][0])
+    happens = drive(load_test_case(project / f"{name}.foresee")).reason
+    assert found and happens.partition(" at ")[0] == found[1].partition(" at ")[0]  # as `foresee verify` compares
 
 
 def test_the_steps_that_are_shown_come_to_their_end(project: Path) -> None:
@@ -206,6 +224,9 @@ def test_every_unit_is_listed() -> None:
         ("a range is {} parts at most", "foresee_dsl.language.sampling.coverage.BINS"),
         ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.behaviours.BOUND_FROM_M"),
         ("not under {:g} m/s, enters", "foresee_dsl.simulate.metrics.SLOWEST_MPS"),
+        ("no nearer than {:g} m to a junction", "foresee_dsl.compile.kerb.CORNER_M"),
+        ("straight, over {:g} m of the path", "foresee_dsl.compile.aside.LINE_OVER_M"),
+        ("right; {:g} m at most", "foresee_dsl.language.model.actors.WIDEST_LINE_M"),
     ],
 )
 def test_figures_of_the_text_are_those_of_the_code(said: str, name: str) -> None:
@@ -367,9 +388,27 @@ def test_every_stage_has_its_table() -> None:
         "foresee_dsl.derive.presets.FOCUSED",
         "foresee_dsl.simulate.outcome",
         "foresee_dsl.simulate.dynamics",
-        "foresee_dsl.simulate.sensing",
+        "foresee_dsl.simulate.bends",
+        "foresee_dsl.simulate.lookout",
+        "foresee_dsl.simulate.near_misses",
+        "foresee_dsl.simulate.recovery",
+        "foresee_dsl.simulate.recovery.RecoverySettings",
         "foresee_dsl.simulate.runner",
+        "foresee_dsl.simulate.sensing.IDEAL",
+        "foresee_dsl.simulate.sensing.STANDARD",
+        "foresee_dsl.simulate.sensing.signals",
+        "foresee_dsl.simulate.sensing.weather",
     }
+
+
+def test_the_library_is_listed_file_by_file(scenarios: Path) -> None:
+    page = (DOCS / "library.md").read_text(encoding="utf-8")
+    listed = {name: int(count) for name, count in re.findall(r"^\| `(scenario[\w/]+)` \| (\d+) \|", page, re.M)}
+    files = [*scenarios.glob("scenario*/*.foresee"), *scenarios.glob("scenario*.foresee")]
+    assert listed == {str(f.relative_to(scenarios).with_suffix("")): len(load_test_cases([f])) for f in files}
+    for family, count in re.findall(r"^## Family (\d): (\d+) cases$", page, re.M):
+        assert sum(n for name, n in listed.items() if name.startswith(f"scenario{family}")) == int(count)
+    assert f"{sum(listed.values())} test cases" in page
 
 
 def test_links_between_pages_lead_somewhere() -> None:

@@ -33,6 +33,9 @@ PRELOAD = (
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
 
+_REPORTED_S = 2.0
+"""How long the fork server may take to say how a process ended. Ours: a hundred times what it takes on a busy machine."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -137,9 +140,10 @@ class Worker:
             return 0
         return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
-    def kill(self) -> str:
-        """End the process now, and say how it had ended if it was gone already."""
-        self._process.join(0 if self._process.is_alive() else 1)
+    def kill(self, *, gone: bool = False) -> str:
+        """End the process now, or one that is `gone`, and say how it had ended."""
+        if gone:
+            self._process.join(_REPORTED_S)
         code = self._process.exitcode
         # Without its fork server (killed, too) nobody knows how a process ended, or whether it did.
         if code is None or code == 255:

@@ -184,7 +184,7 @@ class WorkerPool:
 
     def _died(self, worker: Worker) -> Iterator[Update]:
         culprit = worker.current
-        how = self._drop(worker)
+        how = self._drop(worker, gone=True)
         if culprit is None:
             self._failed_starts += not worker.finished
             if self._failed_starts >= _STARTS:
@@ -197,11 +197,11 @@ class WorkerPool:
         else:
             yield self._ended(number, Broken(task, f"{how}, {DEATHS} times"))
 
-    def _drop(self, worker: Worker) -> str:
+    def _drop(self, worker: Worker, *, gone: bool = False) -> str:
         """End a worker; what it had not begun goes back into the queue. Say how it ended."""
         self._workers.remove(worker)
         self._requeue(number for number, _ in worker.waiting)
-        return worker.kill()
+        return worker.kill(gone=gone)
 
     def _look_after(self, worker: Worker) -> Iterator[Update]:
         if worker.connection.poll():

@@ -139,10 +139,22 @@ class Store:
             for found in self._db.execute(f"SELECT {columns} FROM runs {where} ORDER BY key", values):  # noqa: S608
                 yield _row(found)
 
+    def mean_wall_s(self, driver: str) -> dict[str, float]:
+        """Return the mean wall time of each kind of step, of those that this driver drove or nobody did."""
+        asked = "SELECT kind, avg(wall_s) FROM runs WHERE NOT broken AND driver IN (?, '') GROUP BY kind"
+        with self._errors():
+            return dict(self._db.execute(asked, (driver,)).fetchall())
+
     def execute(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
         """Run one statement (of this package) as a transaction of its own and return all that it gives."""
         with self._errors(), self._db:
             return self._db.execute(statement, values).fetchall()
+
+    def vacuum(self) -> None:
+        """Give the room of deleted rows back to the disk."""
+        with self._errors():
+            self._db.execute("VACUUM")
+            self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def close(self) -> None:
         """Close it and let go of the lock."""

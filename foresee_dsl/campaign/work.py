@@ -103,7 +103,9 @@ def run_seed(work: SeedWork) -> Iterator[Made]:
     else:
         trace = load_trace(work.trace)
     if work.forecast:
-        yield Made(work.forecast, "forecast", work.name, _forecast(work, case, trace))
+        started = time.perf_counter()
+        forecast = _forecast(work, case, trace)
+        yield Made(work.forecast, "forecast", work.name, forecast, wall_s=time.perf_counter() - started)
 
 
 def run_clip(work: ClipWork) -> Iterator[Made]:
@@ -147,7 +149,9 @@ def run_clip(work: ClipWork) -> Iterator[Made]:
         model, trace = _clip_of(draft.text), load_trace(work.trace)
         clip_case = expand_clip(model, parent, source=file)
     for key, seed in work.mutants:
-        yield Made(key, "mutants", draft.name, _mutants(work, seed, clip_case, model, trace))
+        started = time.perf_counter()
+        mutants = _mutants(work, seed, clip_case, model, trace)
+        yield Made(key, "mutants", draft.name, mutants, wall_s=time.perf_counter() - started)
 
 
 def run_mutant(work: ChildWork) -> Iterator[Made]:

@@ -36,6 +36,8 @@ COMMANDS = (
     ("Run and derive", "repin", "children.repin"),
     ("Campaign", "assess", "assess.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
+    ("Campaign", "plan", "plan.plan"),
+    ("Campaign", "store", "store.store"),
     ("Campaign", "verify", "campaigns.verify"),
     ("About", "drivers", "author.drivers"),
     ("About", "models", "author.models"),

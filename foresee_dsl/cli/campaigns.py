@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from foresee_dsl.cli.campaign_options import (
+    CPUS,
+    After,
+    Before,
+    Children,
+    Jobs,
+    Paths,
+    Repeat,
+    RiskyPoints,
+    ShardOption,
+    StoreOption,
+    executor_of,
+    settings_of,
+    shard_of,
+)
 from foresee_dsl.cli.common import (
     FAILED,
+    OK,
     AllowOutsideOption,
     DriverOption,
     HandoverOption,
@@ -22,61 +37,84 @@ from foresee_dsl.cli.common import (
     print_json,
 )
 
-Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
-_CPUS = os.cpu_count() or 1
-
 
 def campaign(
-    paths: Annotated[
-        list[str], typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).")
-    ],
+    paths: Paths,
     driver: DriverOption = "pdm",
     ranker: RankerOption = "foresee",
     preset: PresetOption = "focused",
-    before: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")] = 5.0,
-    after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")] = 5.0,
-    risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")] = 4,
-    children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4,
+    before: Before = 5.0,
+    after: After = 5.0,
+    risky_points: RiskyPoints = 4,
+    children: Children = 4,
     handover: HandoverOption = 0.0,
-    jobs: Jobs = _CPUS,
+    repeat: Repeat = 1,
+    jobs: Jobs = CPUS,
     seed: SeedOption = 0,
     out: OutOption = Path("out"),
+    store: StoreOption = None,
+    shard: ShardOption = "",
+    executor: Annotated[str, typer.Option(help="Who runs it: local (processes here), dask (a cluster).")] = "local",
+    scheduler: Annotated[str, typer.Option(help="The Dask scheduler's address; a cluster here unless you say.")] = "",
+    deadline: Annotated[
+        float | None, typer.Option(min=0.1, help="Wall time in seconds that a run may take; it ends as `timeout`.")
+    ] = None,
+    memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
+    budget: Annotated[float | None, typer.Option(min=0, help="Begin nothing more after so many minutes.")] = None,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Run again what crashed or hung in an earlier campaign.")
+    ] = False,
     report: Annotated[
         Path | None, typer.Option(help="Also save the report to this file: .svg, .html or .txt by its name.")
     ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    log_json: Annotated[Path | None, typer.Option(help="Write every event to this file, a JSON object a line.")] = None,
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
+    What was run before is taken from the store. A campaign that was stopped, by whatever, goes on where it was.
+
     [dim]foresee campaign scenarios --jobs 2 --out out
     foresee campaign scenarios/scenario7.foresee::r02[/dim]
     """
-    from foresee_dsl.campaign.engine import run_campaign
-    from foresee_dsl.campaign.settings import CampaignSettings
-    from foresee_dsl.derive.clip import DRIVES_S
-    from foresee_dsl.derive.presets import preset as load_preset
-    from foresee_dsl.drivers.registry import load_driver
-    from foresee_dsl.forecast.registry import load_ranker
+    from contextlib import ExitStack
+
+    from foresee_dsl.campaign.engine import RunOptions, run_campaign
+    from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.campaign.store import Store
+    from foresee_dsl.cli.stopping import Stopping
     from foresee_dsl.language.project import load_test_cases
-    from foresee_dsl.report.terminal import CampaignProgress, print_campaign, save_campaign
+    from foresee_dsl.report.live import progress
+    from foresee_dsl.report.terminal import print_campaign, save_campaign
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    if handover > max(before - DRIVES_S, 0.0):
-        message = f"it has to end {DRIVES_S:g} s before the risky point, so {before - DRIVES_S:g} s is the longest here"
-        raise typer.BadParameter(message, param_hint="--handover")
-    settings = CampaignSettings(
-        driver, ranker, preset, before, after, risky_points, children, seed, handover_s=handover
+    settings = settings_of(
+        driver, ranker, preset, before=before, after=after, risky_points=risky_points, children=children,
+        handover=handover, seed=seed, repeat=repeat,
+    )  # fmt: skip
+    stop = Stopping()
+    options = RunOptions(
+        jobs=jobs,
+        limits=Limits(deadline, memory, None if budget is None else budget * 60),
+        shard=shard_of(shard),
+        retry=retry,
+        executor=executor_of(executor, scheduler),
+        stop=stop,
     )
-    # Unknown names are said before anything runs.
-    load_driver(driver)
-    load_ranker(ranker)
-    load_preset(preset)
     cases = load_test_cases(paths, allow_outside=allow_outside)
+    with ExitStack() as stack:
+        opened = stack.enter_context(Store(store or out / "store"))
+        told, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
+        if log is not None:
+            log.begin(test_cases=len(cases), settings=settings.as_dict(), jobs=jobs, store=str(opened.folder))
+        stack.enter_context(stop)
+        result = run_campaign(cases, settings, out=out, store=opened, listener=told, options=options)
+        if log is not None:
+            log.end(interrupted=result.interrupted, broken=len(result.broken), wall_s=round(result.wall_s, 2))
     screen = console(error=json)
-    with CampaignProgress(screen) as progress:
-        result = run_campaign(cases, settings, out=out, jobs=jobs, listener=progress)
     if json:
         print_json(result.as_dict())
     else:
@@ -84,7 +122,8 @@ def campaign(
     if report is not None:
         save_campaign(report, result, out)
     if result.interrupted:
-        raise typer.Exit(130)
+        screen.print("The same command goes on from there." if stop() else "The time is up: the same command goes on.")
+        raise typer.Exit(stop.exit_code if stop() else OK)
     if result.broken:
         raise typer.Exit(FAILED)
 
@@ -97,7 +136,7 @@ def verify(
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
     ] = False,
-    jobs: Jobs = _CPUS,
+    jobs: Jobs = CPUS,
     json: JsonOption = False,
 ) -> None:
     """Run recorded failures again: reproduced, fixed, changed, or stale (the parent was edited)?

@@ -122,14 +122,14 @@ def braking_plan(
         tilt = np.interp(s, last.s, last.d_dot / np.maximum(last.s_dot, 0.1))
         bend = np.interp(s, last.s, last.curvature) - route.between(route.curvature, s)
     k = route.indices(s)
-    part = s - (route.origin_s + k * GRID_M)
+    x, y = place(route, s, d)
     moving = (until > TIMES_S).astype(float)
     return Plan(
         begins_s=begins_s,
         s=s,
         d=d,
-        x=route.x[k] + part * route.cos[k] - d * route.sin[k],
-        y=route.y[k] + part * route.sin[k] + d * route.cos[k],
+        x=x,
+        y=y,
         heading=route.heading[k] + np.arctan(tilt),
         speed=s_dot,
         acceleration=-braking_mps2 * moving,
@@ -142,6 +142,14 @@ def braking_plan(
         until_s=begins_s + until,
         emergency=emergency,
     )
+
+
+def place(route: Route, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return x and y of points given along and across the route (any shape), m."""
+    k = route.indices(s)
+    part = s - (route.origin_s + k * GRID_M)
+    cos, sin = route.cos[k], route.sin[k]
+    return route.x[k] + part * cos - d * sin, route.y[k] + part * sin + d * cos
 
 
 def angle_between(a: float, b: float) -> float:

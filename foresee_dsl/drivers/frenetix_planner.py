@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.drivers import frenetix_settings as cfg
 from foresee_dsl.drivers import pdm_settings
-from foresee_dsl.drivers.frenetix_plan import TIMES_S, Frenet, Plan, angle_between
+from foresee_dsl.drivers.frenetix_plan import TIMES_S, Frenet, Plan, angle_between, place
 from foresee_dsl.drivers.frenetix_reference import Window, make_window, window_number
 from foresee_dsl.drivers.pdm_route import Route
 from foresee_dsl.drivers.pdm_situation import BoolArray, Situation, to_centre
@@ -24,7 +24,7 @@ from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
 FRAMES = len(TIMES_S)
-READ_OUT = 6
+READ_OUT = 4
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,9 @@ class Planner:
         state, back = situation.observation.ego, to_centre(self._vehicle)
         window = self._at(situation.pose.s)
         heading, speed = state.heading_rad, situation.pose.speed
-        place = np.array([state.x - back * math.cos(heading), state.y - back * math.sin(heading)])
+        axle = np.array([state.x - back * math.cos(heading), state.y - back * math.sin(heading)])
         acceleration = state.acceleration_mps2 if speed > pdm_settings.COAST_MPS else 0.0
-        own = frenetix.CartesianPlannerState(place, heading, speed, acceleration, state.steer_rad)
+        own = frenetix.CartesianPlannerState(axle, heading, speed, acceleration, state.steer_rad)
         found = frenetix.compute_initial_state(window.system, own, self._vehicle.wheelbase_m, False)
         s, s_dot, s_ddot = found.x0_lon.tolist()
         d, d_dot, d_ddot = found.x0_lat.tolist()
@@ -224,18 +224,23 @@ def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> Flo
 
 
 def _read_out(samples: tuple[Any, ...], window: Window, route: Route) -> Candidates:
-    """Copy the samples' arrays: [P, T] each, cut at the horizon."""
+    """Copy the samples' arrays: [P, T] each, cut at the horizon.
+
+    Reading an array out takes 2 us, more than computing it: what follows from the others is not read.
+    """
     flat: list[Any] = []
     for sample in samples:
-        own, frenet = sample.cartesian, sample.curvilinear
-        flat += (frenet.s, frenet.d, own.x, own.y, frenet.theta, own.v)
+        frenet = sample.curvilinear
+        flat += (frenet.s, frenet.d, frenet.s_dot, frenet.theta)
     if any(len(row) != FRAMES for row in flat[::READ_OUT]):  # a stop that takes longer than the horizon
         flat = [row[:FRAMES] for row in flat]
     rows = np.concatenate(flat) if flat else np.zeros(0)
-    s, d, x, y, turned, speed = rows.reshape(len(samples), READ_OUT, FRAMES).transpose(1, 0, 2)
+    s, d, s_dot, turned = rows.reshape(len(samples), READ_OUT, FRAMES).transpose(1, 0, 2)
     s = window.to_route(s)
     turned = (turned + np.pi) % (2 * np.pi) - np.pi
     heading = route.between(route.heading, s) + turned
+    speed = s_dot * (1.0 - route.between(route.curvature, s) * d) / np.cos(turned)
+    x, y = place(route, s, d)
     turn = np.gradient(heading, cfg.PLAN_STEP_S, axis=1, edge_order=2)
     curvature = np.where(speed > pdm_settings.COAST_MPS, turn / np.maximum(speed, pdm_settings.COAST_MPS), 0.0)
     ends = np.array([t.sampling_parameters[10] for t in samples], dtype=float)

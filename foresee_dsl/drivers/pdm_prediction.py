@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.pdm_route import GRID_M, PATH_M, FoePath, Projection, Route
-from foresee_dsl.drivers.pdm_situation import Actors, BoolArray, Situation
+from foresee_dsl.drivers.compiled import CUBE, FLAG_TABLE, FLAGS, FLOAT, FLOATS, INT, INTS, TABLE, VIEW, compiled
+from foresee_dsl.drivers.pdm_route import GRID_M, PATH_M, FoePath
+from foresee_dsl.drivers.pdm_situation import BoolArray, Situation
 from foresee_dsl.drivers.protocol import FloatArray
+
+IntArray = NDArray[np.int64]
 
 TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.ROLLOUT_STEP_S) + 1) * cfg.ROLLOUT_STEP_S
 """[T] the frames of every roll-out and prediction."""
@@ -23,14 +27,34 @@ CREEP_BRAKING_MPS2 = 2.0
 """Ours: who waits inside the junction for the ego creeps slower than this and is trusted to stop this gently."""
 
 
-class FoeMatches(NamedTuple):
-    """Who is on which foe's path: foes [F], and [A, F]: on it or not, length along it, speed along it, offset."""
+@dataclass(frozen=True)
+class FoeMatches:
+    """Who is on which foe's path.
+
+    Attributes:
+        foes: F of them. which: [F] their indices on the route. on: [A, F], on it or not.
+        found: [3, A, F], length along it, speed along it, offset.
+    """
 
     foes: tuple[FoePath, ...]
+    which: IntArray
     on: BoolArray
-    s: FloatArray
-    speed: FloatArray
-    d: FloatArray
+    found: FloatArray
+
+    @property
+    def s(self) -> FloatArray:
+        """Length along the path, m: [A, F]."""
+        return self.found[0]
+
+    @property
+    def speed(self) -> FloatArray:
+        """Speed along the path, m/s: [A, F]."""
+        return self.found[1]
+
+    @property
+    def d(self) -> FloatArray:
+        """Offset from the path, m: [A, F]."""
+        return self.found[2]
 
 
 @dataclass(frozen=True)
@@ -56,141 +80,245 @@ class Prediction:
 
 def match_foes(situation: Situation, foes: tuple[FoePath, ...]) -> FoeMatches:
     """Find who is on which foe's path; who is in the ego's lane is on none."""
-    actors, own = situation.actors, situation.own
+    actors, table = situation.actors, situation.route.foe_table
     shape = (actors.count, len(foes))
-    index = np.zeros(shape, dtype=np.int64)
-    gathered = np.zeros((4, *shape))
-    for k, foe in enumerate(foes):
-        gx, gy = foe.x[::FOE_STRIDE], foe.y[::FOE_STRIDE]
-        nearest = ((actors.x[:, None] - gx) ** 2 + (actors.y[:, None] - gy) ** 2).argmin(axis=1) * FOE_STRIDE
-        index[:, k] = nearest
-        gathered[:, :, k] = foe.x[nearest], foe.y[nearest], foe.cos[nearest], foe.sin[nearest]
-    rx, ry = actors.x[:, None] - gathered[0], actors.y[:, None] - gathered[1]
-    cos, sin = gathered[2], gathered[3]
-    shift = np.array([f.shift_m for f in foes])
-    s = index * PATH_M - shift + rx * cos + ry * sin
-    d = ry * cos - rx * sin
-    cosine = actors.cos[:, None] * cos + actors.sin[:, None] * sin
-    walking = np.array([f.foe.pedestrian for f in foes], dtype=bool)
-    # Somebody on foot may use a crossing in either direction; somebody who stands faces anywhere.
-    aligned = np.where(walking, np.abs(cosine), cosine) > np.cos(cfg.FOE_HEADING_RAD)
-    aligned |= walking & (actors.speed < cfg.COAST_MPS)[:, None]
-    reach = np.where(walking, 2 * cfg.FOE_REACH_M, cfg.FOE_REACH_M)
-    lengths = np.array([f.length_m for f in foes])
-    on = aligned & (np.abs(d) < reach) & (s < lengths) & ~own[:, None] & ~actors.obstacle[:, None]
-    on &= walking == actors.pedestrian[:, None]
-    return FoeMatches(foes, on, s, cosine * actors.speed[:, None], d)
+    on, found = np.zeros(shape, dtype=bool), np.empty((3, *shape))
+    which = np.array([f.index for f in foes], dtype=np.int64)
+    if on.size:
+        flags = situation.own, actors.pedestrian, actors.obstacle
+        paths = which, table.numbers, table.walking, table.points, table.first
+        _match(actors.table, *flags, *paths, _MATCHING, on, found)
+    return FoeMatches(foes, which, on, found)
 
 
 def predict(situation: Situation, matches: FoeMatches) -> Prediction:
     """Roll everybody out over the horizon."""
     route, actors, now = situation.route, situation.actors, situation.now
-    shape = (actors.count, len(TIMES_S))
-    x, y, cos, sin, s, d = (np.empty(shape) for _ in range(6))
-    chosen = _chosen_foes(actors, matches)
-    along = (chosen < 0) & _follows_road(route, actors, now)
-    straight = np.flatnonzero((chosen < 0) & ~along)
-    with_foe = np.flatnonzero(chosen >= 0)
-    half_length = np.repeat(actors.half_length[:, None], len(TIMES_S), axis=1)
-    _straight(actors, straight, (x, y, cos, sin, half_length))
-    for a in with_foe.tolist():
-        _on_path(actors, a, matches, int(chosen[a]), (x, y, cos, sin))
-    others = np.concatenate([straight, with_foe])
-    if others.size:
-        p = route.project(x[others], y[others], situation.pose.s, situation.reach_m, stride=20)
-        s[others], d[others] = p.s, p.d
-    if along.any():
-        _on_road(route, actors, now, along, (x, y, cos, sin, s, d))
-    k = route.indices(s)
-    turn_cos = np.abs(cos * route.cos[k] + sin * route.sin[k])
-    turn_sin = np.abs(sin * route.cos[k] - cos * route.sin[k])
-    width = actors.half_width[:, None]
-    return Prediction(
-        x=x,
-        y=y,
-        cos=cos,
-        sin=sin,
-        half_length=half_length,
-        s=s,
-        d=d,
-        reach_s=half_length * turn_cos + width * turn_sin,
-        reach_d=half_length * turn_sin + width * turn_cos,
-        speed_s=np.asarray(np.gradient(s, cfg.ROLLOUT_STEP_S, axis=1)),
-    )
+    out = np.empty((len(fields(Prediction)), actors.count, len(TIMES_S)))
+    if actors.count:
+        table, free = route.foe_table, np.empty(actors.count, dtype=bool)
+        paths = matches.on, matches.found, matches.which, table.numbers, table.points, table.first
+        road = now.s, now.d, now.index, route.grid, route.curvature, route.origin_s
+        _move_on(actors.table, actors.pedestrian, *paths, *road, TIMES_S, _PREDICTING, free, out)
+        rows = np.flatnonzero(free)
+        if rows.size:
+            p = route.project(out[0, rows], out[1, rows], situation.pose.s, situation.reach_m, stride=20)
+            out[5, rows], out[6, rows] = p.s, p.d
+        _reach(actors.half_width, route.grid, route.origin_s, cfg.ROLLOUT_STEP_S, out)
+    return Prediction(*out)
 
 
-def _follows_road(route: Route, actors: Actors, now: Projection) -> BoolArray:
-    """Return who is near the route and along or against it, where the route's bend leaves room for that: [A]."""
-    cosine = actors.cos * route.cos[now.index] + actors.sin * route.sin[now.index]
-    bend = route.curvature[now.index] * now.d
-    near, along = np.abs(now.d) < cfg.ALIGNED_REACH_M, np.abs(cosine) > np.cos(cfg.ALIGNED_RAD)
-    return np.asarray(near & along & (bend < STEEPEST_BEND))
+class _Matching(NamedTuple):
+    """Settings of `_match`."""
+
+    reach_m: float
+    cosine: float
+    coast_mps: float
 
 
-def _chosen_foes(actors: Actors, matches: FoeMatches) -> NDArray[np.int64]:
-    """Return the foe whose path each actor (on wheels) is nearest to, -1 for none: [A]."""
-    if not matches.foes:
-        return np.full(actors.count, -1, dtype=np.int64)
-    distance = np.where(matches.on, np.abs(matches.d), np.inf)
-    best = distance.argmin(axis=1)
+class _Predicting(NamedTuple):
+    """Settings of `_move_on`."""
+
+    aligned_reach_m: float
+    aligned_cosine: float
+    drift_deadband: float
+    coast_mps: float
+    foe_stops_mps2: float
+
+
+One = tuple[float, float, float, float, float, float, float]
+"""An actor's column of `Actors.table`."""
+_ONE: One = (0.0,) * 7
+_MATCHING = _Matching(cfg.FOE_REACH_M, math.cos(cfg.FOE_HEADING_RAD), cfg.COAST_MPS)
+_PREDICTING = _Predicting(
+    cfg.ALIGNED_REACH_M, math.cos(cfg.ALIGNED_RAD), cfg.DRIFT_DEADBAND_RAD, cfg.COAST_MPS, cfg.FOE_STOPS_MPS2
+)
+
+
+@compiled(TABLE, *(FLAGS,) * 3, INTS, TABLE, FLAGS, TABLE, INTS, _MATCHING, FLAG_TABLE, CUBE)
+def _match(
+    actors: FloatArray,
+    own: BoolArray,
+    pedestrian: BoolArray,
+    obstacle: BoolArray,
+    which: IntArray,
+    numbers: FloatArray,
+    walking: BoolArray,
+    points: FloatArray,
+    first: IntArray,
+    k: _Matching,
+    on: BoolArray,
+    found: FloatArray,
+) -> None:
+    """Fill `on` [A, F], and length along the path, speed along it and offset: `found` [3, A, F]."""
+    x, y, cos, sin, speed = actors[0], actors[1], actors[2], actors[3], actors[4]
+    for f in range(len(which)):
+        foe = which[f]
+        start, on_foot = first[foe], walking[foe]
+        reach = 2 * k.reach_m if on_foot else k.reach_m
+        for a in range(len(x)):
+            i, nearest = start, np.inf
+            for j in range(start, first[foe + 1], FOE_STRIDE):
+                dx, dy = x[a] - points[0, j], y[a] - points[1, j]
+                away = dx * dx + dy * dy
+                if away < nearest:
+                    i, nearest = j, away
+            rx, ry, tx, ty = x[a] - points[0, i], y[a] - points[1, i], points[2, i], points[3, i]
+            s = (i - start) * PATH_M - numbers[foe, 0] + rx * tx + ry * ty
+            d = ry * tx - rx * ty
+            cosine = cos[a] * tx + sin[a] * ty
+            # Somebody on foot may use a crossing in either direction; somebody who stands faces anywhere.
+            aligned = (abs(cosine) if on_foot else cosine) > k.cosine or (on_foot and speed[a] < k.coast_mps)
+            there = aligned and abs(d) < reach and s < numbers[foe, 1]
+            on[a, f] = there and not own[a] and not obstacle[a] and on_foot == pedestrian[a]
+            found[0, a, f], found[1, a, f], found[2, a, f] = s, cosine * speed[a], d
+
+
+@compiled(INT, FLAG_TABLE, TABLE, TABLE, FLAGS)
+def _nearest_foe(a: int, on: BoolArray, d: FloatArray, speed: FloatArray, pedestrian: BoolArray) -> int:
+    """Return the foe whose path an actor is nearest to, -1 for none."""
+    best, nearest = -1, np.inf
+    for f in range(on.shape[1]):
+        if on[a, f] and abs(d[a, f]) < nearest:
+            best, nearest = f, abs(d[a, f])
     # On foot, only who walks along the path follows it; the predictions of the others go straight.
-    backwards = matches.speed[np.arange(actors.count), best] <= 0
-    found = np.isfinite(distance[np.arange(actors.count), best]) & ~(actors.pedestrian & backwards)
-    return np.where(found, best, -1)
+    return -1 if best >= 0 and pedestrian[a] and speed[a, best] <= 0 else best
 
 
-def _straight(actors: Actors, who: NDArray[np.int64], into: tuple[FloatArray, ...]) -> None:
-    x, y, cos, sin, half_length = into
-    speeds_up = np.where(actors.speed[who] > cfg.COAST_MPS, actors.speeds_up[who], 0.0)
-    grows = speeds_up[:, None] * TIMES_S**2 / 4  # half of how far the front may run ahead
-    half_length[who] += grows
-    distance = actors.speed[who, None] * TIMES_S + grows
-    cos[who], sin[who] = actors.cos[who, None], actors.sin[who, None]
-    x[who] = actors.x[who, None] + distance * cos[who]
-    y[who] = actors.y[who, None] + distance * sin[who]
-
-
-def _on_path(actors: Actors, a: int, matches: FoeMatches, k: int, into: tuple[FloatArray, ...]) -> None:
-    """Predict one actor along a foe's path, its offset kept; one that must give way and can is taken to stop."""
-    foe, x, y, cos, sin = matches.foes[k], *into
-    s0, speed, d = float(matches.s[a, k]), float(matches.speed[a, k]), float(matches.d[a, k])
-    s = s0 + speed * TIMES_S
-    stop = None if foe.foe.has_priority else stopping_point(foe, s0 + float(actors.half_length[a]), speed)
-    if stop is not None and speed > cfg.COAST_MPS:
-        # v^2 / 2b = room, so that it stands after 2 room / v.
-        room = max(stop - s0 - float(actors.half_length[a]), 1e-3)
-        t = np.minimum(TIMES_S, 2 * room / speed)
-        s = s0 + speed * t - speed * speed / (4 * room) * t * t
-    i = np.minimum(np.maximum((s + foe.shift_m) / PATH_M, 0.0), len(foe.x) - 1.001)
-    j = i.astype(np.int64)
-    part = (i - j) * PATH_M
-    cos[a], sin[a] = foe.cos[j], foe.sin[j]
-    x[a] = foe.x[j] + part * cos[a] - d * sin[a]
-    y[a] = foe.y[j] + part * sin[a] + d * cos[a]
-
-
-def stopping_point(foe: FoePath, front_s: float, speed: float) -> float | None:
-    """Return where somebody who must give way is trusted to stop: at the entry, else (creeping) at the conflict."""
-    entry, conflict = foe.foe.entry_s, foe.foe.conflict_path_s[0]
-    if front_s < entry and speed * speed <= 2 * cfg.FOE_STOPS_MPS2 * (entry - front_s):
+@compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
+def _stopping_point(entry: float, conflict: float, front_s: float, speed: float, stops_mps2: float) -> float:
+    """Return where somebody who must give way is trusted to stop: at the entry, else (creeping) at the conflict;
+    infinite for nowhere."""
+    if front_s < entry and speed * speed <= 2 * stops_mps2 * (entry - front_s):
         return entry
     if front_s < conflict and speed < CREEP_MPS and speed * speed <= 2 * CREEP_BRAKING_MPS2 * (conflict - front_s):
         return conflict
-    return None
+    return np.inf
 
 
-def _on_road(route: Route, actors: Actors, now: Projection, who: BoolArray, into: tuple[FloatArray, ...]) -> None:
-    """Predict actors in the route's own coordinates: constant speed along it and across it."""
-    x, y, cos, sin, s, d = into
-    k = now.index[who]
-    turn_cos = actors.cos[who] * route.cos[k] + actors.sin[who] * route.sin[k]
-    turn_sin = actors.sin[who] * route.cos[k] - actors.cos[who] * route.sin[k]
-    drift = np.where(np.abs(turn_sin) > cfg.DRIFT_DEADBAND_RAD, turn_sin, 0.0)
-    s[who] = now.s[who, None] + (actors.speed[who] * turn_cos)[:, None] * TIMES_S
-    d[who] = now.d[who, None] + (actors.speed[who] * drift)[:, None] * TIMES_S
-    j = route.indices(s[who])
-    part = s[who] - (route.origin_s + j * GRID_M)
-    x[who] = route.x[j] + part * route.cos[j] - d[who] * route.sin[j]
-    y[who] = route.y[j] + part * route.sin[j] + d[who] * route.cos[j]
-    cos[who] = route.cos[j] * turn_cos[:, None] - route.sin[j] * turn_sin[:, None]
-    sin[who] = route.sin[j] * turn_cos[:, None] + route.cos[j] * turn_sin[:, None]
+@compiled(_ONE, FLOAT, FLOAT, FLOAT, VIEW, FLOATS, FLOATS, _PREDICTING, VIEW)
+def _on_path(
+    one: One,
+    s0: float,
+    speed: float,
+    d: float,
+    path: FloatArray,
+    foe: FloatArray,
+    times: FloatArray,
+    k: _Predicting,
+    out: FloatArray,
+) -> None:
+    """Predict one actor along a foe's path, its offset kept; one that must give way and can is taken to stop."""
+    half, stop, room = one[5], np.inf, 0.0
+    if foe[4] > 0 and speed > k.coast_mps:
+        stop = _stopping_point(foe[2], foe[3], s0 + half, speed, k.foe_stops_mps2)
+        room = max(stop - s0 - half, 1e-3)
+    for n in range(len(times)):
+        s = s0 + speed * times[n]
+        if stop < np.inf:
+            # v^2 / 2b = room, so that it stands after 2 room / v.
+            t = min(times[n], 2 * room / speed)
+            s = s0 + speed * t - speed * speed / (4 * room) * t * t
+        i = min(max((s + foe[0]) / PATH_M, 0.0), path.shape[1] - 1.001)
+        j = int(i)
+        part, cos, sin = (i - j) * PATH_M, path[2, j], path[3, j]
+        out[0, n], out[1, n] = path[0, j] + part * cos - d * sin, path[1, j] + part * sin + d * cos
+        out[2, n], out[3, n], out[4, n] = cos, sin, half
+
+
+@compiled(_ONE, FLOATS, _PREDICTING, VIEW)
+def _straight(one: One, times: FloatArray, k: _Predicting, out: FloatArray) -> None:
+    """Predict one actor straight on."""
+    x, y, cos, sin, speed, half, speeds_up = one
+    rate = speeds_up if speed > k.coast_mps else 0.0
+    for n in range(len(times)):
+        grows = rate * (times[n] * times[n]) / 4  # half of how far the front may run ahead
+        distance = speed * times[n] + grows
+        out[0, n], out[1, n] = x + distance * cos, y + distance * sin
+        out[2, n], out[3, n], out[4, n] = cos, sin, half + grows
+
+
+@compiled(_ONE, FLOAT, FLOAT, INT, VIEW, FLOAT, FLOATS, _PREDICTING, VIEW)
+def _on_road(
+    one: One,
+    s0: float,
+    d0: float,
+    i: int,
+    grid: FloatArray,
+    origin_s: float,
+    times: FloatArray,
+    k: _Predicting,
+    out: FloatArray,
+) -> None:
+    """Predict one actor in the route's own coordinates: constant speed along it and across it."""
+    _, _, cos, sin, speed, half, _ = one
+    turn_cos = cos * grid[2, i] + sin * grid[3, i]
+    turn_sin = sin * grid[2, i] - cos * grid[3, i]
+    drift = turn_sin if abs(turn_sin) > k.drift_deadband else 0.0
+    for n in range(len(times)):
+        s, d = s0 + speed * turn_cos * times[n], d0 + speed * drift * times[n]
+        j = min(max(int((s - origin_s) * (1.0 / GRID_M)), 0), grid.shape[1] - 1)
+        part, base_cos, base_sin = s - (origin_s + j * GRID_M), grid[2, j], grid[3, j]
+        out[0, n] = grid[0, j] + part * base_cos - d * base_sin
+        out[1, n] = grid[1, j] + part * base_sin + d * base_cos
+        out[2, n] = base_cos * turn_cos - base_sin * turn_sin
+        out[3, n] = base_sin * turn_cos + base_cos * turn_sin
+        out[4, n], out[5, n], out[6, n] = half, s, d
+
+
+@compiled(
+    TABLE, FLAGS, FLAG_TABLE, CUBE, INTS, TABLE, TABLE, INTS,
+    FLOATS, FLOATS, INTS, TABLE, FLOATS, FLOAT, FLOATS, _PREDICTING, FLAGS, CUBE,
+)  # fmt: skip
+def _move_on(
+    actors: FloatArray,
+    pedestrian: BoolArray,
+    on: BoolArray,
+    found: FloatArray,
+    which: IntArray,
+    numbers: FloatArray,
+    points: FloatArray,
+    first: IntArray,
+    now_s: FloatArray,
+    now_d: FloatArray,
+    now_index: IntArray,
+    grid: FloatArray,
+    curvature: FloatArray,
+    origin_s: float,
+    times: FloatArray,
+    k: _Predicting,
+    free: BoolArray,
+    out: FloatArray,
+) -> None:
+    """Fill the first five rows of `out` [10, A, T], and for those along the road s and d; `free` [A]: all others."""
+    for a in range(len(free)):
+        one = (
+            actors[0, a], actors[1, a], actors[2, a], actors[3, a], actors[4, a], actors[5, a], actors[6, a],
+        )  # fmt: skip
+        i, f = now_index[a], _nearest_foe(a, on, found[2], found[1], pedestrian)
+        cosine = one[2] * grid[2, i] + one[3] * grid[3, i]
+        along = abs(now_d[a]) < k.aligned_reach_m and abs(cosine) > k.aligned_cosine
+        free[a] = f >= 0 or not along or curvature[i] * now_d[a] >= STEEPEST_BEND
+        if f >= 0:
+            path = points[:, first[which[f]] : first[which[f] + 1]]
+            _on_path(one, found[0, a, f], found[1, a, f], found[2, a, f], path, numbers[which[f]], times, k, out[:, a])
+        elif free[a]:
+            _straight(one, times, k, out[:, a])
+        else:
+            _on_road(one, now_s[a], now_d[a], i, grid, origin_s, times, k, out[:, a])
+
+
+@compiled(FLOATS, TABLE, FLOAT, FLOAT, CUBE)
+def _reach(half_width: FloatArray, grid: FloatArray, origin_s: float, step_s: float, out: FloatArray) -> None:
+    """Fill the last three rows of `out` [10, A, T]: the extents along and across the route, the speed along it."""
+    last = out.shape[2] - 1
+    for a in range(out.shape[1]):
+        s = out[5, a]
+        for n in range(last + 1):
+            j = min(max(int((s[n] - origin_s) * (1.0 / GRID_M)), 0), grid.shape[1] - 1)
+            turn_cos = abs(out[2, a, n] * grid[2, j] + out[3, a, n] * grid[3, j])
+            turn_sin = abs(out[3, a, n] * grid[2, j] - out[2, a, n] * grid[3, j])
+            out[7, a, n] = out[4, a, n] * turn_cos + half_width[a] * turn_sin
+            out[8, a, n] = out[4, a, n] * turn_sin + half_width[a] * turn_cos
+            before, after = max(n - 1, 0), min(n + 1, last)
+            out[9, a, n] = (s[after] - s[before]) / ((after - before) * step_s)

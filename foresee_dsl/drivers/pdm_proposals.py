@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.pdm_prediction import TIMES_S, Prediction
+from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, INTS, TABLE, compiled
+from foresee_dsl.drivers.pdm_prediction import TIMES_S, IntArray, Prediction
 from foresee_dsl.drivers.pdm_route import GRID_M
 from foresee_dsl.drivers.pdm_situation import BoolArray, Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
@@ -21,6 +22,7 @@ QUEUE_OFFSET_M = 0.6
 QUEUE_REACH_M = 60.0
 """Ours: how far before a stop line a queue is taken to reach."""
 MOST_PASSED = 2
+_FARTHER_M = cfg.PASSABLE_GAP_M - cfg.MINIMUM_GAP_M
 HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
 
 
@@ -50,28 +52,39 @@ class Rollout:
 def passable(situation: Situation) -> BoolArray:
     """Return who stands for good with room to pass in the ego's own lanes: [A]."""
     route, actors, now = situation.route, situation.actors, situation.now
-    if not actors.count:
-        return np.zeros(0, dtype=bool)
-    left, right = route.left[now.index], route.right[now.index]
-    need = situation.vehicle.width_m + cfg.PASS_CLEARANCE_M + cfg.LANE_MARGIN_M
+    found = np.zeros(actors.count, dtype=bool)
     # Room between the thing's side and the edge of the lanes, on the better side.
-    room = np.maximum(left - now.d, right + now.d) - actors.half_width >= need
-    stops = np.array([j.stop_s for j in route.junctions])
-    before_line = stops[:, None] - now.s
-    queue = ((before_line > 0) & (before_line < QUEUE_REACH_M)).any(axis=0) & (np.abs(now.d) < QUEUE_OFFSET_M)
-    return (actors.speed < STANDS_MPS) & room & (actors.obstacle | ~queue) & ~actors.pedestrian
+    need = situation.vehicle.width_m + cfg.PASS_CLEARANCE_M + cfg.LANE_MARGIN_M
+    for a in np.flatnonzero(actors.speed < STANDS_MPS).tolist():
+        if actors.pedestrian[a]:
+            continue
+        s, d, k = float(now.s[a]), float(now.d[a]), int(now.index[a])
+        room = max(float(route.left[k]) - d, float(route.right[k]) + d) - float(actors.half_width[a]) >= need
+        queues = abs(d) < QUEUE_OFFSET_M and any(0.0 < j.stop_s - s < QUEUE_REACH_M for j in route.junctions)
+        found[a] = room and (bool(actors.obstacle[a]) or not queues)
+    return found
 
 
 def offsets(situation: Situation, can_pass: BoolArray) -> FloatArray:
     """Return the lateral offsets to try, the middle of the lane first: PDM's, and those that pass what is parked."""
-    route, pose, actors, now = situation.route, situation.pose, situation.actors, situation.now
-    vehicle = situation.vehicle
+    route, pose, vehicle = situation.route, situation.pose, situation.vehicle
     first = route.index(pose.s)
     last = route.index(pose.s + max(20.0, 2 * pose.speed)) + 1
     half = vehicle.width_m / 2 + cfg.LANE_MARGIN_M
     most_left = max(float(route.left[first:last].min()) - half, 0.0)
     most_right = max(float(route.right[first:last].min()) - half, 0.0)
     found = [min(max(o, -most_right), most_left) for o in cfg.LATERAL_OFFSETS_M]
+    if can_pass.any():
+        found += _passing(situation, can_pass)
+    # Equal ones once, in this order.
+    return np.array(list(dict.fromkeys(round(o, 2) for o in found)))
+
+
+def _passing(situation: Situation, can_pass: BoolArray) -> list[float]:
+    """Return the offsets that pass what is parked in the way."""
+    route, pose, actors, now = situation.route, situation.pose, situation.actors, situation.now
+    vehicle, found = situation.vehicle, list[float]()
+    half = vehicle.width_m / 2 + cfg.LANE_MARGIN_M
     ahead = now.s - pose.s
     reach = max(25.0, pose.speed * cfg.HORIZON_S * 1.25)
     blocking = can_pass & (ahead > -2 * vehicle.length_m) & (ahead < reach)
@@ -83,156 +96,65 @@ def offsets(situation: Situation, can_pass: BoolArray) -> FloatArray:
         # The far sides too: from a stand only the larger offset turns the wheels far enough.
         found += [o for o in (d + beside, d - beside) if -right <= o <= left]
         found += [o for o, room in ((left, d + beside <= left), (-right, d - beside >= -right)) if room]
-    # Equal ones once, in this order.
-    return np.array(list(dict.fromkeys(round(o, 2) for o in found)))
+    return found
 
 
 def leaders(
     situation: Situation, prediction: Prediction, tried: FloatArray, can_pass: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return for each offset and frame where the front of the ego must stay behind, and how fast that moves: [O, T]."""
-    pose, vehicle = situation.pose, situation.vehicle
-    front = pose.s + _front(vehicle)
-    if not len(prediction.s):
-        return np.full((len(tried), len(TIMES_S)), FAR_M), np.zeros((len(tried), len(TIMES_S)))
-    rear = prediction.s - prediction.reach_s
-    rear = np.where(can_pass[:, None], rear - (cfg.PASSABLE_GAP_M - cfg.MINIMUM_GAP_M), rear)
-    ahead = prediction.s - prediction.reach_s > front - 1.0
-    side = prediction.reach_d + vehicle.width_m / 2 + cfg.CORRIDOR_MARGIN_M
-    inside = ahead & (np.abs(prediction.d - tried[:, None, None]) < side)
-    gap = np.where(inside, rear, FAR_M)
-    nearest = gap.argmin(axis=1)
-    frames = np.arange(len(TIMES_S))
-    lead_s = np.take_along_axis(gap, nearest[:, None, :], axis=1)[:, 0, :]
-    # What comes towards the ego is for the scores; the IDM knows followers only.
-    return lead_s, np.maximum(prediction.speed_s[nearest, frames], 0.0)
+    shape = (len(tried), len(TIMES_S))
+    lead_s, lead_v = np.full(shape, FAR_M), np.zeros(shape)
+    if len(prediction.s):
+        front, side = situation.pose.s + _front(situation.vehicle), situation.vehicle.width_m / 2
+        others = prediction.s, prediction.d, prediction.reach_s, prediction.reach_d, prediction.speed_s, can_pass
+        _find_leaders(*others, tried, front, side + cfg.CORRIDOR_MARGIN_M, _FARTHER_M, lead_s, lead_v)
+    return lead_s, lead_v
 
 
 def roll_out(
     situation: Situation, tried: FloatArray, lead: tuple[FloatArray, FloatArray], wall_s: float | None
 ) -> Rollout:
     """Roll every proposal out: each offset with each share of the speed, then comfortable and hardest braking."""
-    pose = situation.pose
-    shares = np.array(cfg.SPEED_SHARES)
+    pose, vehicle, route = situation.pose, situation.vehicle, situation.route
+    strongest, front = situation.ego.strongest_braking_mps2, _front(situation.vehicle)
     here = min(range(len(tried)), key=lambda k: abs(float(tried[k]) - pose.d))
-    which = np.concatenate([np.repeat(np.arange(len(tried)), len(shares)), [here, here, 0, 0]])
-    brake = np.zeros(len(which), dtype=bool)
-    brake[-4:] = True
-    offset = tried[which]
+    which = np.array([k for k in range(len(tried)) for _ in cfg.SPEED_SHARES] + [here, here, 0, 0], dtype=np.int64)
+    share, most = np.ones(len(which)), np.full(len(which), np.inf)
+    share[:-4].reshape(len(tried), -1)[:] = cfg.SPEED_SHARES
+    most[-4:] = -cfg.BRAKING_MPS2, -strongest, -cfg.BRAKING_MPS2, -strongest
+    offset, brake = tried[which], most < np.inf
     offset[-4:-2] = pose.d  # braking without steering aside
-    wishes = _Wishes(
-        share=np.concatenate([np.tile(shares, len(tried)), np.ones(4)]),
-        most=np.full(len(which), np.inf),
-        lead_s=lead[0][:, ::HELD][which].T.copy(),
-        lead_v=lead[1][:, ::HELD][which].T.copy(),
-    )
-    wishes.most[-4:] = np.tile([-cfg.BRAKING_MPS2, -situation.ego.strongest_braking_mps2], 2)
-    s, v, a = _longitudinal(situation, wishes, _profile(situation, wall_s))
-    return _lateral(situation, (s, v, a), offset, brake)
+    room, braking = _before_wall(wall_s, pose.s + front, pose.speed, strongest)
+    end_s = pose.s + pose.speed * cfg.HORIZON_S + 16.0
+    profile = _allowed_speeds(route.profile, route.origin_s, pose.s, end_s, room, braking)
+    out, first = np.empty((8, len(which), len(TIMES_S))), np.empty(len(which))
+    top = min(cfg.ACCELERATION_MPS2, vehicle.acceleration_mps2)
+    _longitudinal(share, most, which, *lead, profile, pose.s, pose.speed, front, top, -strongest, _IDM, out, first)
+    error = pose.d - offset
+    length = tracking_length(pose.speed, error, vehicle)
+    slope = math.tan(max(-1.0, min(1.0, pose.heading_error)))
+    _lateral(route.grid, route.origin_s, pose.s, slope, to_centre(vehicle), offset, error, length, out)
+    return Rollout(*out, offset, brake, first)
 
 
-class _Wishes(NamedTuple):
-    """Of each proposal: share of the speed and most acceleration [P]; whom it follows, how fast that is [K, P]."""
-
-    share: FloatArray
-    most: FloatArray
-    lead_s: FloatArray
-    lead_v: FloatArray
-
-
-def _profile(situation: Situation, wall_s: float | None) -> FloatArray:
-    """Return the speeds allowed from the rear axle's present place on, GRID_M apart, for the whole horizon."""
-    route, pose = situation.route, situation.pose
-    profile = route.between(route.profile, np.arange(pose.s, pose.s + pose.speed * cfg.HORIZON_S + 16.0, GRID_M))
-    if wall_s is not None:
-        room = wall_s - _front(situation.vehicle) - pose.s
-        profile = _with_wall(profile, room, pose.speed, situation.ego.strongest_braking_mps2)
-    return np.maximum(profile, 1e-3)
-
-
-def _longitudinal(
-    situation: Situation, wishes: _Wishes, profile: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate the IDM: s and v [P, T], and the first acceleration [P]."""
-    pose, share = situation.pose, wishes.share
-    least = -situation.ego.strongest_braking_mps2
-    dt, top = cfg.ACCELERATION_STEP_S, min(cfg.ACCELERATION_MPS2, situation.vehicle.acceleration_mps2)
-    lead_s = wishes.lead_s - _front(situation.vehicle) - pose.s
-    led = np.asarray((wishes.lead_s < FAR_M).any(axis=1)).tolist()
-    s_all, v_all = np.empty(lead_s.shape), np.empty(lead_s.shape)
-    s, v = np.zeros(len(share)), np.full(len(share), pose.speed)
-    last, rise = len(profile) - 1, np.diff(profile, append=profile[-1])
-    base = profile - rise * np.arange(len(profile))  # the profile's value at x is base + rise x
-    first_a = v
-    for k in range(len(lead_s)):
-        s_all[k], v_all[k] = s, v
-        place = (s + cfg.PROFILE_PREVIEW_S * v) * (1.0 / GRID_M)
-        np.minimum(place, last, out=place)
-        index = place.astype(np.int64)
-        place *= rise[index]
-        place += base[index]  # the speed allowed there
-        ratio = v / (place * share)
-        ratio *= ratio
-        ratio *= ratio
-        a = top - top * ratio
-        # Never gentler than the profile asks for, never (for a lower share alone) harder than comfortable.
-        np.maximum(a, -cfg.BRAKING_MPS2, out=a)
-        place -= v
-        place *= 1.0 / cfg.PROFILE_PREVIEW_S
-        np.minimum(a, place, out=a)
-        if led[k]:
-            np.minimum(a, _behind(v, lead_s[k] - s, v - wishes.lead_v[k], top), out=a)
-        np.minimum(a, wishes.most, out=a)
-        np.maximum(a, least, out=a)
-        if k == 0:
-            first_a = a
-        faster = np.maximum(v + dt * a, 0.0)
-        s = s + (dt / 2) * (v + faster)
-        v = faster
-    return _fill(s_all).T + pose.s, _fill(v_all).T, first_a
-
-
-def _behind(speed: FloatArray, gap: FloatArray, nearing: FloatArray, top: float) -> FloatArray:
-    """Return the IDM's acceleration behind leaders, m/s^2: [P]."""
-    per_gap = 1.0 / np.maximum(gap, 0.1)
-    wish = nearing * (1.0 / (2.0 * math.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2)))
-    wish += cfg.HEADWAY_S
-    wish *= speed
-    np.maximum(wish, 0.0, out=wish)
-    wish += cfg.MINIMUM_GAP_M
-    wish *= per_gap
-    wish *= wish
-    needed = np.maximum(nearing, 0.0)
-    needed *= needed
-    needed *= per_gap
-    needed *= cfg.KINEMATIC_FACTOR
-    return np.asarray(np.maximum(top - top * wish, -np.maximum(needed, cfg.BRAKING_MPS2)))
+def _before_wall(wall_s: float | None, front_s: float, speed: float, strongest_mps2: float) -> tuple[float, float]:
+    """Return the room before a wall, m (infinite: there is none), and the braking to stop there: the everyday one, or
+    as hard as is needed."""
+    braking = cfg.PROFILE_BRAKING_MPS2
+    if wall_s is None:
+        return math.inf, braking
+    room = wall_s - front_s
+    if room < cfg.HOLD_M and speed < cfg.HOLD_MPS:
+        room = 0.0
+    if room > 0:
+        braking = min(max(braking, speed * speed / (2 * room)), strongest_mps2)
+    return room, braking
 
 
 def _front(vehicle: VehicleLimits) -> float:
     """Return the distance from the rear axle to the front bumper, m."""
     return vehicle.wheelbase_m + vehicle.front_overhang_m
-
-
-def _with_wall(profile: FloatArray, room: float, speed: float, strongest_braking: float) -> FloatArray:
-    """Cap a profile so that it ends in a stop: with everyday braking, or as hard as is needed."""
-    braking = cfg.PROFILE_BRAKING_MPS2
-    if room < cfg.HOLD_M and speed < cfg.HOLD_MPS:
-        room = 0.0
-    if room > 0:
-        braking = min(max(braking, speed * speed / (2 * room)), strongest_braking)
-    left = np.maximum(room - GRID_M * np.arange(len(profile)), 0.0)
-    return np.asarray(np.minimum(profile, np.sqrt(2 * braking * left)))
-
-
-def _fill(coarse: FloatArray) -> FloatArray:
-    """Interpolate frames that are HELD apart: [K, P] to [(K - 1) * HELD + 1, P]."""
-    fine = np.empty(((len(coarse) - 1) * HELD + 1, coarse.shape[1]))
-    for part in range(HELD):
-        w = part / HELD
-        rows = fine[part::HELD]
-        rows[...] = coarse[: len(rows)] if part == 0 else (1 - w) * coarse[:-1] + w * coarse[1:]
-    return fine
 
 
 def tracking_length(speed: float, error: FloatArray, vehicle: VehicleLimits) -> FloatArray:
@@ -247,37 +169,173 @@ def tracking_length(speed: float, error: FloatArray, vehicle: VehicleLimits) -> 
     return np.asarray(np.maximum(np.maximum(comfort, np.sqrt(size / sharpest)), cfg.TRACK_LENGTH_M))
 
 
+class _Idm(NamedTuple):
+    """Settings of `_longitudinal`."""
+
+    braking_mps2: float
+    minimum_gap_m: float
+    headway_s: float
+    per_nearing: float
+    kinematic_factor: float
+    preview_s: float
+    step_s: float
+
+
+_IDM = _Idm(
+    braking_mps2=cfg.BRAKING_MPS2,
+    minimum_gap_m=cfg.MINIMUM_GAP_M,
+    headway_s=cfg.HEADWAY_S,
+    per_nearing=1.0 / (2.0 * math.sqrt(cfg.ACCELERATION_MPS2 * cfg.BRAKING_MPS2)),
+    kinematic_factor=cfg.KINEMATIC_FACTOR,
+    preview_s=cfg.PROFILE_PREVIEW_S,
+    step_s=cfg.ACCELERATION_STEP_S,
+)
+
+
+@compiled(*(TABLE,) * 5, FLAGS, FLOATS, FLOAT, FLOAT, FLOAT, TABLE, TABLE)
+def _find_leaders(
+    s: FloatArray,
+    d: FloatArray,
+    reach_s: FloatArray,
+    reach_d: FloatArray,
+    speed_s: FloatArray,
+    can_pass: BoolArray,
+    tried: FloatArray,
+    front: float,
+    side: float,
+    farther: float,
+    lead_s: FloatArray,
+    lead_v: FloatArray,
+) -> None:
+    """Fill lead_s and lead_v [O, T] with the nearest in the way of each offset (the first row where there is none)."""
+    for o in range(len(tried)):
+        for t in range(s.shape[1]):
+            nearest, least = 0, FAR_M
+            for a in range(s.shape[0]):
+                rear = s[a, t] - reach_s[a, t]
+                if rear > front - 1.0 and abs(d[a, t] - tried[o]) < reach_d[a, t] + side:
+                    if can_pass[a]:
+                        rear -= farther
+                    if rear < least:
+                        nearest, least = a, rear
+            # What comes towards the ego is for the scores; the IDM knows followers only.
+            lead_s[o, t], lead_v[o, t] = least, max(speed_s[nearest, t], 0.0)
+
+
+@compiled(FLOATS, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
+def _allowed_speeds(
+    values: FloatArray, origin_s: float, from_s: float, end_s: float, room: float, braking_mps2: float
+) -> FloatArray:
+    """Return the speeds allowed from a place on, `GRID_M` apart: the route's profile, and a stop after `room`."""
+    step = (from_s + GRID_M) - from_s  # as numpy's arange has it
+    profile = np.empty(int(np.ceil((end_s - from_s) / GRID_M)))
+    for i in range(len(profile)):
+        place = min(max((from_s + i * step - origin_s) * (1.0 / GRID_M), 0.0), len(values) - 1.001)
+        k = int(place)
+        speed = values[k] + (place - k) * (values[k + 1] - values[k])
+        if room < np.inf:
+            speed = min(speed, math.sqrt(2 * braking_mps2 * max(room - GRID_M * i, 0.0)))
+        profile[i] = max(speed, 1e-3)
+    return profile
+
+
+@compiled(FLOAT, FLOAT, FLOAT, FLOAT, _IDM)
+def _behind(speed: float, gap: float, nearing: float, top: float, idm: _Idm) -> float:
+    """Return the IDM's acceleration behind a leader, m/s^2."""
+    per_gap = 1.0 / max(gap, 0.1)
+    wish = (max((nearing * idm.per_nearing + idm.headway_s) * speed, 0.0) + idm.minimum_gap_m) * per_gap
+    closing = max(nearing, 0.0)
+    needed = closing * closing * per_gap * idm.kinematic_factor
+    return max(top - top * (wish * wish), -max(needed, idm.braking_mps2))
+
+
+@compiled(FLOATS)
+def _fill(values: FloatArray) -> None:
+    """Interpolate between frames that are `HELD` apart."""
+    for k in range(0, len(values) - HELD, HELD):
+        for part in range(1, HELD):
+            w = part / HELD
+            values[k + part] = (1 - w) * values[k] + w * values[k + HELD]
+
+
+@compiled(FLOATS, FLOATS, INTS, TABLE, TABLE, FLOATS, *(FLOAT,) * 5, _IDM, CUBE, FLOATS)
+def _longitudinal(
+    share: FloatArray,
+    most: FloatArray,
+    which: IntArray,
+    lead_s: FloatArray,
+    lead_v: FloatArray,
+    profile: FloatArray,
+    from_s: float,
+    speed: float,
+    front: float,
+    top: float,
+    least: float,
+    idm: _Idm,
+    out: FloatArray,
+    first: FloatArray,
+) -> None:
+    """Integrate the IDM: rows 0 and 2 of `out` [8, P, T], s and v; and the first acceleration [P]."""
+    frames, last, half_step = out.shape[2], len(profile) - 1, idm.step_s / 2
+    led = np.zeros(frames, dtype=np.bool_)
+    for k in range(0, frames, HELD):
+        for o in range(lead_s.shape[0]):
+            led[k] |= lead_s[o, k] < FAR_M
+    for p in range(len(share)):
+        s, v, o = 0.0, speed, which[p]
+        for k in range(0, frames, HELD):
+            place = min((s + idm.preview_s * v) * (1.0 / GRID_M), float(last))
+            i = int(place)
+            rise = profile[i + 1] - profile[i] if i < last else 0.0
+            allowed = place * rise + (profile[i] - rise * i)
+            ratio = v / (allowed * share[p])
+            ratio *= ratio
+            ratio *= ratio
+            # Never gentler than the profile asks for, never (for a lower share alone) harder than comfortable.
+            a = min(max(top - top * ratio, -idm.braking_mps2), (allowed - v) * (1.0 / idm.preview_s))
+            if led[k]:
+                a = min(a, _behind(v, lead_s[o, k] - front - from_s - s, v - lead_v[o, k], top, idm))
+            a = max(min(a, most[p]), least)
+            if k == 0:
+                first[p] = a
+            faster = max(v + idm.step_s * a, 0.0)
+            out[0, p, k], out[2, p, k] = s, v
+            s, v = s + half_step * (v + faster), faster
+        _fill(out[0, p])
+        _fill(out[2, p])
+        for t in range(frames):
+            out[0, p, t] += from_s
+
+
+@compiled(TABLE, *(FLOAT,) * 4, *(FLOATS,) * 3, CUBE)
 def _lateral(
-    situation: Situation, motion: tuple[FloatArray, FloatArray, FloatArray], offset: FloatArray, brake: BoolArray
-) -> Rollout:
-    """Add where the tracking law leads to: a critically damped decay of the error over the way travelled."""
-    route, pose, vehicle = situation.route, situation.pose, situation.vehicle
-    s, v, a = motion
-    error = pose.d - offset
-    length = tracking_length(pose.speed, error, vehicle)
-    slope = np.tan(max(-1.0, min(1.0, pose.heading_error)))
-    rate = (slope + error / length)[:, None]
-    way = s - pose.s
-    decay = np.exp(-way / length[:, None])
-    change = (error[:, None] + rate * way) * decay
-    tilt = rate * decay - change / length[:, None]  # d'(s)
-    d = offset[:, None] + change
-    k = route.indices(s)
-    base_cos, base_sin = route.cos[k], route.sin[k]
-    part = s - (route.origin_s + k * GRID_M)
-    norm = 1.0 / np.sqrt(1.0 + tilt * tilt)
-    cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
-    centre = to_centre(vehicle)
-    return Rollout(
-        s=s,
-        d=d,
-        speed=v,
-        x=route.x[k] + part * base_cos - d * base_sin + centre * cos,
-        y=route.y[k] + part * base_sin + d * base_cos + centre * sin,
-        cos=cos,
-        sin=sin,
-        centre_d=d + centre * tilt,
-        offset=offset,
-        brake=brake,
-        acceleration=a,
-    )
+    grid: FloatArray,
+    origin_s: float,
+    from_s: float,
+    slope: float,
+    centre: float,
+    offset: FloatArray,
+    error: FloatArray,
+    length: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Fill the other rows of `out` with where the tracking law leads to: a critically damped decay of the error over
+    the way travelled."""
+    for p in range(len(offset)):
+        rate = slope + error[p] / length[p]
+        for t in range(out.shape[2]):
+            s = out[0, p, t]
+            way = s - from_s
+            decay = math.exp(-way / length[p])
+            change = (error[p] + rate * way) * decay
+            tilt = rate * decay - change / length[p]  # d'(s)
+            d = offset[p] + change
+            k = min(max(int((s - origin_s) * (1.0 / GRID_M)), 0), grid.shape[1] - 1)
+            base_cos, base_sin = grid[2, k], grid[3, k]
+            part, norm = s - (origin_s + k * GRID_M), 1.0 / math.sqrt(1.0 + tilt * tilt)
+            cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
+            out[1, p, t], out[7, p, t] = d, d + centre * tilt
+            out[3, p, t] = grid[0, k] + part * base_cos - d * base_sin + centre * cos
+            out[4, p, t] = grid[1, k] + part * base_sin + d * base_cos + centre * sin
+            out[5, p, t], out[6, p, t] = cos, sin
+

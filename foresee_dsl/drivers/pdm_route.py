@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
+from foresee_dsl.drivers.compiled import FLOAT, FLOATS, INT, INTS, TABLE, compiled
 from foresee_dsl.drivers.protocol import FloatArray, Foe, JunctionPassage, Mission, VehicleLimits
 
 GRID_M = 0.1
@@ -40,11 +43,12 @@ class FoePath:
 
     Attributes:
         x, y, cos, sin: [M] points and tangent, `PATH_M` apart. shift_m: what the prolongation adds to lengths along it.
-        length_m: length of the path as given. passage: index of the junction.
+        length_m: length of the path as given. passage: index of the junction. index: of the foe on the route.
     """
 
     foe: Foe
     passage: int
+    index: int
     x: FloatArray
     y: FloatArray
     cos: FloatArray
@@ -54,20 +58,41 @@ class FoePath:
 
 
 @dataclass(frozen=True)
+class FoeTable:
+    """All foes of a route: `numbers` [F, 5] are `shift_m`, `length_m`, entry and begin of the conflict along the path, and
+    1 where it must give way to the ego (else 0); `walking` [F]; `points` [4, M] are the paths' x, y, cos and sin, those
+    of foe f from `first[f]` to before `first[f + 1]`."""
+
+    numbers: FloatArray
+    walking: NDArray[np.bool_]
+    points: FloatArray
+    first: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, foes: tuple[FoePath, ...]) -> FoeTable:
+        """Gather paths."""
+        rows = [(f.shift_m, f.length_m, f.foe.entry_s, f.foe.conflict_path_s[0], not f.foe.has_priority) for f in foes]
+        points = [np.stack([f.x, f.y, f.cos, f.sin]) for f in foes]
+        return cls(
+            numbers=np.array(rows, dtype=float).reshape(-1, 5),
+            walking=np.array([f.foe.pedestrian for f in foes], dtype=bool),
+            points=np.concatenate([np.empty((4, 0)), *points], axis=1),
+            first=np.cumsum([0, *(len(f.x) for f in foes)], dtype=np.int64),
+        )
+
+
+@dataclass(frozen=True)
 class Route:
     """The mission, ready for look-ups. Arrays are [N] on an even grid from `origin_s`.
 
     Attributes:
-        x, y, cos, sin: points and tangent. heading: rad, unwrapped. curvature: 1/m.
+        grid: [4, N] points and tangent: x, y, cos and sin. heading: rad, unwrapped. curvature: 1/m.
         profile: m/s, the limit, slowed down for curves so that braking stays comfortable.
         left, right: m, free width.
     """
 
     origin_s: float
-    x: FloatArray
-    y: FloatArray
-    cos: FloatArray
-    sin: FloatArray
+    grid: FloatArray
     heading: FloatArray
     curvature: FloatArray
     profile: FloatArray
@@ -75,6 +100,26 @@ class Route:
     right: FloatArray
     junctions: tuple[JunctionPassage, ...]
     foes: tuple[FoePath, ...]
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """East, m: [N]."""
+        return self.grid[0]
+
+    @cached_property
+    def y(self) -> FloatArray:
+        """North, m: [N]."""
+        return self.grid[1]
+
+    @cached_property
+    def cos(self) -> FloatArray:
+        """Of the tangent: [N]."""
+        return self.grid[2]
+
+    @cached_property
+    def sin(self) -> FloatArray:
+        """Of the tangent: [N]."""
+        return self.grid[3]
 
     def index(self, s: float) -> int:
         """Return the grid point at a length along the route, held within it."""
@@ -95,40 +140,39 @@ class Route:
         k = place.astype(np.int64)
         return np.asarray(values[k] + (place - k) * (values[k + 1] - values[k]))
 
+    def at(self, values: FloatArray, s: float) -> float:
+        """Return one of the route's arrays at one length, as `between` does."""
+        place = min(max((s - self.origin_s) * (1.0 / GRID_M), 0.0), len(values) - 1.001)
+        k = int(place)
+        here = float(values[k])
+        return here + (place - k) * (float(values[k + 1]) - here)
+
+    @cached_property
+    def junctions_end_s(self) -> tuple[float, ...]:
+        """Where each junction is behind the ego: its exit, or the last of its conflicts."""
+        return tuple(max([j.exit_s, *(f.conflict_s[1] for f in j.foes)]) for j in self.junctions)
+
+    @cached_property
+    def foe_table(self) -> FoeTable:
+        """All foes' paths as the kernels take them."""
+        return FoeTable.of(self.foes)
+
     def locate(self, x: float, y: float, heading_rad: float) -> tuple[float, float, float]:
         """Find a vehicle on the whole route, by place and heading: (s, d, heading error in rad).
 
         A route may cross itself, so that place alone would not do: heading counts as up to 5 m (ours: a lane and a
         half).
         """
-        dx, dy = x - self.x[::COARSE], y - self.y[::COARSE]
-        turned = 1.0 - (np.cos(heading_rad) * self.cos[::COARSE] + np.sin(heading_rad) * self.sin[::COARSE])
-        k = int(np.argmin(dx * dx + dy * dy + 12.5 * turned)) * COARSE
-        for _ in range(2):  # the tangent at the coarse point, then at the point that it leads to
-            along = (x - self.x[k]) * self.cos[k] + (y - self.y[k]) * self.sin[k]
-            k = min(max(k + round(float(along) / GRID_M), 0), len(self.x) - 1)
-        along = (x - self.x[k]) * self.cos[k] + (y - self.y[k]) * self.sin[k]
-        d = (y - self.y[k]) * self.cos[k] - (x - self.x[k]) * self.sin[k]
-        error = (heading_rad - float(self.heading[k]) + np.pi) % (2 * np.pi) - np.pi
-        return self.origin_s + k * GRID_M + float(along), float(d), float(error)
+        k, along, across, error = _locate(x, y, heading_rad, self.grid, self.heading)
+        return self.origin_s + k * GRID_M + along, across, error
 
     def project(self, x: FloatArray, y: FloatArray, s_ego: float, ahead_m: float, stride: int = COARSE) -> Projection:
         """Project points (any shape) on the stretch from `SEARCH_BEHIND_M` behind the ego to `ahead_m` before it."""
         first, last = self.index(s_ego - SEARCH_BEHIND_M), self.index(s_ego + ahead_m) + 1
-        gx, gy = self.x[first:last:stride], self.y[first:last:stride]
-        dx = x[..., None] - gx
-        dy = y[..., None] - gy
-        dx *= dx
-        dy *= dy
-        dx += dy
-        k = first + dx.argmin(axis=-1) * stride
-        along = (x - self.x[k]) * self.cos[k] + (y - self.y[k]) * self.sin[k]
-        # One more look from the point that the tangent leads to, held within half a stride: bends stay exact.
-        step = np.minimum(np.maximum(np.rint(along / GRID_M), -stride), stride).astype(np.int64)
-        k = np.minimum(np.maximum(k + step, 0), len(self.x) - 1)
-        rx, ry = x - self.x[k], y - self.y[k]
-        along = rx * self.cos[k] + ry * self.sin[k]
-        return Projection(self.origin_s + k * GRID_M + along, ry * self.cos[k] - rx * self.sin[k], k)
+        s, d, index = np.empty(x.shape), np.empty(x.shape), np.empty(x.shape, dtype=np.int64)
+        into = s.ravel(), d.ravel(), index.ravel()
+        _project(x.ravel(), y.ravel(), self.grid, self.origin_s, first, last, stride, *into)
+        return Projection(s, d, index)
 
 
 def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
@@ -142,19 +186,17 @@ def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
     curvature = _smooth(np.gradient(heading, GRID_M))
     limit = np.interp(grid_s, s, np.asarray(mission.speed_limit_mps, float))
     profile = _speed_profile(np.minimum(limit, vehicle.max_speed_mps), curvature, vehicle)
+    foes = [(k, foe) for k, passage in enumerate(mission.junctions) for foe in passage.foes]
     return Route(
         origin_s=float(grid_s[0]),
-        x=x,
-        y=y,
-        cos=tx / norm,
-        sin=ty / norm,
+        grid=np.stack([x, y, tx / norm, ty / norm]),
         heading=heading,
         curvature=curvature,
         profile=profile,
         left=np.interp(grid_s, s, np.asarray(mission.left_m, float)),
         right=np.interp(grid_s, s, np.asarray(mission.right_m, float)),
         junctions=mission.junctions,
-        foes=tuple(_foe_path(f, k) for k, passage in enumerate(mission.junctions) for f in passage.foes),
+        foes=tuple(_foe_path(f, k, i) for i, (k, f) in enumerate(foes)),
     )
 
 
@@ -185,7 +227,7 @@ def _speed_profile(limit: FloatArray, curvature: FloatArray, vehicle: VehicleLim
     return np.asarray(np.sqrt(np.minimum.accumulate((squared + ramp)[::-1])[::-1] - ramp))
 
 
-def _foe_path(foe: Foe, passage: int) -> FoePath:
+def _foe_path(foe: Foe, passage: int, index: int) -> FoePath:
     points = np.asarray(foe.path, float)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     keep = np.concatenate([[True], np.diff(lengths) > 1e-6])
@@ -196,5 +238,69 @@ def _foe_path(foe: Foe, passage: int) -> FoePath:
     tx, ty = np.gradient(x), np.gradient(y)
     norm = np.maximum(np.hypot(tx, ty), 1e-9)
     return FoePath(
-        foe=foe, passage=passage, x=x, y=y, cos=tx / norm, sin=ty / norm, shift_m=shift, length_m=float(lengths[-1])
+        foe=foe,
+        passage=passage,
+        index=index,
+        x=x,
+        y=y,
+        cos=tx / norm,
+        sin=ty / norm,
+        shift_m=shift,
+        length_m=float(lengths[-1]),
     )
+
+
+@compiled(FLOAT, FLOAT, FLOAT, TABLE, FLOATS)
+def _locate(
+    x: float,
+    y: float,
+    heading_rad: float,
+    grid: FloatArray,
+    headings: FloatArray,
+) -> tuple[int, float, float, float]:
+    """Return the grid point of a place and heading, the way on from there, the offset and the heading error."""
+    gx, gy, gcos, gsin = grid[0], grid[1], grid[2], grid[3]
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    k, nearest = 0, np.inf
+    for i in range(0, len(gx), COARSE):
+        dx, dy = x - gx[i], y - gy[i]
+        away = dx * dx + dy * dy + 12.5 * (1.0 - (cos * gcos[i] + sin * gsin[i]))
+        if away < nearest:
+            k, nearest = i, away
+    for _ in range(2):  # the tangent at the coarse point, then at the point that it leads to
+        along = (x - gx[k]) * gcos[k] + (y - gy[k]) * gsin[k]
+        k = min(max(k + int(np.rint(along / GRID_M)), 0), len(gx) - 1)
+    along = (x - gx[k]) * gcos[k] + (y - gy[k]) * gsin[k]
+    across = (y - gy[k]) * gcos[k] - (x - gx[k]) * gsin[k]
+    return k, along, across, (heading_rad - headings[k] + np.pi) % (2 * np.pi) - np.pi
+
+
+@compiled(FLOATS, FLOATS, TABLE, FLOAT, INT, INT, INT, FLOATS, FLOATS, INTS)
+def _project(
+    x: FloatArray,
+    y: FloatArray,
+    grid: FloatArray,
+    origin_s: float,
+    first: int,
+    last: int,
+    stride: int,
+    s: FloatArray,
+    d: FloatArray,
+    index: NDArray[np.int64],
+) -> None:
+    """Project points [N] on the grid points from `first` to before `last`: fill s, d and index, [N]."""
+    gx, gy, gcos, gsin = grid[0], grid[1], grid[2], grid[3]
+    for n in range(len(x)):
+        k, nearest = first, np.inf
+        for i in range(first, last, stride):
+            dx, dy = x[n] - gx[i], y[n] - gy[i]
+            away = dx * dx + dy * dy
+            if away < nearest:
+                k, nearest = i, away
+        along = (x[n] - gx[k]) * gcos[k] + (y[n] - gy[k]) * gsin[k]
+        # One more look from the point that the tangent leads to, held within half a stride: bends stay exact.
+        step = min(max(np.rint(along / GRID_M), -float(stride)), float(stride))
+        k = min(max(k + int(step), 0), len(gx) - 1)
+        rx, ry = x[n] - gx[k], y[n] - gy[k]
+        s[n] = origin_s + k * GRID_M + (rx * gcos[k] + ry * gsin[k])
+        d[n], index[n] = ry * gcos[k] - rx * gsin[k], k

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
+from foresee_dsl.drivers.compiled import FLAGS, FLOAT, FLOATS, INTS, TABLE, compiled
 from foresee_dsl.drivers.pdm_route import Projection, Route
-from foresee_dsl.drivers.protocol import EgoState, FloatArray, Observation, SignalColour, VehicleLimits
+from foresee_dsl.drivers.protocol import ActorClass, EgoState, FloatArray, Observation, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker, Tracks
 
 BoolArray = NDArray[np.bool_]
@@ -27,24 +29,58 @@ LEAST_REACH_M = 30.0
 
 @dataclass(frozen=True)
 class Actors:
-    """The others as they are taken to be now; every array is [A]."""
+    """The others as they are taken to be now; every array is [A].
 
-    x: FloatArray
-    y: FloatArray
+    Attributes:
+        table: [7, A] x, y, cos, sin, speed, half length, and the acceleration by which the speed may grow.
+        heading: rad. half_width: m. pedestrian, obstacle: their classes.
+    """
+
+    table: FloatArray
     heading: FloatArray
-    cos: FloatArray
-    sin: FloatArray
-    speed: FloatArray
-    half_length: FloatArray
     half_width: FloatArray
     pedestrian: BoolArray
     obstacle: BoolArray
-    speeds_up: FloatArray
 
     @property
     def count(self) -> int:
         """The number of actors, A."""
-        return len(self.x)
+        return self.table.shape[1]
+
+    @property
+    def x(self) -> FloatArray:
+        """East, m."""
+        return self.table[0]
+
+    @property
+    def y(self) -> FloatArray:
+        """North, m."""
+        return self.table[1]
+
+    @property
+    def cos(self) -> FloatArray:
+        """Of the heading."""
+        return self.table[2]
+
+    @property
+    def sin(self) -> FloatArray:
+        """Of the heading."""
+        return self.table[3]
+
+    @property
+    def speed(self) -> FloatArray:
+        """Along the heading, m/s, never negative."""
+        return self.table[4]
+
+    @property
+    def half_length(self) -> FloatArray:
+        """Half of the length, m."""
+        return self.table[5]
+
+    @property
+    def speeds_up(self) -> FloatArray:
+        """By how much it may speed up, m/s^2."""
+        return self.table[6]
 
 
 @dataclass(frozen=True)
@@ -149,23 +185,46 @@ def _ego_on_route(state: EgoState, vehicle: VehicleLimits, centre_s: float) -> E
 
 def _read_actors(tracks: Tracks) -> Actors:
     """Take over what the tracker knows."""
-    kinds = tracks.kinds
-    return Actors(
-        x=tracks.x,
-        y=tracks.y,
-        heading=tracks.heading,
-        cos=np.cos(tracks.heading),
-        sin=np.sin(tracks.heading),
-        speed=tracks.speed,
-        half_length=tracks.length / 2,
-        half_width=tracks.width / 2,
-        pedestrian=np.array([kind == "pedestrian" for kind in kinds], dtype=bool),
-        obstacle=np.array([kind == "obstacle" for kind in kinds], dtype=bool),
-        speeds_up=np.array([cfg.SPEEDS_UP_MPS2.get(kind, 0.0) for kind in kinds], dtype=float),
+    pedestrian, obstacle, speeds_up = _classes(tracks.kinds)
+    table = np.empty((7, len(tracks.x)))
+    table[0], table[1], table[4], table[6] = tracks.x, tracks.y, tracks.speed, speeds_up
+    np.cos(tracks.heading, out=table[2])
+    np.sin(tracks.heading, out=table[3])
+    np.multiply(tracks.length, 0.5, out=table[5])
+    return Actors(table, tracks.heading, tracks.width * 0.5, pedestrian, obstacle)
+
+
+@lru_cache(maxsize=64)  # the same from step to step, until somebody comes or goes
+def _classes(kinds: tuple[ActorClass, ...]) -> tuple[BoolArray, BoolArray, FloatArray]:
+    """Return who walks, what is an obstacle, and by how much each may speed up: [A]."""
+    return (
+        np.array([kind == "pedestrian" for kind in kinds], dtype=bool),
+        np.array([kind == "obstacle" for kind in kinds], dtype=bool),
+        np.array([cfg.SPEEDS_UP_MPS2.get(kind, 0.0) for kind in kinds], dtype=float),
     )
 
 
 def _in_lane(route: Route, actors: Actors, now: Projection) -> BoolArray:
     """Return who drives in the ego's lane, in its direction: [A]."""
-    cosine = actors.cos * route.cos[now.index] + actors.sin * route.sin[now.index]
-    return np.asarray((np.abs(now.d) < OWN_LANE_M) & (cosine > np.cos(cfg.ALIGNED_RAD)) & ~actors.pedestrian)
+    own = np.empty(actors.count, dtype=bool)
+    _find_own(actors.table, actors.pedestrian, now.d, now.index, route.grid, _ALIGNED_COSINE, own)
+    return own
+
+
+_ALIGNED_COSINE = math.cos(cfg.ALIGNED_RAD)
+
+
+@compiled(TABLE, FLAGS, FLOATS, INTS, TABLE, FLOAT, FLAGS)
+def _find_own(
+    actors: FloatArray,
+    pedestrian: BoolArray,
+    d: FloatArray,
+    index: NDArray[np.int64],
+    grid: FloatArray,
+    aligned_cosine: float,
+    own: BoolArray,
+) -> None:
+    """Fill `own` [A]."""
+    for a in range(len(own)):
+        cosine = actors[2, a] * grid[2, index[a]] + actors[3, a] * grid[3, index[a]]
+        own[a] = abs(d[a]) < OWN_LANE_M and cosine > aligned_cosine and not pedestrian[a]

@@ -29,11 +29,12 @@ from foresee_dsl.campaign.listening import Listener
 from foresee_dsl.campaign.records import RUNS, Kind
 from foresee_dsl.campaign.results import FAILURES
 from foresee_dsl.campaign.store import Row
+from foresee_dsl.report.terminal import duration
 from foresee_dsl.simulate.verdict import Verdict
 
 TITLES = {"seed": "test cases", "clip": "clips", "child": "children"}
 EVERY_S = 5.0
-"""Between two lines where there is no terminal. Ours: twelve a minute can be read in a CI log, and show that it lives."""
+"""Between two lines where there is no terminal. Ours: twelve a minute can be read in a CI log."""
 
 
 class Figures:
@@ -84,7 +85,7 @@ class Figures:
         parts.append(f"failures {failures}" if failures else "no failures")
         parts.append(f"{self.rate:.1f} runs/s")
         if self.left_s is not None:
-            parts.append(f"about {_clock_time(self.left_s)} left of what is known")
+            parts.append(f"about {duration(self.left_s)} left of what is known")
         return "; ".join(parts)
 
 
@@ -279,10 +280,3 @@ def _set_aside(row: Row) -> str | None:
     if row.kind == "seed" and row.verdict != Verdict.PASS:
         return f"set aside: {row.name}: {row.reason}"
     return f"broke: {row.name}: {row.reason}" if row.broken else None
-
-
-def _clock_time(seconds: float) -> str:
-    """Return `m:ss`, with hours in front where there are any."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

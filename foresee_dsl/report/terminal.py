@@ -172,8 +172,8 @@ def _counts_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
             str(row.risky_points),
             str(row.clips),
             str(row.children),
-            _duration(row.simulated_s),
-            _duration(row.wall_s),
+            duration(row.simulated_s),
+            duration(row.wall_s),
             style="bold" if row is total else "",
         )
     return table
@@ -259,7 +259,7 @@ def _open_first(result: CampaignResult, out: Path) -> list[Text]:
     return lines
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
     """Return minutes and seconds as `m:ss`, with hours in front where there are any."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)

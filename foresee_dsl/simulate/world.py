@@ -39,6 +39,8 @@ of their last 10 s takes them, which no description holds (measured: a bus off b
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
 """Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
 without the red light."""
+_ASKS = 8
+"""Speed mode: drives what it is told, but asks at a junction whether it may."""
 
 _COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
 _SEED = 42
@@ -191,18 +193,25 @@ class World:
             SimulationError: SUMO refused the place.
         """
         try:
-            on_junction = actor.lane.startswith(":")
             edge, _, index = actor.lane.rpartition("_")
+            # On its route it is on the right one of the lanes that overlap in a junction; elsewhere SUMO takes any.
+            keep_route = 1 if edge else 2
             angle = _degrees(actor.heading_rad)
             self._sumo.vehicle.moveToXY(
-                actor.id, edge, int(index or -1), actor.x, actor.y, angle, 2 if on_junction or not edge else 1, MATCH_M
+                actor.id, edge, int(index or -1), actor.x, actor.y, angle, keep_route, MATCH_M
             )
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
 
-    def roll(self, vehicle: str, speed_mps: float) -> None:
-        """Let a vehicle drive exactly a speed, whatever is in its way, until `let_go`."""
-        self._sumo.vehicle.setSpeedMode(vehicle, 0)
+    def roll(self, vehicle: str, speed_mps: float, *, free: bool) -> None:
+        """Let a vehicle drive exactly a speed, whatever is in its way, until `let_go`.
+
+        Args:
+            vehicle: its id. speed_mps: m/s.
+            free: it may drive into the junction ahead. SUMO takes who does not ask there for one that has stopped at
+                its stop sign already.
+        """
+        self._sumo.vehicle.setSpeedMode(vehicle, 0 if free else _ASKS)
         self._sumo.vehicle.setSpeed(vehicle, speed_mps)
 
     def let_go(self, vehicle: str) -> None:

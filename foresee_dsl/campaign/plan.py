@@ -1,0 +1,160 @@
+"""What a campaign would do, before anything runs: its steps as a graph, what is done already, and how long it takes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import networkx as nx
+
+from foresee_dsl.campaign.records import KINDS, RUNS, Kind
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.store import Store
+
+TITLES: Mapping[Kind, str] = {
+    "seed": "test cases",
+    "forecast": "forecasts",
+    "clip": "clips",
+    "mutants": "mutations",
+    "child": "children",
+}
+USUAL_S: Mapping[Kind, float] = {"seed": 2.0, "forecast": 0.1, "clip": 0.5, "mutants": 0.3, "child": 0.5}
+"""Wall time of a step where the store has none of its kind. Ours: the bundled scenarios with `pdm`, in round figures."""
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """One stage.
+
+    `done`: in the store. `to_run`: known of and not done. `at_most`: that may follow from what was not
+    run yet. `each_s`: wall time of one; `measured`: whether the store says so."""
+
+    kind: Kind
+    done: int
+    to_run: int
+    at_most: int
+    each_s: float
+    measured: bool
+
+    @property
+    def longest_s(self) -> float:
+        """Wall time of all that is to run, on one worker, at most."""
+        return (self.to_run + self.at_most) * self.each_s
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """The whole campaign: a graph of steps (nodes with `kind`, `name`, `state` and `count`), and a row a stage."""
+
+    graph: nx.DiGraph[str]
+    stages: tuple[StagePlan, ...]
+    jobs: int
+
+    @property
+    def longest_s(self) -> float:
+        """Wall time of what is to run, at most: what follows from a run is not known before it."""
+        return sum(stage.longest_s for stage in self.stages) / self.jobs
+
+    @property
+    def measured(self) -> bool:
+        """Whether all times are the store's own."""
+        return all(stage.measured or not stage.to_run + stage.at_most for stage in self.stages)
+
+    @property
+    def runs_to_do(self) -> tuple[int, int]:
+        """How many runs are known to be missing, and how many more may follow."""
+        stages = [stage for stage in self.stages if stage.kind in RUNS]
+        return sum(s.to_run for s in stages), sum(s.at_most for s in stages)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON; the graph as nodes and links."""
+        to_run, at_most = self.runs_to_do
+        return {
+            "schema": 1,
+            "stages": [
+                {"stage": s.kind, "done": s.done, "to_run": s.to_run, "at_most_more": s.at_most,
+                 "each_s": round(s.each_s, 3), "measured": s.measured}
+                for s in self.stages
+            ],
+            "runs": {"to_run": to_run, "at_most_more": at_most},
+            "jobs": self.jobs,
+            "at_most_s": round(self.longest_s, 1),
+            "measured": self.measured,
+            "graph": nx.node_link_data(self.graph, edges="links"),
+        }  # fmt: skip
+
+    def as_dot(self) -> str:
+        """Return the graph for Graphviz: done steps green, missing ones white, what may follow dashed."""
+        looks = {"done": 'style=filled fillcolor="#c7e9c0"', "to_run": "style=solid", "at_most": "style=dashed"}
+        lines = ["digraph campaign {", "  rankdir=LR", "  node [shape=box fontsize=10]"]
+        for name, data in self.graph.nodes(data=True):
+            said = f"at most {data['count']} {TITLES[data['kind']]}"
+            label = said if data["state"] == "at_most" else f"{data['kind']}\\n{data['name']}"
+            lines.append(f'  "{name}" [label="{label}" {looks[data["state"]]}]')
+        lines += [f'  "{above}" -> "{below}"' for above, below in self.graph.edges]
+        return "\n".join((*lines, "}"))
+
+
+def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> CampaignPlan:
+    """Look at what there is to do.
+
+    Args:
+        stages: the campaign's steps. store: what was run; None: nothing. jobs: workers, for the time.
+    """
+    graph: nx.DiGraph[str] = nx.DiGraph()
+    for node, row in stages.walk():
+        state = "to_run" if row is None else "done"
+        graph.add_node(_name(node), kind=node.kind, name=node.name, key=node.key, state=state, count=1)
+        if node.above is not None:
+            graph.add_edge(_name(node.above), _name(node))
+        if row is None:
+            _add_followers(graph, node, stages.settings)
+    return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs)
+
+
+def _name(node: Node) -> str:
+    return f"{node.kind} {node.name}" + (f" seed {node.seed}" if node.kind == "mutants" else "")
+
+
+def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings) -> None:
+    """Add what may follow from a step that has not been run: a node a stage, which stands for that many."""
+    clips = settings.risky_points if node.kind in ("seed", "forecast") else 1
+    mutations = settings.repeat if settings.children else 0
+    counts = {
+        "forecast": 1,
+        "clip": clips,
+        "mutants": clips * mutations,
+        "child": clips * settings.children * (mutations if node.kind != "mutants" else 1),
+    }
+    above = _name(node)
+    for kind in KINDS[KINDS.index(node.kind) + 1 :]:
+        if counts[kind]:
+            below = f"{kind} of {_name(node)}"
+            graph.add_node(below, kind=kind, name="", key="", state="at_most", count=counts[kind])
+            graph.add_edge(above, below)
+            above = below
+
+
+def _stage_plans(graph: nx.DiGraph[str], store: Store | None, settings: CampaignSettings) -> tuple[StagePlan, ...]:
+    counts: Counter[tuple[str, str]] = Counter()
+    keys: set[str] = set()
+    for _, data in graph.nodes(data=True):
+        if data["key"] and data["key"] in keys:
+            continue  # two names of one run
+        keys.add(data["key"])
+        counts[data["kind"], data["state"]] += data["count"]
+    measured = store.mean_wall_s(settings.driver) if store is not None else {}
+    return tuple(
+        StagePlan(
+            kind,
+            done=counts[kind, "done"],
+            to_run=counts[kind, "to_run"],
+            at_most=counts[kind, "at_most"],
+            each_s=measured.get(kind, USUAL_S[kind]),
+            measured=kind in measured,
+        )
+        for kind in KINDS
+    )

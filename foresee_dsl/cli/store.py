@@ -1,0 +1,103 @@
+"""The command `store`: what campaigns keep, looked at, tidied, joined and exported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foresee_dsl.cli.common import JsonOption, console, print_json
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.upkeep import Statistics
+
+ACTIONS = ("stat", "gc", "export", "merge")
+
+
+def store(
+    action: Annotated[str, typer.Argument(metavar="ACTION", help="stat, gc, export or merge.")],
+    folders: Annotated[
+        list[Path] | None, typer.Argument(metavar="[STORE]...", help="The store; of merge, several.")
+    ] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="export: the file, .parquet or .csv.")] = None,
+    into: Annotated[Path | None, typer.Option("--into", help="merge: the store that gets everything.")] = None,
+    older: Annotated[bool, typer.Option("--older", help="gc: also results of other versions of this tool.")] = False,
+    damaged: Annotated[
+        bool, typer.Option("--damaged", help="gc: also read every trace and drop damaged ones.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Look after the folder in which campaigns keep what was run.
+
+    [dim]foresee store stat
+    foresee store gc --older
+    foresee store export --to runs.parquet
+    foresee store merge part1/store part2/store --into out/store[/dim]
+    """
+    from foresee_dsl.campaign.store import Store
+    from foresee_dsl.campaign.upkeep import export, merge, statistics, sweep
+
+    if action not in ACTIONS:
+        raise typer.BadParameter(f"{action!r} is none: {', '.join(ACTIONS)}", param_hint="ACTION")
+    named = folders or [Path("out/store")]
+    if action == "merge":
+        if into is None or not folders:
+            raise typer.BadParameter("merge needs stores, and --into DIR", param_hint="--into")
+        new, known = merge(folders, into)
+        _say({"new": new, "known": known}, f"{into}: {new} new results, {known} known ones", json=json)
+        return
+    if len(named) != 1:
+        raise typer.BadParameter(f"{action} looks at one store", param_hint="STORE")
+    folder = named[0]
+    if action == "stat":
+        with Store(folder, write=False) as opened:
+            found = statistics(opened)
+        if json:
+            print_json(found.as_dict())
+        else:
+            _print_statistics(folder, found)
+    elif action == "gc":
+        with Store(folder, write=False):
+            pass  # a mistyped folder must not become a store
+        with Store(folder) as opened:
+            swept = sweep(opened, older=older, damaged=damaged)
+        text = f"{folder}: {swept.rows} results and {swept.files} files thrown away, {swept.size / 1e6:.1f} MB"
+        _say(vars(swept), text, json=json)
+    else:
+        if to is None:
+            raise typer.BadParameter("export needs --to FILE.parquet or --to FILE.csv", param_hint="--to")
+        with Store(folder, write=False) as opened:
+            count = export(opened, to)
+        _say({"rows": count, "file": str(to)}, f"{to}: {count} rows", json=json)
+
+
+def _say(data: dict[str, object], text: str, *, json: bool) -> None:
+    if json:
+        print_json({"schema": 1, **data})
+    else:
+        typer.echo(text)
+
+
+def _print_statistics(folder: Path, found: Statistics) -> None:
+    from rich.table import Table
+
+    from foresee_dsl.campaign.plan import TITLES
+    from foresee_dsl.report.terminal import duration
+
+    screen = console()
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("results")
+    table.add_column("number", justify="right")
+    table.add_column("verdicts")
+    for kind, title in TITLES.items():
+        verdicts = found.kinds.get(kind, {})
+        said = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items() if verdict)
+        table.add_row(title, str(sum(verdicts.values())), said)
+    screen.print(table)
+    if found.broken:
+        screen.print(f"{found.broken} crashed or hung; `foresee campaign --retry` runs them again")
+    screen.print(f"simulated {duration(found.simulated_s)} in {duration(found.wall_s)} of wall time")
+    tools = ", ".join(f"{count} by {tool}" for tool, count in found.tools.items())
+    screen.print(f"{folder}: {found.traces} traces {found.trace_bytes / 1e6:.1f} MB, "
+                 f"rows {found.database_bytes / 1e6:.1f} MB" + (f" ({tools})" if tools else ""))  # fmt: skip
