@@ -169,6 +169,7 @@ def test_the_mutant_that_is_shown_fails_as_its_origin_says(project: Path) -> Non
     found = re.search(r'found "(.*)"', SNIPPETS[name][0])
     happens = drive(load_test_case(project / f"{name}.foresee")).reason
     assert found and happens.partition(" at ")[0] == found[1].partition(" at ")[0]  # as `foresee verify` compares
+    assert SNIPPETS[name][0] in PAGES[0].read_text(encoding="utf-8"), "the README shows the same one"
 
 
 def test_the_steps_that_are_shown_come_to_their_end(project: Path) -> None:

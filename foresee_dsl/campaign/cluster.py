@@ -105,7 +105,7 @@ class DaskExecutor:
             self._batches[future] = numbers
             future.add_done_callback(self._ended.put)
 
-    def _take(self, future: Any) -> Iterator[Update]:
+    def _take(self, future: Any) -> Iterator[Update]:  # noqa: ANN401 - Dask's, which has no types
         numbers = self._batches.pop(future, None)
         if numbers is None:
             return

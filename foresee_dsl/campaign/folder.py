@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from foresee_dsl.campaign.assembly import trace_of
 from foresee_dsl.campaign.blobs import Blobs
@@ -60,7 +61,7 @@ class CampaignFolder:
                 self._write(child.file, child.text)
         for file, (name, test_case) in traces.items():
             self._show(file, name, test_case, blobs)
-        self._write("campaign.json", json.dumps(result.as_dict(), indent=2) + "\n")
+        self._write("campaign.json", as_text(result.as_dict()))
         for part in (*_PARTS, "campaign.json"):
             self._put_in_place(part)
 
@@ -88,6 +89,34 @@ class CampaignFolder:
         file = self.work / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def as_text(campaign: Mapping[str, Any]) -> str:
+    """Return what `campaign.json` holds as JSON, a line for each test case, clip and child.
+
+    Python's own indentation is written by Python itself: of 34,000 children it would take seconds.
+    """
+    parts = []
+    for name, value in campaign.items():
+        if name == "clip_runs":
+            parts.append(f'  "{name}": {_listed([_clip_text(clip) for clip in value], 2)}')
+        elif isinstance(value, list):
+            parts.append(f'  "{name}": {_listed([json.dumps(item) for item in value], 2)}')
+        else:
+            parts.append(f'  "{name}": {json.dumps(value)}')
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def _clip_text(clip: Mapping[str, Any]) -> str:
+    children = _listed([json.dumps(child) for child in clip["children"]], 4)
+    own = json.dumps({name: value for name, value in clip.items() if name != "children"})
+    return f'{own[:-1]}, "children": {children}}}'
+
+
+def _listed(items: list[str], depth: int) -> str:
+    """Return a JSON list with an item a line."""
+    inner, outer = " " * (depth + 2), " " * depth
+    return "[" + ",".join(f"\n{inner}{item}" for item in items) + f"\n{outer}]" if items else "[]"
 
 
 def _runs(pid: str) -> bool:

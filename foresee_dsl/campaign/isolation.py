@@ -34,7 +34,7 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
 
 _REPORTED_S = 2.0
-"""How long the fork server may take to say how a process ended. Ours: a hundred times what it takes on a busy machine."""
+"""How long the fork server may take to say how a process ended. Ours: a hundred times what it takes."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ TITLES: Mapping[Kind, str] = {
     "child": "children",
 }
 USUAL_S: Mapping[Kind, float] = {"seed": 2.0, "forecast": 0.1, "clip": 0.5, "mutants": 0.3, "child": 0.5}
-"""Wall time of a step where the store has none of its kind. Ours: the bundled scenarios with `pdm`, in round figures."""
+"""Wall time of a step where the store has none of its kind. Ours: the bundled scenarios with `pdm`."""
 
 
 @dataclass(frozen=True)

@@ -20,16 +20,6 @@ FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.
 
 
 @dataclass(frozen=True)
-class ClipDraft:
-    """A clip before it was run: its name, its text, its point's rank, its file (relative to the campaign's)."""
-
-    name: str
-    text: str
-    file: str
-    rank: int
-
-
-@dataclass(frozen=True)
 class SeedOutcome:
     """One test case as it was run, unmutated."""
 
@@ -42,7 +32,6 @@ class SeedOutcome:
     wall_s: float
     trace: str = ""
     risky_points: int = 0
-    clips: tuple[ClipDraft, ...] = ()
     impact: Impact | None = None
     near: NearMisses | None = None
 

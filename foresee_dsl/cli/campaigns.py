@@ -82,6 +82,7 @@ def campaign(
     from contextlib import ExitStack
 
     from foresee_dsl.campaign.engine import RunOptions, run_campaign
+    from foresee_dsl.campaign.folder import as_text
     from foresee_dsl.campaign.settings import Limits
     from foresee_dsl.campaign.store import Store
     from foresee_dsl.cli.stopping import Stopping
@@ -116,7 +117,7 @@ def campaign(
             log.end(interrupted=result.interrupted, broken=len(result.broken), wall_s=round(result.wall_s, 2))
     screen = console(error=json)
     if json:
-        print_json(result.as_dict())
+        typer.echo(as_text(result.as_dict()), nl=False)
     else:
         print_campaign(screen, result, out)
     if report is not None:

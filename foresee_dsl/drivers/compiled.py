@@ -25,6 +25,7 @@ FLOATS, INTS, FLAGS = types.float64[::1], types.int64[::1], types.boolean[::1]
 TABLE, INT_TABLE, FLAG_TABLE = types.float64[:, ::1], types.int64[:, ::1], types.boolean[:, ::1]
 """[M, N], in one piece."""
 CUBE = types.float64[:, :, ::1]
+HYPERCUBE = types.float64[:, :, :, ::1]
 VIEW = types.float64[:, :]
 """[M, N], a part of something else."""
 
@@ -39,8 +40,8 @@ def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's type
 
     def compile_it(function: F) -> F:
         try:
-            return cast(F, njit(kinds, cache=True)(function))
+            return cast(F, njit(kinds, cache=True, error_model="numpy")(function))
         except RuntimeError:  # nowhere to keep it: neither beside the module nor in a user's folder
-            return cast(F, njit(kinds)(function))
+            return cast(F, njit(kinds, error_model="numpy")(function))
 
     return compile_it

@@ -78,6 +78,9 @@ class Prediction:
     speed_s: FloatArray
 
 
+_ROWS = len(fields(Prediction))
+
+
 def match_foes(situation: Situation, foes: tuple[FoePath, ...]) -> FoeMatches:
     """Find who is on which foe's path; who is in the ego's lane is on none."""
     actors, table = situation.actors, situation.route.foe_table
@@ -94,16 +97,13 @@ def match_foes(situation: Situation, foes: tuple[FoePath, ...]) -> FoeMatches:
 def predict(situation: Situation, matches: FoeMatches) -> Prediction:
     """Roll everybody out over the horizon."""
     route, actors, now = situation.route, situation.actors, situation.now
-    out = np.empty((len(fields(Prediction)), actors.count, len(TIMES_S)))
+    out = np.empty((_ROWS, actors.count, len(TIMES_S)))
     if actors.count:
         table, free = route.foe_table, np.empty(actors.count, dtype=bool)
         paths = matches.on, matches.found, matches.which, table.numbers, table.points, table.first
         road = now.s, now.d, now.index, route.grid, route.curvature, route.origin_s
         _move_on(actors.table, actors.pedestrian, *paths, *road, TIMES_S, _PREDICTING, free, out)
-        rows = np.flatnonzero(free)
-        if rows.size:
-            p = route.project(out[0, rows], out[1, rows], situation.pose.s, situation.reach_m, stride=20)
-            out[5, rows], out[6, rows] = p.s, p.d
+        route.project_ways(free, out, situation.pose.s, situation.reach_m)
         _reach(actors.half_width, route.grid, route.origin_s, cfg.ROLLOUT_STEP_S, out)
     return Prediction(*out)
 

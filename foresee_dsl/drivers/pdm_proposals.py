@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -68,11 +69,9 @@ def passable(situation: Situation) -> BoolArray:
 def offsets(situation: Situation, can_pass: BoolArray) -> FloatArray:
     """Return the lateral offsets to try, the middle of the lane first: PDM's, and those that pass what is parked."""
     route, pose, vehicle = situation.route, situation.pose, situation.vehicle
-    first = route.index(pose.s)
-    last = route.index(pose.s + max(20.0, 2 * pose.speed)) + 1
+    left, right = route.room(pose.s, pose.s + max(20.0, 2 * pose.speed))
     half = vehicle.width_m / 2 + cfg.LANE_MARGIN_M
-    most_left = max(float(route.left[first:last].min()) - half, 0.0)
-    most_right = max(float(route.right[first:last].min()) - half, 0.0)
+    most_left, most_right = max(left - half, 0.0), max(right - half, 0.0)
     found = [min(max(o, -most_right), most_left) for o in cfg.LATERAL_OFFSETS_M]
     if can_pass.any():
         found += _passing(situation, can_pass)
@@ -85,11 +84,12 @@ def _passing(situation: Situation, can_pass: BoolArray) -> list[float]:
     route, pose, actors, now = situation.route, situation.pose, situation.actors, situation.now
     vehicle, found = situation.vehicle, list[float]()
     half = vehicle.width_m / 2 + cfg.LANE_MARGIN_M
-    ahead = now.s - pose.s
-    reach = max(25.0, pose.speed * cfg.HORIZON_S * 1.25)
-    blocking = can_pass & (ahead > -2 * vehicle.length_m) & (ahead < reach)
-    blocking &= np.abs(now.d) < actors.half_width + vehicle.width_m / 2 + cfg.PASS_CLEARANCE_M + 1.0
-    for a in np.flatnonzero(blocking)[np.argsort(ahead[blocking], kind="stable")][:MOST_PASSED].tolist():
+    reach, blocking = max(25.0, pose.speed * cfg.HORIZON_S * 1.25), []
+    for a in np.flatnonzero(can_pass).tolist():
+        ahead, air = float(now.s[a]) - pose.s, float(actors.half_width[a]) + vehicle.width_m / 2 + cfg.PASS_CLEARANCE_M
+        if -2 * vehicle.length_m < ahead < reach and abs(float(now.d[a])) < air + 1.0:
+            blocking.append((ahead, a))
+    for _, a in sorted(blocking)[:MOST_PASSED]:
         beside = float(actors.half_width[a]) + vehicle.width_m / 2 + cfg.PASS_CLEARANCE_M
         left, right = float(route.left[now.index[a]]) - half, float(route.right[now.index[a]]) - half
         d = float(now.d[a])
@@ -119,13 +119,13 @@ def roll_out(
     pose, vehicle, route = situation.pose, situation.vehicle, situation.route
     strongest, front = situation.ego.strongest_braking_mps2, _front(situation.vehicle)
     here = min(range(len(tried)), key=lambda k: abs(float(tried[k]) - pose.d))
-    which = np.array([k for k in range(len(tried)) for _ in cfg.SPEED_SHARES] + [here, here, 0, 0], dtype=np.int64)
-    share, most = np.ones(len(which)), np.full(len(which), np.inf)
-    share[:-4].reshape(len(tried), -1)[:] = cfg.SPEED_SHARES
+    which, share = _grid(len(tried))
+    which[-4:-2] = here
+    most = np.full(len(which), np.inf)
     most[-4:] = -cfg.BRAKING_MPS2, -strongest, -cfg.BRAKING_MPS2, -strongest
     offset, brake = tried[which], most < np.inf
     offset[-4:-2] = pose.d  # braking without steering aside
-    room, braking = _before_wall(wall_s, pose.s + front, pose.speed, strongest)
+    room, braking = _before_wall(None if wall_s is None else wall_s - front - pose.s, pose.speed, strongest)
     end_s = pose.s + pose.speed * cfg.HORIZON_S + 16.0
     profile = _allowed_speeds(route.profile, route.origin_s, pose.s, end_s, room, braking)
     out, first = np.empty((8, len(which), len(TIMES_S))), np.empty(len(which))
@@ -138,13 +138,24 @@ def roll_out(
     return Rollout(*out, offset, brake, first)
 
 
-def _before_wall(wall_s: float | None, front_s: float, speed: float, strongest_mps2: float) -> tuple[float, float]:
+def _grid(count: int) -> tuple[IntArray, FloatArray]:
+    """Return which offset and which share of the speed each proposal has: [P]."""
+    which, share = _grids(count)
+    return which.copy(), share
+
+
+@cache
+def _grids(count: int) -> tuple[IntArray, FloatArray]:
+    which = [k for k in range(count) for _ in cfg.SPEED_SHARES]
+    return np.array([*which, 0, 0, 0, 0], dtype=np.int64), np.array([*cfg.SPEED_SHARES * count, 1.0, 1.0, 1.0, 1.0])
+
+
+def _before_wall(room: float | None, speed: float, strongest_mps2: float) -> tuple[float, float]:
     """Return the room before a wall, m (infinite: there is none), and the braking to stop there: the everyday one, or
     as hard as is needed."""
     braking = cfg.PROFILE_BRAKING_MPS2
-    if wall_s is None:
+    if room is None:
         return math.inf, braking
-    room = wall_s - front_s
     if room < cfg.HOLD_M and speed < cfg.HOLD_MPS:
         room = 0.0
     if room > 0:
@@ -158,15 +169,40 @@ def _front(vehicle: VehicleLimits) -> float:
 
 
 def tracking_length(speed: float, error: FloatArray, vehicle: VehicleLimits) -> FloatArray:
+    """Return `decay_length` of many errors: [N]."""
+    length = np.empty(error.shape)
+    sharpest = math.tan(vehicle.steer_max_rad) / vehicle.wheelbase_m
+    _decay_lengths(speed, sharpest, np.atleast_1d(error), _DECAY, np.atleast_1d(length))
+    return length
+
+
+def decay_length(speed: float, error: float, vehicle: VehicleLimits) -> float:
     """Return the length over which a lateral error decays (critically damped), m.
 
     It is longer for larger errors, so that lateral acceleration stays under OFFSET_LATERAL and curvature under what the
     wheels can do.
     """
-    sharpest = np.tan(vehicle.steer_max_rad) / vehicle.wheelbase_m
-    size = np.abs(error)
-    comfort = speed * np.maximum(cfg.TRACK_TIME_S, np.sqrt(size / cfg.OFFSET_LATERAL_MPS2))
-    return np.asarray(np.maximum(np.maximum(comfort, np.sqrt(size / sharpest)), cfg.TRACK_LENGTH_M))
+    return float(tracking_length(speed, np.array([error]), vehicle)[0])
+
+
+class _Decay(NamedTuple):
+    """Settings of `_decay_lengths`."""
+
+    time_s: float
+    lateral_mps2: float
+    least_m: float
+
+
+_DECAY = _Decay(cfg.TRACK_TIME_S, cfg.OFFSET_LATERAL_MPS2, cfg.TRACK_LENGTH_M)
+
+
+@compiled(FLOAT, FLOAT, FLOATS, _DECAY, FLOATS)
+def _decay_lengths(speed: float, sharpest: float, error: FloatArray, k: _Decay, length: FloatArray) -> None:
+    """Fill `length` [N]; `sharpest` is the curvature that the wheels can do, 1/m."""
+    for n in range(len(error)):
+        size = abs(error[n])
+        comfort = speed * max(k.time_s, math.sqrt(size / k.lateral_mps2))
+        length[n] = max(comfort, math.sqrt(size / sharpest), k.least_m)
 
 
 class _Idm(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, INT, INTS, TABLE, compiled
+from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, INT, INTS, TABLE, compiled
 from foresee_dsl.drivers.protocol import FloatArray, Foe, JunctionPassage, Mission, VehicleLimits
 
 GRID_M = 0.1
@@ -30,7 +30,7 @@ SEARCH_BEHIND_M = 30.0
 
 @dataclass(frozen=True)
 class Projection:
-    """Points relative to the route: length along it, offset (left positive), index of the grid point."""
+    """Points [N] relative to the route: length along it, offset (left positive), index of the grid point."""
 
     s: FloatArray
     d: FloatArray
@@ -157,6 +157,10 @@ class Route:
         """All foes' paths as the kernels take them."""
         return FoeTable.of(self.foes)
 
+    def room(self, from_s: float, to_s: float) -> tuple[float, float]:
+        """Return the least free width on the left and on the right on a stretch, m."""
+        return _least(self.left, self.right, self.index(from_s), self.index(to_s) + 1)
+
     def locate(self, x: float, y: float, heading_rad: float) -> tuple[float, float, float]:
         """Find a vehicle on the whole route, by place and heading: (s, d, heading error in rad).
 
@@ -166,13 +170,22 @@ class Route:
         k, along, across, error = _locate(x, y, heading_rad, self.grid, self.heading)
         return self.origin_s + k * GRID_M + along, across, error
 
-    def project(self, x: FloatArray, y: FloatArray, s_ego: float, ahead_m: float, stride: int = COARSE) -> Projection:
-        """Project points (any shape) on the stretch from `SEARCH_BEHIND_M` behind the ego to `ahead_m` before it."""
+    def project(self, x: FloatArray, y: FloatArray, s_ego: float, ahead_m: float) -> Projection:
+        """Project points [N] on the stretch from `SEARCH_BEHIND_M` behind the ego to `ahead_m` before it."""
         first, last = self.index(s_ego - SEARCH_BEHIND_M), self.index(s_ego + ahead_m) + 1
-        s, d, index = np.empty(x.shape), np.empty(x.shape), np.empty(x.shape, dtype=np.int64)
-        into = s.ravel(), d.ravel(), index.ravel()
-        _project(x.ravel(), y.ravel(), self.grid, self.origin_s, first, last, stride, *into)
+        s, d, index = np.empty(len(x)), np.empty(len(x)), np.empty(len(x), dtype=np.int64)
+        _project(x, y, self.grid, self.origin_s, first, last, COARSE, s, d, index)
         return Projection(s, d, index)
+
+    def project_ways(self, who: NDArray[np.bool_], ways: FloatArray, s_ego: float, ahead_m: float) -> None:
+        """Put the ways of those whose flag is set on the same stretch, in place.
+
+        Args:
+            who: [A]. ways: [rows, A, T], rows 0 and 1 are x and y, rows 5 and 6 become s and d.
+            s_ego: where the ego is. ahead_m: how far before it the stretch goes.
+        """
+        first, last = self.index(s_ego - SEARCH_BEHIND_M), self.index(s_ego + ahead_m) + 1
+        _project_ways(who, ways, self.grid, self.origin_s, first, last, 2 * COARSE)
 
 
 def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
@@ -275,6 +288,24 @@ def _locate(
     return k, along, across, (heading_rad - headings[k] + np.pi) % (2 * np.pi) - np.pi
 
 
+@compiled(FLOAT, FLOAT, TABLE, INT, INT, INT)
+def _nearest(x: float, y: float, grid: FloatArray, first: int, last: int, stride: int) -> tuple[int, float, float]:
+    """Project a point on the grid points from `first` to before `last`: the grid point, the way on, the offset."""
+    gx, gy, gcos, gsin = grid[0], grid[1], grid[2], grid[3]
+    k, nearest = first, np.inf
+    for i in range(first, last, stride):
+        dx, dy = x - gx[i], y - gy[i]
+        away = dx * dx + dy * dy
+        if away < nearest:
+            k, nearest = i, away
+    along = (x - gx[k]) * gcos[k] + (y - gy[k]) * gsin[k]
+    # One more look from the point that the tangent leads to, held within half a stride: bends stay exact.
+    step = min(max(np.rint(along / GRID_M), -float(stride)), float(stride))
+    k = min(max(k + int(step), 0), len(gx) - 1)
+    rx, ry = x - gx[k], y - gy[k]
+    return k, rx * gcos[k] + ry * gsin[k], ry * gcos[k] - rx * gsin[k]
+
+
 @compiled(FLOATS, FLOATS, TABLE, FLOAT, INT, INT, INT, FLOATS, FLOATS, INTS)
 def _project(
     x: FloatArray,
@@ -288,19 +319,28 @@ def _project(
     d: FloatArray,
     index: NDArray[np.int64],
 ) -> None:
-    """Project points [N] on the grid points from `first` to before `last`: fill s, d and index, [N]."""
-    gx, gy, gcos, gsin = grid[0], grid[1], grid[2], grid[3]
+    """Project points [N]: fill s, d and index, [N]."""
     for n in range(len(x)):
-        k, nearest = first, np.inf
-        for i in range(first, last, stride):
-            dx, dy = x[n] - gx[i], y[n] - gy[i]
-            away = dx * dx + dy * dy
-            if away < nearest:
-                k, nearest = i, away
-        along = (x[n] - gx[k]) * gcos[k] + (y[n] - gy[k]) * gsin[k]
-        # One more look from the point that the tangent leads to, held within half a stride: bends stay exact.
-        step = min(max(np.rint(along / GRID_M), -float(stride)), float(stride))
-        k = min(max(k + int(step), 0), len(gx) - 1)
-        rx, ry = x[n] - gx[k], y[n] - gy[k]
-        s[n] = origin_s + k * GRID_M + (rx * gcos[k] + ry * gsin[k])
-        d[n], index[n] = ry * gcos[k] - rx * gsin[k], k
+        k, along, across = _nearest(x[n], y[n], grid, first, last, stride)
+        s[n], d[n], index[n] = origin_s + k * GRID_M + along, across, k
+
+
+@compiled(FLAGS, CUBE, TABLE, FLOAT, INT, INT, INT)
+def _project_ways(
+    who: NDArray[np.bool_], ways: FloatArray, grid: FloatArray, origin_s: float, first: int, last: int, stride: int
+) -> None:
+    """Fill rows 5 and 6 of `ways` [..., A, T], s and d, from rows 0 and 1, x and y, of those that are asked for."""
+    for a in range(len(who)):
+        if who[a]:
+            for t in range(ways.shape[2]):
+                k, along, across = _nearest(ways[0, a, t], ways[1, a, t], grid, first, last, stride)
+                ways[5, a, t], ways[6, a, t] = origin_s + k * GRID_M + along, across
+
+
+@compiled(FLOATS, FLOATS, INT, INT)
+def _least(left: FloatArray, right: FloatArray, first: int, last: int) -> tuple[float, float]:
+    """Return the least of both from `first` to before `last`."""
+    least_left, least_right = np.inf, np.inf
+    for i in range(first, last):
+        least_left, least_right = min(least_left, left[i]), min(least_right, right[i])
+    return least_left, least_right

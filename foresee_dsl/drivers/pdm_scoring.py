@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
+from foresee_dsl.drivers.compiled import FLAG_TABLE, FLAGS, FLOAT, FLOATS, INT, TABLE, compiled
 from foresee_dsl.drivers.pdm_prediction import TIMES_S, Prediction
 from foresee_dsl.drivers.pdm_proposals import Rollout, tracking_length
-from foresee_dsl.drivers.pdm_route import Route
+from foresee_dsl.drivers.pdm_route import GRID_M
 from foresee_dsl.drivers.pdm_situation import BoolArray, Situation
-from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
+from foresee_dsl.drivers.protocol import FloatArray
 
 NEVER_S = 99.0
 STEERS_ASIDE_M = 0.7
@@ -22,6 +23,9 @@ LEAVES_M = 0.05
 STANDS_MPS = 0.1
 NEAR_M = 6.0
 """Ours: actors whose predicted footprints stay farther aside than this from the route are left out."""
+
+SLACK_M = 1e-6
+"""Ours: far over rounding."""
 
 
 @dataclass(frozen=True)
@@ -34,26 +38,14 @@ class Scores:
 
 def score(situation: Situation, rollout: Rollout, prediction: Prediction) -> Scores:
     """Score all proposals."""
-    vehicle, current_d = situation.vehicle, situation.pose.d
+    vehicle, pose, route = situation.vehicle, situation.pose, situation.route
     hit, close, ttc = conflicts(situation, rollout, prediction)
-    collision_s = np.where(hit.any(axis=1), TIMES_S[hit.argmax(axis=1)], NEVER_S)
-    free = collision_s == NEVER_S
-    way = rollout.s[:, -1] - rollout.s[:, 0]
-    allowed = free & _within_lanes(situation.route, rollout, vehicle)
-    best = float(way[allowed].max()) if allowed.any() else 0.0
-    progress = np.minimum(way / best, 1.0) if best > 1.0 else np.ones(len(way))
-    error = rollout.offset - current_d
-    lateral = situation.pose.speed**2 * np.abs(error) / tracking_length(situation.pose.speed, error, vehicle) ** 2
-    comfort = (rollout.acceleration > -cfg.COMFORT_BRAKING_MPS2) & (lateral < cfg.COMFORT_LATERAL_MPS2)
-    aside = 0.5 * np.abs(rollout.offset) + 0.5 * np.abs(error)
-    points = (
-        cfg.PROGRESS_WEIGHT * progress
-        + cfg.TTC_WEIGHT * ~ttc.any(axis=1)
-        + cfg.COMFORT_WEIGHT * comfort
-        + cfg.CLEARANCE_WEIGHT * (1.0 - close.mean(axis=1))
-        - cfg.CENTRING_WEIGHT * np.minimum(aside / cfg.CENTRING_SCALE_M, 1.0)
-    )
-    return Scores(score=np.where(allowed, points, -1.0), collision_s=collision_s)
+    length = tracking_length(pose.speed, rollout.offset - pose.d, vehicle)
+    lanes = route.left, route.right, route.origin_s, vehicle.width_m / 2
+    points, collision_s = np.empty(len(length)), np.empty(len(length))
+    motion = rollout.s, rollout.d, rollout.offset, rollout.acceleration, length, rollout.brake
+    _rate(*motion, hit, close, ttc, pose.d, pose.speed, *lanes, TIMES_S, _WEIGHTS, points, collision_s)
+    return Scores(points, collision_s)
 
 
 def choose(rollout: Rollout, scores: Scores) -> int:
@@ -69,67 +61,194 @@ def choose(rollout: Rollout, scores: Scores) -> int:
     return int(order[0])
 
 
-def _within_lanes(route: Route, rollout: Rollout, vehicle: VehicleLimits) -> BoolArray:
-    """Tell which proposals leave the lanes no farther than the ego does now: [P]."""
-    k = route.indices(rollout.s)
-    half = vehicle.width_m / 2
-    out = np.maximum(rollout.d + half - route.left[k], half - rollout.d - route.right[k])
-    return np.asarray((out.max(axis=1) <= np.maximum(out[:, 0], 0.0) + LEAVES_M) | rollout.brake)
-
-
 def conflicts(situation: Situation, rollout: Rollout, prediction: Prediction) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Compare footprints: [P, T] collides (and is to blame), passes closely, would collide within TTC_S."""
     actors, vehicle = situation.actors, situation.vehicle
-    who = _relevant(rollout, prediction, vehicle)
-    none = np.zeros(rollout.s.shape, dtype=bool)
-    if not who.size:
-        return none, none, none
-    shape = (slice(None), None, slice(None))  # [P, 1, T] against [1, A, T]
-    cos, sin = rollout.cos[shape], rollout.sin[shape]
-    dx = prediction.x[who] - rollout.x[shape]
-    dy = prediction.y[who] - rollout.y[shape]
-    along, across = dx * cos + dy * sin, dy * cos - dx * sin
-    pc, ps = prediction.cos[who], prediction.sin[who]
-    turn_cos, turn_sin = pc * cos + ps * sin, ps * cos - pc * sin
-    size_cos, size_sin = np.abs(turn_cos), np.abs(turn_sin)
-    length, width = prediction.half_length[who], actors.half_width[who][:, None]
-    half_l, half_w = vehicle.length_m / 2, vehicle.width_m / 2
-    margin = cfg.COLLISION_MARGIN_M
-    room_along = np.abs(along) - (half_l + length * size_cos + width * size_sin)
-    room_across = np.abs(across) - (half_w + length * size_sin + width * size_cos)
-    there_along = np.abs(along * turn_cos + across * turn_sin) - (length + half_l * size_cos + half_w * size_sin)
-    there_across = np.abs(across * turn_cos - along * turn_sin) - (width + half_l * size_sin + half_w * size_cos)
-    apart = np.maximum(np.maximum(room_along, room_across), np.maximum(there_along, there_across))
-    blame = _blame(rollout, along, situation.pose.d, half_l)
-    hit = (apart < margin) & blame
-    air = np.where(actors.pedestrian[who], cfg.PEDESTRIAN_CLEARANCE_M, cfg.CLEARANCE_M)[:, None]
-    close = (room_along < margin) & (room_across < air) & (np.maximum(there_along, there_across) < air) & blame
-    speed = rollout.speed[shape]
-    forward = speed - actors.speed[who][:, None] * turn_cos
-    ahead_m = np.minimum(np.maximum(forward, 0.0), speed) * cfg.TTC_S
-    inwards = np.maximum(-np.sign(across) * actors.speed[who][:, None] * turn_sin, 0.0) * cfg.TTC_S
-    ttc = (along > 0) & (room_along < ahead_m) & (room_across < inwards) & (speed > STANDS_MPS)
-    return np.any(hit, axis=1), np.any(close, axis=1), np.any(ttc, axis=1)
+    hit, close, ttc = np.zeros((3, *rollout.s.shape), dtype=bool)
+    if not actors.count:
+        return hit, close, ttc
+    p, r = prediction, rollout
+    # A driver may have cut frames out of a prediction.
+    others = map(np.ascontiguousarray, (p.x, p.y, p.cos, p.sin, p.half_length, p.s, p.d, p.reach_s, p.reach_d))
+    own = map(np.ascontiguousarray, (r.s, r.speed, r.x, r.y, r.cos, r.sin))
+    aside = np.abs(rollout.offset - situation.pose.d) > STEERS_ASIDE_M
+    size = vehicle.length_m, vehicle.width_m
+    _compare(*others, actors.half_width, actors.speed, actors.pedestrian, *own, aside, *size, _AIR, hit, close, ttc)
+    return hit, close, ttc
 
 
-def _relevant(rollout: Rollout, prediction: Prediction, vehicle: VehicleLimits) -> NDArray[np.int64]:
-    """Return who comes near the stretch that any proposal covers."""
-    if not len(prediction.s):
-        return np.zeros(0, dtype=np.int64)
-    start, end = float(rollout.s[0, 0]), float(rollout.s.max())
-    aside = np.abs(prediction.d) - prediction.reach_d < NEAR_M
-    along = (prediction.s + prediction.reach_s > start - vehicle.length_m) & (
-        prediction.s - prediction.reach_s < end + 2 * vehicle.length_m
-    )
-    return np.flatnonzero((aside & along).any(axis=1))
+class _Air(NamedTuple):
+    """Settings of `_compare`."""
+
+    margin_m: float
+    clearance_m: float
+    pedestrian_m: float
+    ttc_s: float
 
 
-def _blame(rollout: Rollout, along: FloatArray, current_d: float, half_length: float) -> BoolArray:
-    """Tell where a collision would be the ego's: [P, A, T].
+_AIR = _Air(cfg.COLLISION_MARGIN_M, cfg.CLEARANCE_M, cfg.PEDESTRIAN_CLEARANCE_M, cfg.TTC_S)
 
-    It is not when the ego stands, nor from behind unless it moves aside.
-    """
-    moves = rollout.speed[:, None, :] > STANDS_MPS
-    aside = np.abs(rollout.offset - current_d)[:, None, None] > STEERS_ASIDE_M
-    behind = (along < -half_length) & (along[:, :, :1] < -half_length)
-    return moves & (aside | ~behind)
+
+@compiled(*(TABLE,) * 4, INT, FLOAT, FLOAT)
+def _is_relevant(
+    s: FloatArray, d: FloatArray, reach_s: FloatArray, reach_d: FloatArray, a: int, start: float, end: float
+) -> bool:
+    """Tell whether somebody comes near the stretch that any proposal covers."""
+    for t in range(s.shape[1]):
+        if abs(d[a, t]) - reach_d[a, t] < NEAR_M and s[a, t] + reach_s[a, t] > start and s[a, t] - reach_s[a, t] < end:
+            return True
+    return False
+
+
+@compiled(*(TABLE,) * 9, FLOATS, FLOATS, FLAGS, *(TABLE,) * 6, FLAGS, FLOAT, FLOAT, _AIR, *(FLAG_TABLE,) * 3)
+def _compare(
+    ax: FloatArray,
+    ay: FloatArray,
+    acos: FloatArray,
+    asin: FloatArray,
+    half_length: FloatArray,
+    s: FloatArray,
+    d: FloatArray,
+    reach_s: FloatArray,
+    reach_d: FloatArray,
+    half_width: FloatArray,
+    actor_speed: FloatArray,
+    pedestrian: BoolArray,
+    ego_s: FloatArray,
+    speed: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    cos: FloatArray,
+    sin: FloatArray,
+    aside: BoolArray,
+    ego_length: float,
+    ego_width: float,
+    air: _Air,
+    hit: BoolArray,
+    close: BoolArray,
+    ttc: BoolArray,
+) -> None:
+    """Fill hit, close and ttc [P, T] from the others' footprints [A, T] and the ego's [P, T]."""
+    start, end = ego_s[0, 0] - ego_length, ego_s.max() + 2 * ego_length
+    half_l, half_w, margin = ego_length / 2, ego_width / 2, air.margin_m
+    for a in range(len(half_width)):
+        if not _is_relevant(s, d, reach_s, reach_d, a, start, end):
+            continue
+        width, pace = half_width[a], actor_speed[a]
+        side = air.pedestrian_m if pedestrian[a] else air.clearance_m
+        for p in range(len(aside)):
+            behind_at_first = (ax[a, 0] - x[p, 0]) * cos[p, 0] + (ay[a, 0] - y[p, 0]) * sin[p, 0] < -half_l
+            for t in range(s.shape[1]):
+                dx, dy, ego_cos, ego_sin, v = ax[a, t] - x[p, t], ay[a, t] - y[p, t], cos[p, t], sin[p, t], speed[p, t]
+                along, across = dx * ego_cos + dy * ego_sin, dy * ego_cos - dx * ego_sin
+                length = half_length[a, t]
+                # Nobody is near outside of a box that holds all that is asked for below.
+                most = length + width + SLACK_M
+                if abs(along) > half_l + most + max(margin, v * air.ttc_s):
+                    continue
+                if abs(across) > half_w + most + max(side, margin, pace * air.ttc_s):
+                    continue
+                turn_cos = acos[a, t] * ego_cos + asin[a, t] * ego_sin
+                turn_sin = asin[a, t] * ego_cos - acos[a, t] * ego_sin
+                size_cos, size_sin = abs(turn_cos), abs(turn_sin)
+                room_along = abs(along) - (half_l + length * size_cos + width * size_sin)
+                room_across = abs(across) - (half_w + length * size_sin + width * size_cos)
+                there = max(
+                    abs(along * turn_cos + across * turn_sin) - (length + half_l * size_cos + half_w * size_sin),
+                    abs(across * turn_cos - along * turn_sin) - (width + half_l * size_sin + half_w * size_cos),
+                )
+                moves = v > STANDS_MPS
+                # It is not to blame when it stands, nor from behind unless it moves aside.
+                if moves and (aside[p] or not (behind_at_first and along < -half_l)):
+                    hit[p, t] |= max(room_along, room_across, there) < margin
+                    close[p, t] |= room_along < margin and room_across < side and there < side
+                if moves and along > 0:
+                    ahead = min(max(v - pace * turn_cos, 0.0), v) * air.ttc_s
+                    inwards = max(-np.sign(across) * pace * turn_sin, 0.0) * air.ttc_s
+                    ttc[p, t] |= room_along < ahead and room_across < inwards
+
+
+class _Weights(NamedTuple):
+    """Settings of `_rate`."""
+
+    progress: float
+    ttc: float
+    comfort: float
+    clearance: float
+    centring: float
+    centring_m: float
+    braking_mps2: float
+    lateral_mps2: float
+
+
+_WEIGHTS = _Weights(
+    cfg.PROGRESS_WEIGHT, cfg.TTC_WEIGHT, cfg.COMFORT_WEIGHT, cfg.CLEARANCE_WEIGHT, cfg.CENTRING_WEIGHT,
+    cfg.CENTRING_SCALE_M, cfg.COMFORT_BRAKING_MPS2, cfg.COMFORT_LATERAL_MPS2,
+)  # fmt: skip
+
+
+@compiled(FLOATS, FLOATS, FLOATS, FLOATS, FLOAT, FLOAT)
+def _keeps_lanes(
+    s: FloatArray, d: FloatArray, left: FloatArray, right: FloatArray, origin_s: float, half: float
+) -> bool:
+    """Tell whether a proposal leaves the lanes no farther than the ego does now."""
+    at_first, most = 0.0, -np.inf
+    for t in range(len(s)):
+        k = min(max(int((s[t] - origin_s) * (1.0 / GRID_M)), 0), len(left) - 1)
+        out = max(d[t] + half - left[k], half - d[t] - right[k])
+        if t == 0:
+            at_first = max(out, 0.0)
+        most = max(most, out)
+    return most <= at_first + LEAVES_M
+
+
+@compiled(
+    TABLE, TABLE, *(FLOATS,) * 3, FLAGS, *(FLAG_TABLE,) * 3,
+    FLOAT, FLOAT, FLOATS, FLOATS, FLOAT, FLOAT, FLOATS, _WEIGHTS, FLOATS, FLOATS,
+)  # fmt: skip
+def _rate(
+    s: FloatArray,
+    d: FloatArray,
+    offset: FloatArray,
+    acceleration: FloatArray,
+    length: FloatArray,
+    brake: BoolArray,
+    hit: BoolArray,
+    close: BoolArray,
+    ttc: BoolArray,
+    ego_d: float,
+    speed: float,
+    left: FloatArray,
+    right: FloatArray,
+    origin_s: float,
+    half: float,
+    times: FloatArray,
+    weights: _Weights,
+    points: FloatArray,
+    collision_s: FloatArray,
+) -> None:
+    """Fill points and the time of the first collision, [P]; first `points` tells who is allowed (0, else -1)."""
+    frames, best = s.shape[1], 0.0
+    for p in range(len(points)):
+        collision_s[p] = NEVER_S
+        for t in range(frames - 1, -1, -1):
+            if hit[p, t]:
+                collision_s[p] = times[t]
+        allowed = collision_s[p] == NEVER_S and (brake[p] or _keeps_lanes(s[p], d[p], left, right, origin_s, half))
+        points[p] = 0.0 if allowed else -1.0
+        if allowed:
+            best = max(best, s[p, frames - 1] - s[p, 0])
+    for p in range(len(points)):
+        if points[p] < 0.0:
+            continue
+        error = offset[p] - ego_d
+        lateral = speed**2 * abs(error) / length[p] ** 2
+        comfort = acceleration[p] > -weights.braking_mps2 and lateral < weights.lateral_mps2
+        aside = 0.5 * abs(offset[p]) + 0.5 * abs(error)
+        points[p] = (
+            weights.progress * (min((s[p, frames - 1] - s[p, 0]) / best, 1.0) if best > 1.0 else 1.0)
+            + (0.0 if ttc[p].any() else weights.ttc)
+            + (weights.comfort if comfort else 0.0)
+            + weights.clearance * (1.0 - close[p].sum() / frames)
+            - weights.centring * min(aside / weights.centring_m, 1.0)
+        )

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.pdm_proposals import tracking_length
+from foresee_dsl.drivers.pdm_proposals import decay_length
 from foresee_dsl.drivers.pdm_route import Route
 from foresee_dsl.drivers.pdm_situation import EgoPose, to_centre
 from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
@@ -16,13 +14,13 @@ from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
 def steering(route: Route, pose: EgoPose, offset: float, vehicle: VehicleLimits) -> float:
     """Return the front-wheel angle, rad, that lets the error decay critically damped over the way travelled.
 
-    In the route's coordinates, d'' = -2 d' / l - (d - offset) / l^2 with l from `tracking_length`; the curvature of the
+    In the route's coordinates, d'' = -2 d' / l - (d - offset) / l^2 with l from `decay_length`; the curvature of the
     route is fed forward. The rear axle is held to the inside of bends by as much as the middle of the car swings out.
     """
-    bend = float(route.between(route.curvature, pose.s + pose.speed * cfg.CURVATURE_PREVIEW_S))
-    inwards = float(route.between(route.curvature, pose.s)) * to_centre(vehicle) ** 2 / 2
+    bend = route.at(route.curvature, pose.s + pose.speed * cfg.CURVATURE_PREVIEW_S)
+    inwards = route.at(route.curvature, pose.s) * to_centre(vehicle) ** 2 / 2
     error = pose.d - offset - inwards
-    length = float(tracking_length(pose.speed, np.array(error), vehicle))
+    length = decay_length(pose.speed, error, vehicle)
     slope = math.tan(max(-1.0, min(1.0, pose.heading_error)))
     curvature = bend - error / length**2 - 2.0 * slope / length
     grip = cfg.FRICTION_SHARE * vehicle.friction * cfg.GRAVITY_MPS2 / max(pose.speed, 1.0) ** 2

@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, HYPERCUBE, INTS, TABLE, compiled
 from foresee_dsl.drivers.protocol import ActorClass, EgoState, FloatArray, Observation, SeenActor
 
 COAST_S = 1.5
@@ -67,7 +69,7 @@ FADES_S = 0.5
 """Ours: acceleration and yaw rate of what is not seen fade with this time constant."""
 
 X, Y, HEADING, SPEED, LENGTH, WIDTH, ACCELERATION, YAW_RATE = range(8)
-"""Rows of a tracker's state; the first six are measured."""
+"""Columns of a tracker's state [A, 8]; the first six are measured."""
 MEASURED = 6
 DRIVES, STANDS, WALKS = range(3)
 """How somebody moves, as far as the gains go."""
@@ -78,6 +80,7 @@ _LONG = 60
 _BIN_M = 20.0
 _BINS = 5
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 _read = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 
 
@@ -116,7 +119,7 @@ class Tracker:
 
     def reset(self) -> None:
         """Forget everything."""
-        self._state = np.empty((8, 0))
+        self._state = np.empty((0, 8))
         self._times_seen = np.empty(0, dtype=np.int64)
         self._seen_s = np.empty(0)
         self._walks = np.empty(0, dtype=bool)
@@ -147,43 +150,21 @@ class Tracker:
     def _take_in(self, observation: Observation, passed_s: float, measured_s: float) -> None:
         """Begin with those that are new, correct the predictions of the others by what was measured."""
         seen = observation.actors
-        measured = np.array([_read(a) for a in seen]).reshape(-1, MEASURED).T
+        measured = np.array([_read(a) for a in seen]).reshape(-1, MEASURED)
         places = {number: k for k, number in enumerate(self._numbers)}
         found = [places.get(a.track, -1) for a in seen]
         if -1 in found:
             found = self._begin(seen, found, measured, measured_s)
         where = np.array(found, dtype=np.int64)
         if places and found:
-            self._correct(where, measured, observation.ego, passed_s, measured_s)
+            times = _Times(measured_s, passed_s, self._some_lost)
+            own = self._state, self._times_seen, self._seen_s, self._walks
+            _correct(*own, where, measured, observation.ego.x, observation.ego.y, times, _JUMPS, _gains(round(passed_s, 3)))
         self._seen_s[where] = measured_s
         self._some_lost = len(found) < len(self._numbers)
         if self._some_lost:
             lost = self._seen_s < measured_s
-            self._state[ACCELERATION:, lost] *= math.exp(-passed_s / FADES_S)
-
-    def _correct(
-        self, where: IntArray, measured: FloatArray, ego: EgoState, passed_s: float, measured_s: float
-    ) -> None:
-        state, count = self._state[:, where], self._times_seen[where]
-        off = np.empty_like(state)
-        off[:MEASURED] = measured - state[:MEASURED]
-        off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
-        off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
-        if self._some_lost:
-            # A filter that waited knows less: it goes on as one that has seen less.
-            missed = np.rint((measured_s - self._seen_s[where]) * (1 / passed_s)).astype(np.int64) - 1
-            count = np.maximum(count - 2 * np.maximum(missed, 0), 1)
-        distance = np.hypot(measured[X] - ego.x, measured[Y] - ego.y)
-        bins = np.minimum((distance * (1 / _BIN_M)).astype(np.int64), _BINS - 1)
-        mode = np.where(state[SPEED] < STANDS_MPS, STANDS, DRIVES)
-        mode[self._walks[where]] = WALKS
-        count[(np.abs(off[: SPEED + 1]) > _JUMPS[:, mode, bins]).any(axis=0)] = 0
-        state += _gains(round(passed_s, 3))[:, mode, bins, count] * off
-        np.maximum(state[SPEED], 0.0, out=state[SPEED])
-        state[ACCELERATION:] *= count > 0
-        state[YAW_RATE] *= mode == DRIVES
-        self._state[:, where] = state
-        self._times_seen[where] = np.minimum(count + 1, _LONG - 1)
+            self._state[lost, ACCELERATION:] *= math.exp(-passed_s / FADES_S)
 
     def _begin(self, seen: Sequence[SeenActor], found: list[int], measured: FloatArray, measured_s: float) -> list[int]:
         """Give a place to each number that is new: that of an object that was lost there, else one at the end."""
@@ -202,9 +183,9 @@ class Tracker:
                 taken.add(place)
             found[k] = place
         if fresh:
-            more = np.zeros((8, len(fresh)))
-            more[:MEASURED] = measured[:, fresh]
-            self._state = np.concatenate([self._state, more], axis=1)
+            more = np.zeros((len(fresh), 8))
+            more[:, :MEASURED] = measured[fresh]
+            self._state = np.concatenate([self._state, more])
             self._times_seen = np.concatenate([self._times_seen, np.ones(len(fresh), dtype=np.int64)])
             self._seen_s = np.concatenate([self._seen_s, np.full(len(fresh), measured_s)])
             self._walks = np.array([kind == "pedestrian" for kind in self._kinds], dtype=bool)
@@ -213,10 +194,10 @@ class Tracker:
     def _lost_there(self, actor: SeenActor, taken: set[int], measured_s: float) -> int:
         """Return the nearest lost object of the same class and about the same size at an actor's place, or -1."""
         best, nearest = -1, math.inf
-        for k in range(self._state.shape[1]):
+        for k in range(len(self._state)):
             if k in taken or self._kinds[k] != actor.kind:
                 continue
-            x, y, length = (float(v) for v in self._state[[X, Y, LENGTH], k])
+            x, y, length = (float(v) for v in self._state[k, [X, Y, LENGTH]])
             away, lost_s = math.hypot(x - actor.x, y - actor.y), measured_s - float(self._seen_s[k])
             near = away < min(SAME_PLACE_M + SAME_PLACE_MPS * lost_s, nearest)
             if near and abs(actor.length_m - length) < SAME_SIZE * length:
@@ -230,28 +211,24 @@ class Tracker:
         lost_s = measured_s - self._seen_s
         if lost_s.max() <= COAST_S:
             return
-        keep = lost_s <= np.where(self._state[SPEED] < STANDS_MPS, STANDING_COAST_S, COAST_S)
-        self._state, self._times_seen = self._state[:, keep], self._times_seen[keep]
+        keep = lost_s <= np.where(self._state[:, SPEED] < STANDS_MPS, STANDING_COAST_S, COAST_S)
+        self._state, self._times_seen = self._state[keep], self._times_seen[keep]
         self._seen_s, self._walks = self._seen_s[keep], self._walks[keep]
         kept = np.flatnonzero(keep).tolist()
         self._numbers, self._kinds = [self._numbers[k] for k in kept], [self._kinds[k] for k in kept]
 
     def _tracks(self, time_s: float, measured_s: float) -> Tracks:
         """Return everybody as they are taken to be at `time_s`."""
-        now = self._state.copy()
-        if now.size and time_s > measured_s:
-            _move(now, time_s - measured_s)
-        moves = now[SPEED] >= STANDS_MPS
-        lost_s = np.zeros(len(moves))
+        now, lost_s = np.empty((8, len(self._state))), np.zeros(len(self._state))
         if self._some_lost:
             lost_s = np.where(self._seen_s < measured_s, time_s - self._seen_s, 0.0)
-            now[LENGTH : WIDTH + 1] += 2 * DOUBT_MPS * lost_s * moves
+        _present(self._state, max(time_s - measured_s, 0.0), lost_s, now)
         return Tracks(
             x=now[X],
             y=now[Y],
             heading=now[HEADING],
-            speed=now[SPEED] * moves,
-            acceleration=now[ACCELERATION] * moves,
+            speed=now[SPEED],
+            acceleration=now[ACCELERATION],
             length=now[LENGTH],
             width=now[WIDTH],
             lost_s=lost_s,
@@ -260,17 +237,84 @@ class Tracker:
         )
 
 
+class _Times(NamedTuple):
+    """Of a measurement: when it was, how long after the last one, and whether somebody was lost before it."""
+
+    measured_s: float
+    passed_s: float
+    some_lost: bool
+
+
+@compiled(TABLE, FLOAT)
 def _move(state: FloatArray, dt: float) -> None:
-    """Move everybody on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
-    speed, turned = state[SPEED], state[YAW_RATE] * dt
-    after = np.maximum(speed + state[ACCELERATION] * dt, 0.0)
-    way = (speed + after) * (dt / 2)
-    way[speed < STANDS_MPS] = 0.0  # the noise of a speed that cannot be negative would carry it on
-    middle = state[HEADING] + turned / 2
-    state[X] += way * np.cos(middle)
-    state[Y] += way * np.sin(middle)
-    state[HEADING] += turned
-    state[SPEED] = after
+    """Move everybody, [A, 8], on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
+    for one in state:
+        speed, turned = one[SPEED], one[YAW_RATE] * dt
+        after = max(speed + one[ACCELERATION] * dt, 0.0)
+        # The noise of a speed that cannot be negative would carry on who stands.
+        way = 0.0 if speed < STANDS_MPS else (speed + after) * (dt / 2)
+        middle = one[HEADING] + turned / 2
+        one[X] += way * math.cos(middle)
+        one[Y] += way * math.sin(middle)
+        one[HEADING] += turned
+        one[SPEED] = after
+
+
+@compiled(TABLE, FLOAT, FLOATS, TABLE)
+def _present(state: FloatArray, dt: float, lost_s: FloatArray, now: FloatArray) -> None:
+    """Fill `now` [8, A] with the state after `dt`: who is lost has grown, who stands has no speed."""
+    after = state.copy()
+    if dt > 0.0:
+        _move(after, dt)
+    for a in range(len(after)):
+        if after[a, SPEED] < STANDS_MPS:
+            after[a, SPEED] = after[a, ACCELERATION] = 0.0
+        else:
+            after[a, LENGTH] += 2 * DOUBT_MPS * lost_s[a]
+            after[a, WIDTH] += 2 * DOUBT_MPS * lost_s[a]
+        now[:, a] = after[a]
+
+
+@compiled(TABLE, INTS, FLOATS, FLAGS, INTS, TABLE, FLOAT, FLOAT, _Times(0.0, 0.0, False), CUBE, HYPERCUBE)
+def _correct(
+    state: FloatArray,
+    times_seen: IntArray,
+    seen_s: FloatArray,
+    walks: BoolArray,
+    where: IntArray,
+    measured: FloatArray,
+    ego_x: float,
+    ego_y: float,
+    times: _Times,
+    jumps: FloatArray,
+    gains: FloatArray,
+) -> None:
+    """Correct the states of those at `where` [N] by what was measured, [N, 6], in place."""
+    off = np.empty(8)
+    for n in range(len(where)):
+        a = where[n]
+        one, count = state[a], times_seen[a]
+        off[:MEASURED] = measured[n] - one[:MEASURED]
+        off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
+        off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
+        if times.some_lost:
+            # A filter that waited knows less: it goes on as one that has seen less.
+            missed = int(np.rint((times.measured_s - seen_s[a]) * (1 / times.passed_s))) - 1
+            count = max(count - 2 * max(missed, 0), 1)
+        away = math.hypot(measured[n, X] - ego_x, measured[n, Y] - ego_y)
+        place = min(int(away * (1 / _BIN_M)), _BINS - 1)
+        mode = WALKS if walks[a] else STANDS if one[SPEED] < STANDS_MPS else DRIVES
+        for row in range(SPEED + 1):
+            if abs(off[row]) > jumps[row, mode, place]:
+                count = 0
+        for row in range(8):
+            one[row] += gains[row, mode, place, count] * off[row]
+        one[SPEED] = max(one[SPEED], 0.0)
+        if count == 0:
+            one[ACCELERATION] = 0.0
+        if count == 0 or mode != DRIVES:
+            one[YAW_RATE] = 0.0
+        times_seen[a] = min(count + 1, _LONG - 1)
 
 
 _PLACE_NOISES_M = PLACE_NOISE_M + PLACE_NOISE_PER_M * _BIN_M * (np.arange(_BINS) + 0.5)

@@ -1,27 +1,17 @@
-"""The terminal: progress while a campaign runs, and its report."""
+"""The terminal: reports of campaigns and of runs."""
 
 from __future__ import annotations
 
 import io
 import math
 from pathlib import Path
-from types import TracebackType
 
 from rich.console import Console, Group
 from rich.padding import Padding
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
-from foresee_dsl.campaign.results import FAILURES, CampaignResult, ClipOutcome, FamilyRow, SeedOutcome
+from foresee_dsl.campaign.results import FAILURES, CampaignResult, FamilyRow
 from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -37,61 +27,6 @@ FAMILY_TITLES = {
     "9": "right turn into traffic",
 }
 """The paper's five scenarios in a few words (table of scenarios)."""
-
-
-class CampaignProgress:
-    """A progress bar with the time left, on a terminal; silent elsewhere."""
-
-    def __init__(self, console: Console) -> None:
-        self._progress = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-            transient=True,
-            expand=True,
-        )
-        self._seeds = self._progress.add_task("test cases", total=None)
-        self._clips = self._progress.add_task("clips and children", total=0, visible=False)
-        self._found = 0
-        self._clip_total = 0
-
-    def __enter__(self) -> CampaignProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
-
-    def seeds(self, total: int) -> None:
-        """So many test cases will be run."""
-        self._progress.update(self._seeds, total=total)
-
-    def seed_done(self, outcome: SeedOutcome, clips: int) -> None:
-        """One is done, and gave so many clips."""
-        self._clip_total += clips
-        self._progress.advance(self._seeds)
-        self._progress.update(self._clips, total=self._clip_total, visible=True)
-        if outcome.verdict is not Verdict.PASS:
-            self._progress.console.print(f"  set aside: {outcome.id}: {outcome.reason}", style="dim", highlight=False)
-
-    def clip_done(self, outcome: ClipOutcome) -> None:
-        """One clip and its children are done."""
-        self._found += len(outcome.failing)
-        self._progress.update(
-            self._clips, advance=1, description=f"clips and children, [red]{self._found}[/red] failures"
-        )
-
-    def broken(self, what: str) -> None:
-        """Something could not be run."""
-        self._progress.console.print(f"  could not be run: {what}", style="red", highlight=False)
 
 
 def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:

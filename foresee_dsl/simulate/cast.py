@@ -10,6 +10,7 @@ from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors import STANDS_MPS, Block, Ego, Ghost, Steered, Walker, sped
 from foresee_dsl.simulate.bends import LaneBends
 from foresee_dsl.simulate.bodies import Body
+from foresee_dsl.simulate.entering import found_by_route, since_entry_s
 from foresee_dsl.simulate.progress import Progress
 from foresee_dsl.simulate.state import Mobile
 from foresee_dsl.simulate.trace import STEP_S
@@ -59,6 +60,7 @@ class Cast:
         self.ignored: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
+        self._by_route: dict[str, bool] = {}
         self._bends = LaneBends(self.network, self.scene.friction)
         self.frame = 0
         self._enter(bundle)
@@ -181,7 +183,7 @@ class Cast:
         others came as long ago as their way inside takes at their speed.
         """
         vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
-        since = {actor.id: self.progress.since_entry(actor, self.frame) for actor in vehicles}
+        since = {actor.id: self._since_entry(actor) for actor in vehicles}
         inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
         going = [a for a in inside if a is self.ego or self._goes(a)]
         letting_go = [a for a in inside if a not in going]
@@ -192,8 +194,19 @@ class Cast:
 
     def _goes(self, actor: Mobile) -> bool:
         """Say whether a vehicle inside a junction seems to have nobody to wait for."""
-        may = min(self.cruise[actor.id], self._bend_speed(actor))
-        return actor.speed >= STANDS_MPS and (actor.acceleration > YIELDS_MPS2 or actor.speed >= may - MAY_DRIVE_MPS)
+        return actor.speed >= STANDS_MPS and (actor.acceleration > YIELDS_MPS2 or self._as_fast_as_it_may(actor))
+
+    def _as_fast_as_it_may(self, actor: Mobile) -> bool:
+        return actor.speed >= min(self.cruise[actor.id], self._bend_speed(actor)) - MAY_DRIVE_MPS
+
+    def _since_entry(self, actor: Mobile) -> float:
+        """Return how long ago an actor's front seems to have come to the junction that it is on, s; 0 on none."""
+        inside_m = self.progress.inside(actor, self.frame)
+        if inside_m <= 0.0:
+            return 0.0
+        # Who has come out of a bend gains speed as well, but has not waited.
+        waited = actor is not self.ego and actor.acceleration > YIELDS_MPS2 and not self._as_fast_as_it_may(actor)
+        return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
     def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
         if actor is self.ego:
@@ -201,7 +214,8 @@ class Cast:
             self._show_ego(-STEP_S)
             return
         placed = before[actor.id]
-        self.world.add_vehicle(placed)
+        by_route = self._by_route[actor.id] = found_by_route(self.network, placed)
+        self.world.add_vehicle(placed, by_route=by_route)
         if placed.timing < 1.0:
             self.world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
 
@@ -210,7 +224,7 @@ class Cast:
             if actor is self.ego:
                 self._show_ego(-STEP_S)
             else:
-                self.world.hold(before[actor.id])
+                self.world.hold(before[actor.id], by_route=self._by_route[actor.id])
 
     def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
         """Let SUMO take a step of which it does not keep the speeds that it made up.

@@ -13,8 +13,6 @@ from foresee_dsl.compile.polyline import Polyline
 from foresee_dsl.simulate.actors import Walker
 from foresee_dsl.simulate.state import Mobile
 
-SLOWEST_MPS = 0.1
-"""Who is slower stands, and has come to where it is a while ago."""
 AROUND_M = 2.0
 """Routes are taken to meet in a junction when they do within this much around it. Ours: crossings lie at its edge."""
 
@@ -82,13 +80,10 @@ class Progress:
             if passage.exit_s > s and passage.entry_s - front <= within_m:
                 yield passage, passage.entry_s - front
 
-    def since_entry(self, actor: Mobile, frame: int) -> float:
-        """Return how long ago an actor's front seems to have entered the junction that it is on, s.
-
-        As if it had driven as fast as it does now; 0 when it is on none.
-        """
+    def inside(self, actor: Mobile, frame: int) -> float:
+        """Return how far an actor's front has come into the junction that it is on, m; 0 when it is on none."""
         inside = (-room for _, room in self.ahead(actor, frame, 0.0) if actor.lane.startswith(":"))
-        return max(0.0, next(inside, 0.0)) / max(actor.speed, SLOWEST_MPS)
+        return max(0.0, next(inside, 0.0))
 
     def meeting(self, one: Mobile, other: Mobile, junction: str) -> tuple[float, float] | None:
         """Return the lengths along both lines of the point where they first come together in a junction.

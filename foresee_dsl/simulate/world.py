@@ -168,11 +168,15 @@ class World:
 
     # --- vehicles --------------------------------------------------------------------------------------------------
 
-    def add_vehicle(self, actor: PlacedActor) -> None:
+    def add_vehicle(self, actor: PlacedActor, *, by_route: bool = True) -> None:
         """Put an actor that has a route into the world where it is placed, exactly.
 
         The route's first edge is the one it stands on; on a junction, the one before the junction. After the next
         `step`, `settle` gives it its speed: SUMO computes one of its own for the placement.
+
+        Args:
+            actor: where it is.
+            by_route: see `hold`.
 
         Raises:
             SimulationError: SUMO refused route or place.
@@ -184,19 +188,22 @@ class World:
                 self.set_cruise(actor.id, actor.cruise_mps)
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
-        self.hold(actor)
+        self.hold(actor, by_route=by_route)
 
-    def hold(self, actor: PlacedActor) -> None:
+    def hold(self, actor: PlacedActor, *, by_route: bool = True) -> None:
         """Keep an actor that was added where it is placed for one more step.
+
+        Args:
+            actor: where it is.
+            by_route: of lanes that overlap in a junction, SUMO takes the nearest one of the route. Otherwise it is told
+                the lane's index, and may take one of another edge.
 
         Raises:
             SimulationError: SUMO refused the place.
         """
         try:
             edge, _, index = actor.lane.rpartition("_")
-            # On its route it is on the right one of the lanes that overlap in a junction; elsewhere SUMO takes any.
-            keep_route = 1 if edge else 2
-            angle = _degrees(actor.heading_rad)
+            angle, keep_route = _degrees(actor.heading_rad), 1 if by_route and edge else 2
             self._sumo.vehicle.moveToXY(
                 actor.id, edge, int(index or -1), actor.x, actor.y, angle, keep_route, MATCH_M
             )

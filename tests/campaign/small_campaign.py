@@ -12,6 +12,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.store import Row, Store
 from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.simulate.trace import Trace
 
 TEXT = """foresee 1
 
@@ -92,9 +93,10 @@ def campaign(
     *,
     store: Path | None = None,
     options: RunOptions | None = None,
+    heard: Heard | None = None,
 ) -> tuple[CampaignResult, Heard]:
     """Run a campaign in this process's workers."""
-    heard = Heard()
+    heard = heard or Heard()
     cases = load_test_cases(file if isinstance(file, list) else [file])
     with Store(store or out / "store") as opened:
         result = run_campaign(
@@ -104,8 +106,9 @@ def campaign(
 
 
 def published(out: Path) -> dict[str, Any]:
-    """Everything in a campaign's folder that has to be the same for the same results: files by name, and the JSON."""
+    """Everything in a campaign's folder that has to be the same for the same results: files by name, what
+    traces hold, and the JSON."""
     data = json.loads((out / "campaign.json").read_text())
     files = {str(f.relative_to(out)): f.read_bytes() for f in sorted((out / "children").rglob("*.foresee"))}
-    traces = {str(f.relative_to(out)): f.read_bytes() for f in sorted((out / "traces").rglob("*.npz"))}
+    traces = {str(f.relative_to(out)): Trace.load(f).digest for f in sorted((out / "traces").rglob("*.npz"))}
     return {"json": {**data, "wall_s": 0}, "files": files, "traces": traces}

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -107,33 +104,6 @@ def test_an_edited_parent_makes_its_children_stale(
 def verify(out: Path) -> dict[str, int]:
     done = subprocess.run([FORESEE, "verify", out / "children", "--json"], capture_output=True, text=True, check=False)
     return json.loads(done.stdout)
-
-
-def test_interrupting_keeps_what_is_done_and_leaves_no_process(scenarios: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    process = subprocess.Popen(
-        [FORESEE, "campaign", scenarios, "--out", out, "--jobs", "2"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 60
-    while not list(out.glob(".work-*/traces/*.npz")) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)
-    text, _ = process.communicate(timeout=60)
-    assert process.returncode == 130, text
-    assert "Interrupted" in text
-    assert str(out) in text.replace("\n", "")
-    assert "Traceback" not in text
-    data = json.loads((out / "campaign.json").read_text())
-    assert data["interrupted"] is True
-    assert not list(out.glob(".work-*"))
-    with pytest.raises(ProcessLookupError):
-        for _ in range(50):
-            os.killpg(process.pid, 0)
-            time.sleep(0.1)
 
 
 def test_a_real_map_runs_through_the_whole_line(carla: Path, tmp_path: Path) -> None:

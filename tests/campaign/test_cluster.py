@@ -1,0 +1,82 @@
+"""A Dask cluster of two workers here: the same results as without, also when one of them is killed half-way."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import signal
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_campaign import Heard, campaign, published, write_project
+
+from foresee_dsl.campaign.cluster import ClusterError, DaskExecutor, dask
+from foresee_dsl.campaign.engine import RunOptions
+from foresee_dsl.campaign.pool import Broken, Task
+from foresee_dsl.campaign.store import Row
+
+distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
+pytestmark = pytest.mark.filterwarnings("default")  # a cluster that loses a worker warns of much
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+        yield made
+        made.close()
+
+
+def test_a_task_that_dies_takes_no_dask_worker_along(cluster: Any) -> None:
+    executor = DaskExecutor(cluster.scheduler_address)
+    with distributed.Client(cluster) as client:
+        before = client.run(os.getpid)
+        executor.add([Task(f"root_{k}", math.sqrt, float(k)) for k in range(12)])
+        executor.add([Task("dies", ctypes.string_at, 0), Task("hangs", time.sleep, 60, deadline_s=0.5)])
+        try:
+            found = {update.task.name: update.value for update in executor.updates()}
+        finally:
+            executor.close()
+        assert client.run(os.getpid) == before
+    assert [found[f"root_{k}"] for k in range(12)] == [math.sqrt(k) for k in range(12)]
+    dies, hangs = found["dies"], found["hangs"]
+    assert isinstance(dies, Broken) and "SIGSEGV" in dies.reason and dies.task.argument == 0
+    assert isinstance(hangs, Broken) and hangs.how == "timeout"
+
+
+class Killer(Heard):
+    """Kills a Dask worker when the first clip is done."""
+
+    def __init__(self, pid: int) -> None:
+        super().__init__()
+        self.pid = pid
+
+    def finished(self, row: Row) -> None:
+        super().finished(row)
+        if row.kind == "clip" and self.pid:
+            os.kill(self.pid, signal.SIGKILL)
+            self.pid = 0
+
+
+def test_the_same_results_when_a_worker_is_killed_half_way(cluster: Any, tmp_path: Path) -> None:
+    file = write_project(tmp_path / "project")
+    with distributed.Client(cluster) as client:
+        killer = Killer(sorted(client.run(os.getpid).values())[0])
+    options = RunOptions(executor=dask(cluster.scheduler_address))
+    campaign(file, tmp_path / "cluster", options=options, heard=killer)
+    assert killer.pid == 0  # it was killed
+    assert len(killer.done) == 24
+    campaign(file, tmp_path / "here", options=RunOptions(jobs=2))
+    assert published(tmp_path / "cluster") == published(tmp_path / "here")
+
+
+def test_no_scheduler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("foresee_dsl.campaign.cluster.CONNECT_S", 0.5)
+    with pytest.raises(ClusterError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
+        DaskExecutor("tcp://127.0.0.1:9")
