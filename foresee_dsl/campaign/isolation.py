@@ -66,13 +66,24 @@ class Worker:
     """A worker process, seen from the one that started it."""
 
     def __init__(self) -> None:
+        """Start a process.
+
+        Raises:
+            OSError, EOFError: the fork server was killed at this moment; another try starts a new one.
+        """
         context = forkserver()
         self._pipe, theirs = context.Pipe()
         line, self._lifeline = context.Pipe(duplex=False)
         self._process: BaseProcess = context.Process(target=_serve, args=(theirs, line), daemon=True)
-        self._process.start()
-        theirs.close()
-        line.close()
+        try:
+            self._process.start()
+        except BaseException:
+            self._pipe.close()
+            self._lifeline.close()
+            raise
+        finally:
+            theirs.close()
+            line.close()
         self.waiting: list[tuple[int, Task]] = []
         """What it was given and has not begun."""
         self.current: tuple[int, Task] | None = None

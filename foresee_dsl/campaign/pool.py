@@ -136,7 +136,7 @@ class WorkerPool:
             if worker is None:
                 if len(self._workers) == self._jobs:
                     return
-                worker = Worker()
+                worker = self._started()
                 self._workers.append(worker)
             batch = self._batch()
             try:
@@ -144,6 +144,19 @@ class WorkerPool:
             except OSError:  # it died while it had nothing to do
                 self._requeue(number for number, _ in batch)
                 self._drop(worker)
+
+    def _started(self) -> Worker:
+        """Start a worker; when the fork server is killed at that very moment, with a new one."""
+        while True:
+            try:
+                return Worker()
+            except (OSError, EOFError) as err:
+                self._note_failed_start(f"{type(err).__name__} {err}")
+
+    def _note_failed_start(self, how: str) -> None:
+        self._failed_starts += 1
+        if self._failed_starts >= _STARTS:
+            raise RuntimeError(f"worker processes die as soon as they start: {how}")
 
     def _batch(self) -> list[tuple[int, Task]]:
         """Take the next tasks off the queue: few when few are left; a suspect alone."""
@@ -186,9 +199,8 @@ class WorkerPool:
         culprit = worker.current
         how = self._drop(worker, gone=True)
         if culprit is None:
-            self._failed_starts += not worker.finished
-            if self._failed_starts >= _STARTS:
-                raise RuntimeError(f"worker processes die as soon as they start: {how}")
+            if not worker.finished:
+                self._note_failed_start(how)
             return
         number, task = culprit
         self._deaths[number] += 1

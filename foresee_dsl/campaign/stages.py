@@ -90,6 +90,8 @@ class Stages:
         self._driver = driver_identity(settings.driver)
         self._ranker = ranker_identity(settings.ranker)
         self._operators = operators_identity()
+        self._after: dict[Node, tuple[Node, ...]] = {}
+        """What follows from the steps looked at so far: a step is looked at before and after the run."""
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.key))
 
     def row(self, node: Node) -> Row | None:
@@ -99,7 +101,9 @@ class Stages:
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
         follow = {"seed": self._forecast, "forecast": self._clips, "clip": self._mutants, "mutants": self._children}
-        return tuple(follow[node.kind](node, row)) if node.kind in follow else ()
+        if node not in self._after and node.kind in follow:
+            self._after[node] = tuple(follow[node.kind](node, row))
+        return self._after.get(node, ())
 
     def walk(self) -> Iterator[tuple[Node, Row | None]]:
         """Yield every step that is known of, what it follows from before it, with its result if there is one."""

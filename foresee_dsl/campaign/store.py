@@ -30,10 +30,13 @@ CREATE TABLE runs (
 )
 """
 COLUMNS = (
-    "key", "kind", "name", "driver", "tool", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "made_s",
-    "record",
+    "key", "kind", "name", "record", "driver", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "tool",
+    "made_s",
 )  # fmt: skip
-_INSERT = f"INSERT OR IGNORE INTO runs VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - no value of anybody's
+"""In the order of `Row`'s fields."""
+_BROKEN = COLUMNS.index("broken")
+_SELECT = f"SELECT {', '.join(COLUMNS)} FROM runs"  # noqa: S608 - no value of anybody's
+_INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - no value of anybody's
 _BUSY_MS = 10_000
 """How long a statement waits for a reader that holds the database. Ours: `stat` reads a large store in a second."""
 
@@ -103,7 +106,7 @@ class Store:
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; None too where its trace is gone."""
         with self._errors():
-            found = self._db.execute("SELECT * FROM runs WHERE key = ?", (key,)).fetchone()
+            found = self._db.execute(f"{_SELECT} WHERE key = ?", (key,)).fetchone()
         if found is None:
             return None
         row = _row(found)
@@ -206,8 +209,7 @@ class Store:
 
 
 def _row(found: tuple[Any, ...]) -> Row:
-    values = dict(zip(COLUMNS, found, strict=True))
-    return Row(**{**values, "broken": bool(values["broken"])})
+    return Row(*found[:_BROKEN], bool(found[_BROKEN]), *found[_BROKEN + 1 :])
 
 
 def _check_schema(schema: int, folder: Path) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
-from foresee_dsl.compile.codes import NO_MEETING, OFF_ROAD, OVERLAP, TOO_FAST, UNKNOWN
+from foresee_dsl.compile.codes import IN_WALL, NO_MEETING, OFF_ROAD, OVERLAP, TOO_FAST, UNKNOWN
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.polyline import XY, Points
 from foresee_dsl.compile.starts import OFF_ROUTE_M, lane_kind
@@ -48,6 +48,11 @@ def of_place(actor: Ego | Actor, placed: PlacedActor, network: RoadNetwork) -> I
         x, y = far
         message = f"{placed.id} is off the road: ({x:.1f} m, {y:.1f} m) is over {NEAR_ROAD_M:.0f} m from every lane"
         yield Problem(placed.id, said, OFF_ROAD, message, _nearest_road(x, y, network))
+    wall = network.wall_on_the_way(placed.path or ((placed.x, placed.y),))
+    if wall is not None:
+        x, y = wall
+        message = f"{placed.id} is in a building: its outline has a corner at ({x:.1f} m, {y:.1f} m)"
+        yield Problem(placed.id, said, IN_WALL, message, "lead it around the building, or let the building end before")
 
 
 def of_speed(actor: Ego | Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:

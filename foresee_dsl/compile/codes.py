@@ -13,6 +13,7 @@ GOAL = "FS255"
 TOO_FAST = "FS256"
 NO_WAY = "FS257"
 NO_MEETING = "FS258"
+IN_WALL = "FS259"
 
 CODES = (
     Code(
@@ -85,6 +86,13 @@ CODES = (
         "Both must go over the junction where they are to meet.",
         "when time > 1 s { runner meets ego at j5 after 1 s }",
         "when time > 1 s { runner meets ego at j4 after 1 s }",
+    ),
+    Code(
+        IN_WALL,
+        "an actor inside a building, or a path through one",
+        "Buildings hide what is behind them; nobody stands in one or walks through its walls.",
+        "pedestrian walker: pedestrian.adult { path [(20 m, 8 m), (20 m, 30 m)] }",
+        "pedestrian walker: pedestrian.adult { path [(20 m, 8 m), (40 m, 8 m)] }",
     ),
 )
 """In order."""

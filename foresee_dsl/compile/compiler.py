@@ -11,15 +11,13 @@ from pathlib import Path
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
 from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.geometry import RoadNetwork, buildings_of
 from foresee_dsl.compile.netcache import read_net_once
-from foresee_dsl.compile.polyline import Points
 from foresee_dsl.compile.scene import build_scene, check_scene
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.concrete import si_of
 from foresee_dsl.language.diagnose import diagnose
 from foresee_dsl.language.document import PlacementError, TestCase
-from foresee_dsl.language.model import Building, Network
+from foresee_dsl.language.model import Network
 from foresee_dsl.resources import cache_folder
 
 _TYPES = "types.add.xml"
@@ -89,14 +87,6 @@ _MOST_READ = 8
 """Networks kept in memory: a campaign has a few, and a town takes some megabytes."""
 
 
-def _buildings(network: Network | Path) -> tuple[Points, ...]:
-    """The outlines of the buildings of a network written in the language."""
-    if isinstance(network, Path):
-        return ()
-    outlines = (item.outline for item in network.body if isinstance(item, Building))
-    return tuple(tuple((si_of(point.x), si_of(point.y)) for point in outline) for outline in outlines)
-
-
 def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
     """Read a net, or find it in memory; the folder's name is the hash of its content."""
     key = str(net_file)
@@ -104,7 +94,7 @@ def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping
         while len(_READ) >= _MOST_READ:
             del _READ[next(iter(_READ))]
         parts, signals = read_net_once(net_file, None if isinstance(network, Path) else network)
-        _READ[key] = RoadNetwork.of(parts, _buildings(network)), signals
+        _READ[key] = RoadNetwork.of(parts, buildings_of(network)), signals
     return _READ[key]
 
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile import routeline, routing
 from foresee_dsl.compile.lanes import LaneIndex
 from foresee_dsl.compile.netparts import NetParts, read_net
-from foresee_dsl.compile.polyline import XY, Points, wrap
+from foresee_dsl.compile.polyline import XY, Points, crosses, inside, wrap
 from foresee_dsl.compile.roads import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
 from foresee_dsl.compile.routeline import Passage, RouteLine
 from foresee_dsl.compile.routing import RouteError
-from foresee_dsl.language.model import EdgeRoute, Route
+from foresee_dsl.language.concrete import si_of
+from foresee_dsl.language.model import Building, EdgeRoute, Network, Route
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from foresee_dsl.compile.polyline import FloatArray
 
-__all__ = ["NearLane", "Passage", "RoadNetwork", "RouteError", "RouteLine"]
+__all__ = ["NearLane", "Passage", "RoadNetwork", "RouteError", "RouteLine", "buildings_of"]
 
 _SAME_WAY_RAD = math.radians(60)
 """A lane whose direction differs by more is not the one that a vehicle drives on (measured on CARLA's towns: with 60
@@ -59,13 +60,13 @@ class RoadNetwork:
     """Outlines of what hides things; the net file knows nothing of them."""
 
     @classmethod
-    def from_net(cls, net_file: Path) -> RoadNetwork:
-        """Read a SUMO network.
+    def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
+        """Read a SUMO network, and add the outlines of its buildings.
 
         Raises:
             CompileError: it cannot be read, or is no SUMO network.
         """
-        return cls.of(read_net(net_file))
+        return cls.of(read_net(net_file), buildings)
 
     @classmethod
     def of(cls, parts: NetParts, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
@@ -179,15 +180,15 @@ class RoadNetwork:
         best: tuple[float, NearLane] | None = None
         for _, lane in self._index(kind).within(x, y, within_m):
             s, lateral = lane.line.project(x, y)
-            inside = min(max(s, 0.0), lane.line.length_m)
-            cost = math.hypot(s - inside, lateral)
+            within = min(max(s, 0.0), lane.line.length_m)
+            cost = math.hypot(s - within, lateral)
             if heading_rad is not None:
-                off = abs(wrap(lane.line.at(inside)[2] - heading_rad))
+                off = abs(wrap(lane.line.at(within)[2] - heading_rad))
                 if off > _SAME_WAY_RAD:
                     continue
                 cost += _HEADING_WEIGHT_M * off
             if best is None or cost < best[0] - 1e-9:
-                best = cost, NearLane(lane, inside, lateral)
+                best = cost, NearLane(lane, within, lateral)
         return best[1] if best is not None else None
 
     def distance_to_lanes(self, x: float, y: float, kind: LaneKind = "car") -> float:
@@ -198,6 +199,13 @@ class RoadNetwork:
     def far_from_lanes(self, points: Sequence[XY], beyond_m: float) -> XY | None:
         """Return the first of some points that is farther than a distance from every lane's centreline, if any."""
         return next((point for point in points if not self._all_lanes.within(*point, beyond_m)), None)
+
+    def wall_on_the_way(self, path: Sequence[XY]) -> XY | None:
+        """Return a corner of the first building that a path (or a point) is in or goes through, if any."""
+        for outline in self.buildings:
+            if any(inside(point, outline) for point in path[:1]) or crosses(path, (*outline, outline[0])):
+                return outline[0]
+        return None
 
     def locate(self, edge: str, at_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
         """Return x, y, heading of a place along an edge.
@@ -278,6 +286,14 @@ class RoadNetwork:
             lanes = (ln for ln in self.lanes.values() if kind in ln.kinds and ln.edge not in self.walking_areas)
             self._indices[kind] = LaneIndex(lanes)
         return self._indices[kind]
+
+
+def buildings_of(network: Network | Path) -> tuple[Points, ...]:
+    """Return the outlines of the buildings of a network written in the language; an imported one has none."""
+    if isinstance(network, Path):
+        return ()
+    outlines = (item.outline for item in network.body if isinstance(item, Building))
+    return tuple(tuple((si_of(point.x), si_of(point.y)) for point in outline) for outline in outlines)
 
 
 def _polygon(points: Points) -> BaseGeometry:

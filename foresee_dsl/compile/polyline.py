@@ -283,3 +283,27 @@ def subdivide(points: Sequence[XY], step_m: float = STEP_M) -> Points:
             along = s[k] + i * (span / count) - s[k]
             found.append((x0 + (x1 - x0) / span * along, y0 + (y1 - y0) / span * along))
     return (*found, corners[-1])
+
+
+def inside(point: XY, outline: Points) -> bool:
+    """Return whether a point is inside a closed outline (even-odd rule)."""
+    x, y = point
+    odd = False
+    for (x0, y0), (x1, y1) in pairwise((*outline, outline[0])):
+        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+            odd = not odd
+    return odd
+
+
+def crosses(one: Sequence[XY], other: Sequence[XY]) -> bool:
+    """Return whether two lines, given by their points, cross (touching at an end is none)."""
+    return any(
+        _side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0
+        for a, b in pairwise(one)
+        for c, d in pairwise(other)
+    )
+
+
+def _side(a: XY, b: XY, c: XY) -> float:
+    """Positive where c lies left of the line from a to b."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -48,6 +48,9 @@ OFF_STATE_M = 0.05
 the roundings of a clip's figures come to 1 mm."""
 
 _SAME_WAY_RAD = math.radians(60)
+_BEYOND_WEIGHT = 30.0
+"""Who is beyond a lane's end is on the next one, though it has not turned with that yet. Ours: lanes inside junctions
+begin with a corner of up to 0.3 rad; 1 cm outweighs it."""
 _T = TypeVar("_T", bound=Item)
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
@@ -293,7 +296,7 @@ class Starts:
             if off > OFF_ROUTE_M + lane.width_m / 2:
                 continue
             # of lanes that overlap, the one that points the same way; a skidding actor may stand across
-            cost = off + turned + (OFF_ROUTE_M if turned > _SAME_WAY_RAD else 0.0)
+            cost = off + turned + _BEYOND_WEIGHT * abs(s - inside) + (OFF_ROUTE_M if turned > _SAME_WAY_RAD else 0.0)
             if best is None or cost < best[0] - 1e-9:
                 best = cost, k, lane, inside
         return best[1:] if best is not None else nearest

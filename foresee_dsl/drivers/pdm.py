@@ -12,10 +12,10 @@ from typing import NamedTuple
 from foresee_dsl.drivers.pdm_prediction import match_foes, predict
 from foresee_dsl.drivers.pdm_proposals import leaders, offsets, passable, roll_out
 from foresee_dsl.drivers.pdm_route import Route, build_route
-from foresee_dsl.drivers.pdm_rules import near_junctions, wall
+from foresee_dsl.drivers.pdm_rules import wall
 from foresee_dsl.drivers.pdm_scoring import choose, score
 from foresee_dsl.drivers.pdm_signals import SignalMemory
-from foresee_dsl.drivers.pdm_situation import pose_on, read_situation
+from foresee_dsl.drivers.pdm_situation import EgoPose, pose_on, read_situation
 from foresee_dsl.drivers.pdm_tracking import control, smoothed, steering
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker
@@ -37,7 +37,7 @@ class PdmDriver:
     """
 
     name = "pdm"
-    version = "1"
+    version = "2"
 
     def __init__(self) -> None:
         self._route: Route | None = None
@@ -62,18 +62,20 @@ class PdmDriver:
         if self._route is None or self._vehicle is None:
             raise DriverError("the driver pdm was stepped before reset")
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        if self._plan is None or measured_s != self._plan.measured_s:
-            self._plan = self._decide(self._route, self._vehicle, observation, measured_s)
         ego = observation.ego
-        angle = steering(self._route, pose_on(self._route, ego, self._vehicle), self._plan.offset_m, self._vehicle)
+        pose = pose_on(self._route, ego, self._vehicle)
+        if self._plan is None or measured_s != self._plan.measured_s:
+            self._plan = self._decide(self._route, self._vehicle, observation, measured_s, pose)
+        angle = steering(self._route, pose, self._plan.offset_m, self._vehicle)
         return control(angle, smoothed(self._plan.acceleration_mps2, ego), ego, self._vehicle)
 
-    def _decide(self, route: Route, vehicle: VehicleLimits, observation: Observation, measured_s: float) -> _Plan:
+    def _decide(
+        self, route: Route, vehicle: VehicleLimits, observation: Observation, measured_s: float, pose: EgoPose
+    ) -> _Plan:
         """Try the proposals and take the best."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        situation = read_situation(route, vehicle, observation, tracks, signals)
-        near = near_junctions(situation)
-        matches = match_foes(situation, tuple(f for f in route.foes if f.passage in near))
+        situation = read_situation(route, vehicle, observation, tracks, signals, pose)
+        matches = match_foes(situation, tuple([f for k in situation.near_junctions for f in route.foes_of[k]]))
         prediction = predict(situation, matches)
         can_pass = passable(situation)
         tried = offsets(situation, can_pass)

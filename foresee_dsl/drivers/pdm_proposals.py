@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
@@ -27,8 +26,7 @@ _FARTHER_M = cfg.PASSABLE_GAP_M - cfg.MINIMUM_GAP_M
 HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
 
 
-@dataclass(frozen=True)
-class Rollout:
+class Rollout(NamedTuple):
     """All proposals over the horizon.
 
     Attributes:
@@ -171,8 +169,7 @@ def _front(vehicle: VehicleLimits) -> float:
 def tracking_length(speed: float, error: FloatArray, vehicle: VehicleLimits) -> FloatArray:
     """Return `decay_length` of many errors: [N]."""
     length = np.empty(error.shape)
-    sharpest = math.tan(vehicle.steer_max_rad) / vehicle.wheelbase_m
-    _decay_lengths(speed, sharpest, np.atleast_1d(error), _DECAY, np.atleast_1d(length))
+    _decay_lengths(speed, np.atleast_1d(error), _sharpest(vehicle), _DECAY, np.atleast_1d(length))
     return length
 
 
@@ -182,11 +179,16 @@ def decay_length(speed: float, error: float, vehicle: VehicleLimits) -> float:
     It is longer for larger errors, so that lateral acceleration stays under OFFSET_LATERAL and curvature under what the
     wheels can do.
     """
-    return float(tracking_length(speed, np.array([error]), vehicle)[0])
+    return _decay_length(speed, error, _sharpest(vehicle), _DECAY)
+
+
+def _sharpest(vehicle: VehicleLimits) -> float:
+    """Return the curvature that the wheels can do, 1/m."""
+    return math.tan(vehicle.steer_max_rad) / vehicle.wheelbase_m
 
 
 class _Decay(NamedTuple):
-    """Settings of `_decay_lengths`."""
+    """Settings of `_decay_length`."""
 
     time_s: float
     lateral_mps2: float
@@ -196,13 +198,18 @@ class _Decay(NamedTuple):
 _DECAY = _Decay(cfg.TRACK_TIME_S, cfg.OFFSET_LATERAL_MPS2, cfg.TRACK_LENGTH_M)
 
 
-@compiled(FLOAT, FLOAT, FLOATS, _DECAY, FLOATS)
-def _decay_lengths(speed: float, sharpest: float, error: FloatArray, k: _Decay, length: FloatArray) -> None:
-    """Fill `length` [N]; `sharpest` is the curvature that the wheels can do, 1/m."""
+@compiled(FLOAT, FLOAT, FLOAT, _DECAY)
+def _decay_length(speed: float, error: float, sharpest: float, k: _Decay) -> float:
+    size = abs(error)
+    comfort = speed * max(k.time_s, math.sqrt(size / k.lateral_mps2))
+    return max(comfort, math.sqrt(size / sharpest), k.least_m)
+
+
+@compiled(FLOAT, FLOATS, FLOAT, _DECAY, FLOATS)
+def _decay_lengths(speed: float, error: FloatArray, sharpest: float, k: _Decay, length: FloatArray) -> None:
+    """Fill `length` [N]."""
     for n in range(len(error)):
-        size = abs(error[n])
-        comfort = speed * max(k.time_s, math.sqrt(size / k.lateral_mps2))
-        length[n] = max(comfort, math.sqrt(size / sharpest), k.least_m)
+        length[n] = _decay_length(speed, error[n], sharpest, k)
 
 
 class _Idm(NamedTuple):

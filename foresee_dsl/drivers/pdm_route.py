@@ -153,6 +153,11 @@ class Route:
         return tuple(max([j.exit_s, *(f.conflict_s[1] for f in j.foes)]) for j in self.junctions)
 
     @cached_property
+    def foes_of(self) -> tuple[tuple[FoePath, ...], ...]:
+        """The foes of each junction."""
+        return tuple(tuple(f for f in self.foes if f.passage == k) for k in range(len(self.junctions)))
+
+    @cached_property
     def foe_table(self) -> FoeTable:
         """All foes' paths as the kernels take them."""
         return FoeTable.of(self.foes)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from foresee_dsl.drivers import pdm_settings as cfg
+from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled
 from foresee_dsl.drivers.pdm_prediction import FoeMatches
-from foresee_dsl.drivers.pdm_route import FoePath, Route
+from foresee_dsl.drivers.pdm_route import GRID_M, FoePath, Route
 from foresee_dsl.drivers.pdm_situation import BoolArray, EgoOnRoute, Situation
-from foresee_dsl.drivers.protocol import JunctionPassage, SignalColour
+from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, SignalColour
 
 PROFILE_STEP_M = 0.5
 STANDS_MPS = 0.5
@@ -36,13 +38,7 @@ class Zone:
 
 def near_junctions(situation: Situation) -> tuple[int, ...]:
     """Return the indices of the junctions that the ego is in or comes to."""
-    route, ego = situation.route, situation.ego
-    return tuple(
-        k
-        for k, j in enumerate(route.junctions)
-        if ego.rear_s < max([j.exit_s, *(f.conflict_s[1] for f in j.foes)])
-        and j.stop_s - ego.front_s < cfg.JUNCTION_REACH_M
-    )
+    return situation.near_junctions
 
 
 def wall(situation: Situation, matches: FoeMatches, can_pass: BoolArray) -> float | None:
@@ -56,7 +52,7 @@ def wall(situation: Situation, matches: FoeMatches, can_pass: BoolArray) -> floa
     route, ego = situation.route, situation.ego
     queue_end_s = _queue_end(situation, can_pass)
     walls: list[float] = []
-    for k in near_junctions(situation):
+    for k in situation.near_junctions:
         passage = route.junctions[k]
         stop = _signal_wall(passage, ego, situation.signals)
         if stop is None:
@@ -95,9 +91,12 @@ def _signal_wall(passage: JunctionPassage, ego: EgoOnRoute, signals: Mapping[str
 
 def _queue_end(situation: Situation, can_pass: BoolArray) -> float:
     """Return the rear of the nearest slow vehicle ahead in the lane, infinite where there is none."""
-    rear = situation.now.s - situation.actors.half_length
-    slow = situation.own & ~can_pass & (situation.actors.speed < cfg.QUEUE_MPS) & (rear > situation.ego.front_s - 1.0)
-    return float(rear[slow].min()) if slow.any() else np.inf
+    actors, nearest = situation.actors, math.inf
+    for a in np.flatnonzero(situation.own).tolist():
+        rear = float(situation.now.s[a]) - float(actors.half_length[a])
+        if not can_pass[a] and actors.speed[a] < cfg.QUEUE_MPS and situation.ego.front_s - 1.0 < rear < nearest:
+            nearest = rear
+    return nearest
 
 
 def _queue_wall(passage: JunctionPassage, ego: EgoOnRoute, queue_end_s: float) -> float | None:
@@ -115,7 +114,7 @@ def _yield_walls(situation: Situation, matches: FoeMatches, foes: list[int]) -> 
     """Yield the waiting places of one junction that it must stop at."""
     route, ego = situation.route, situation.ego
     ahead = [i for i in foes if ego.front_s < matches.foes[i].foe.conflict_s[0] + cfg.STOP_MARGIN_M]
-    if not ahead or not situation.actors.count:
+    if not matches.on[:, ahead].any():
         return
     arrival = _Arrival(route, ego, max(matches.foes[i].foe.conflict_s[1] for i in ahead))
     for zone in _zones(matches, ahead, ego.front_s - ego.rear_s):
@@ -145,25 +144,28 @@ class _Arrival:
     """When its front bumper would be where, if nothing held it up: comfortable acceleration, the speed profile."""
 
     def __init__(self, route: Route, ego: EgoOnRoute, last_s: float) -> None:
-        s = np.arange(ego.front_s, last_s + (ego.front_s - ego.rear_s) + 2 * PROFILE_STEP_M, PROFILE_STEP_M)
-        profile = route.between(route.profile, s - (ego.front_s - ego.rear_s) / 2)
-        v = np.minimum(profile, np.sqrt(ego.state.speed_mps**2 + 2 * cfg.ACCELERATION_MPS2 * (s - s[0])))
-        self._s = s
-        self._t = np.concatenate([[0.0], np.cumsum(2 * PROFILE_STEP_M / np.maximum(v[1:] + v[:-1], 1e-3))])
-        self.limit_mps = float(profile.max())
+        self._first_s, length = ego.front_s, ego.front_s - ego.rear_s
+        end_s = last_s + length + 2 * PROFILE_STEP_M
+        speed, top = ego.state.speed_mps, cfg.ACCELERATION_MPS2
+        self._times, self.limit_mps = _arrivals(
+            route.profile, route.origin_s, ego.front_s, end_s, length / 2, speed, top
+        )
 
     def at(self, s: float) -> float:
         """Return the time until the front is at `s`."""
-        return float(np.interp(s, self._s, self._t))
+        return _arrives(self._times, self._first_s, s)
 
 
 def _must_wait(situation: Situation, matches: FoeMatches, zone: Zone, arrival: _Arrival) -> bool:
     """Tell whether somebody with priority is, or will be, in the conflict zone when the ego would be."""
     ego, half_length = situation.ego, situation.actors.half_length
+    who = np.flatnonzero(matches.on[:, zone.index]).tolist()
+    if not who:
+        return False
     enters, leaves = arrival.at(zone.first_s), arrival.at(zone.until_s + ego.front_s - ego.rear_s)
     starting = zone.wait_s - ego.front_s > cfg.AT_WAIT_M
-    for a in np.flatnonzero(matches.on[:, zone.index]).tolist():
-        s, speed, half = float(matches.s[a, zone.index]), float(matches.speed[a, zone.index]), float(half_length[a])
+    for a in who:
+        s, speed, half = matches.s.item(a, zone.index), matches.speed.item(a, zone.index), half_length.item(a)
         if zone.foe.foe.pedestrian:
             window = _walker_window(zone.foe, s, speed)
         else:
@@ -203,12 +205,46 @@ def _vehicle_window(
         return None
     room = max(first - front_s, 0.0)
     if speed < STANDS_MPS:
-        return (np.sqrt(2 * room / cfg.FOE_ACCELERATION_MPS2), np.inf) if starting else None
+        return (math.sqrt(2 * room / cfg.FOE_ACCELERATION_MPS2), np.inf) if starting else None
     top = max(speed, limit_mps)
     reach_top_s = (top - speed) / cfg.FOE_ACCELERATION_MPS2
     reach_top_m = (top + speed) / 2 * reach_top_s
     if room > reach_top_m:
         arrives = reach_top_s + (room - reach_top_m) / top
     else:
-        arrives = (np.sqrt(speed**2 + 2 * cfg.FOE_ACCELERATION_MPS2 * room) - speed) / cfg.FOE_ACCELERATION_MPS2
+        arrives = (math.sqrt(speed**2 + 2 * cfg.FOE_ACCELERATION_MPS2 * room) - speed) / cfg.FOE_ACCELERATION_MPS2
     return float(arrives), (last - rear_s) / speed
+
+
+@compiled(FLOATS, *(FLOAT,) * 6)
+def _arrivals(
+    profile: FloatArray, origin_s: float, first_s: float, end_s: float, back_m: float, speed: float, top_mps2: float
+) -> tuple[FloatArray, float]:
+    """Return the times at places from `first_s` on, `PROFILE_STEP_M` apart, and the most that the profile allows.
+
+    The profile counts for the middle of the car, `back_m` behind its front.
+    """
+    step = (first_s + PROFILE_STEP_M) - first_s  # as numpy's arange has it
+    times = np.zeros(int(np.ceil((end_s - first_s) / PROFILE_STEP_M)))
+    limit, last = 0.0, 0.0
+    for i in range(len(times)):
+        s = first_s + i * step
+        place = min(max((s - back_m - origin_s) * (1.0 / GRID_M), 0.0), len(profile) - 1.001)
+        k = int(place)
+        most = profile[k] + (place - k) * (profile[k + 1] - profile[k])
+        v = min(most, math.sqrt(speed**2 + 2 * top_mps2 * (s - first_s)))
+        limit = max(limit, most)
+        if i > 0:
+            times[i] = times[i - 1] + 2 * PROFILE_STEP_M / max(v + last, 1e-3)
+        last = v
+    return times, limit
+
+
+@compiled(FLOATS, FLOAT, FLOAT)
+def _arrives(times: FloatArray, first_s: float, s: float) -> float:
+    """Interpolate between times at places from `first_s` on."""
+    step = (first_s + PROFILE_STEP_M) - first_s
+    k = min(max(int((s - first_s) / step), 0), len(times) - 2)
+    here = first_s + k * step
+    slope = (times[k + 1] - times[k]) / (first_s + (k + 1) * step - here)
+    return min(max(slope * (s - here) + times[k], 0.0), times[-1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +27,7 @@ SLACK_M = 1e-6
 """Ours: far over rounding."""
 
 
-@dataclass(frozen=True)
-class Scores:
+class Scores(NamedTuple):
     """[P] each: the score, and the time of the first collision (NEVER_S for none)."""
 
     score: FloatArray

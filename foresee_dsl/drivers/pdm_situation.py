@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +84,7 @@ class Actors:
         return self.table[6]
 
 
-@dataclass(frozen=True)
-class EgoPose:
+class EgoPose(NamedTuple):
     """The middle of the rear axle on the route: lengths in m, heading error in rad."""
 
     s: float
@@ -93,8 +93,7 @@ class EgoPose:
     speed: float
 
 
-@dataclass(frozen=True)
-class EgoOnRoute:
+class EgoOnRoute(NamedTuple):
     """The ego along its route: m along it of the front and rear bumper, and what it can brake."""
 
     front_s: float
@@ -130,6 +129,13 @@ class Situation:
     reach_m: float
     signals: Mapping[str, SignalColour]
 
+    @cached_property
+    def near_junctions(self) -> tuple[int, ...]:
+        """The indices of the junctions that the ego is in or comes to."""
+        rear_s, seen_s = self.ego.rear_s, self.ego.front_s + cfg.JUNCTION_REACH_M
+        ends = zip(self.route.junctions, self.route.junctions_end_s, strict=True)
+        return tuple([k for k, (j, end_s) in enumerate(ends) if rear_s < end_s and j.stop_s < seen_s])
+
 
 def read_situation(
     route: Route,
@@ -137,6 +143,7 @@ def read_situation(
     observation: Observation,
     tracks: Tracks | None = None,
     signals: Mapping[str, SignalColour] | None = None,
+    pose: EgoPose | None = None,
 ) -> Situation:
     """Read an observation.
 
@@ -144,9 +151,10 @@ def read_situation(
         route: where it goes. vehicle: the ego. observation: of this step.
         tracks: the others as they were tracked; None: what a tracker makes of the observation at first sight.
         signals: the colours that are known; None: those of the observation.
+        pose: the rear axle on the route, where that was found already.
     """
     state = observation.ego
-    pose = pose_on(route, state, vehicle)
+    pose = pose_on(route, state, vehicle) if pose is None else pose
     actors = _read_actors(Tracker().update(observation) if tracks is None else tracks)
     reach = max(LEAST_REACH_M, pose.speed * cfg.HORIZON_S + 25.0)
     now = route.project(actors.x, actors.y, pose.s, max(reach, cfg.JUNCTION_REACH_M))

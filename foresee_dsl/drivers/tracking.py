@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from operator import attrgetter
 from typing import NamedTuple
@@ -84,8 +83,7 @@ BoolArray = NDArray[np.bool_]
 _read = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 
 
-@dataclass(frozen=True)
-class Tracks:
+class Tracks(NamedTuple):
     """The others at `time_s`; every array is [A].
 
     Attributes:

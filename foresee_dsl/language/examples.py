@@ -39,6 +39,8 @@ network town {
   road north from north_end to j4 { speed 50 km/h; sidewalk 2 m }
   road south from south_end to j4 { speed 50 km/h; sidewalk 2 m }
   road side from side_end to j5 { speed 30 km/h }
+
+  building bank [(12 m, 12 m), (60 m, 12 m), (60 m, 40 m), (12 m, 40 m)]
 }
 """
 _SCENARIO = """\

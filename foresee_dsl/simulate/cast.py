@@ -10,7 +10,7 @@ from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors import STANDS_MPS, Block, Ego, Ghost, Steered, Walker, sped
 from foresee_dsl.simulate.bends import LaneBends
 from foresee_dsl.simulate.bodies import Body
-from foresee_dsl.simulate.entering import found_by_route, since_entry_s
+from foresee_dsl.simulate.entering import since_entry_s
 from foresee_dsl.simulate.progress import Progress
 from foresee_dsl.simulate.state import Mobile
 from foresee_dsl.simulate.trace import STEP_S
@@ -60,7 +60,6 @@ class Cast:
         self.ignored: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
-        self._by_route: dict[str, bool] = {}
         self._bends = LaneBends(self.network, self.scene.friction)
         self.frame = 0
         self._enter(bundle)
@@ -214,8 +213,7 @@ class Cast:
             self._show_ego(-STEP_S)
             return
         placed = before[actor.id]
-        by_route = self._by_route[actor.id] = found_by_route(self.network, placed)
-        self.world.add_vehicle(placed, by_route=by_route)
+        self.world.add_vehicle(placed)
         if placed.timing < 1.0:
             self.world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
 
@@ -224,7 +222,7 @@ class Cast:
             if actor is self.ego:
                 self._show_ego(-STEP_S)
             else:
-                self.world.hold(before[actor.id], by_route=self._by_route[actor.id])
+                self.world.hold(before[actor.id])
 
     def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
         """Let SUMO take a step of which it does not keep the speeds that it made up.

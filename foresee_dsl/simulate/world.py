@@ -30,6 +30,9 @@ GHOST_TYPE = "ghost"
 """The vehicle type of stand-ins for bodies that SUMO does not drive; 0.5 m long, in every types file."""
 MATCH_M = 5.0
 """How far from a point SUMO looks for a lane in moveToXY. Ours: 5 us a call with 5 m, 33 us with SUMO's 100 m."""
+ON_LANE_M = 0.05
+"""The same for who stands on the middle of a lane inside a junction, where lanes overlap: with 5 m SUMO takes any of
+them, of another way too. Ours: places and shapes are rounded to 1 cm."""
 LANE_CHANGE_MODE = 1024 + 512 + 4 + 1
 """Changes lane for its route and to cooperate, gently. Ours: changes for speed or to keep right hang on accumulators
 that no description can restore."""
@@ -168,15 +171,11 @@ class World:
 
     # --- vehicles --------------------------------------------------------------------------------------------------
 
-    def add_vehicle(self, actor: PlacedActor, *, by_route: bool = True) -> None:
+    def add_vehicle(self, actor: PlacedActor) -> None:
         """Put an actor that has a route into the world where it is placed, exactly.
 
         The route's first edge is the one it stands on; on a junction, the one before the junction. After the next
         `step`, `settle` gives it its speed: SUMO computes one of its own for the placement.
-
-        Args:
-            actor: where it is.
-            by_route: see `hold`.
 
         Raises:
             SimulationError: SUMO refused route or place.
@@ -188,24 +187,23 @@ class World:
                 self.set_cruise(actor.id, actor.cruise_mps)
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
-        self.hold(actor, by_route=by_route)
+        self.hold(actor)
 
-    def hold(self, actor: PlacedActor, *, by_route: bool = True) -> None:
+    def hold(self, actor: PlacedActor) -> None:
         """Keep an actor that was added where it is placed for one more step.
-
-        Args:
-            actor: where it is.
-            by_route: of lanes that overlap in a junction, SUMO takes the nearest one of the route. Otherwise it is told
-                the lane's index, and may take one of another edge.
 
         Raises:
             SimulationError: SUMO refused the place.
         """
         try:
             edge, _, index = actor.lane.rpartition("_")
-            angle, keep_route = _degrees(actor.heading_rad), 1 if by_route and edge else 2
+            angle, keep_route, within_m = _degrees(actor.heading_rad), 1, MATCH_M
+            if not edge:
+                keep_route = 2
+            elif actor.lane.startswith(":"):
+                keep_route, within_m = 2, ON_LANE_M
             self._sumo.vehicle.moveToXY(
-                actor.id, edge, int(index or -1), actor.x, actor.y, angle, keep_route, MATCH_M
+                actor.id, edge, int(index or -1), actor.x, actor.y, angle, keep_route, within_m
             )
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err

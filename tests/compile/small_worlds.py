@@ -6,7 +6,7 @@ from built_networks import four_arms
 
 from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.geometry import RoadNetwork, buildings_of
 from foresee_dsl.compile.network import build_network
 from foresee_dsl.compile.scene import build_scene
 from foresee_dsl.compile.signals import read_signals
@@ -39,7 +39,8 @@ def case_of(text, network=PLAIN):
 def scene_of(text, network=PLAIN):
     net = net_of(network)
     specs = {name: spec_of(model) for name, model in bundled_models().items()}
-    return build_scene(case_of(text, network), RoadNetwork.from_net(net), specs, read_signals(net, network))
+    read = RoadNetwork.from_net(net, buildings_of(network))
+    return build_scene(case_of(text, network), read, specs, read_signals(net, network))
 
 
 def problems_of(text, network=PLAIN):

@@ -5,7 +5,7 @@ import math
 import pytest
 from built_networks import four_arms, point
 from shapely import Polygon
-from small_worlds import EGO, net_of, scene_of
+from small_worlds import EGO, net_of, problems_of, scene_of
 
 from foresee_dsl.compile.checks import footprint
 from foresee_dsl.compile.geometry import RoadNetwork
@@ -13,6 +13,7 @@ from foresee_dsl.compile.network import build_network
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building
 
+WALKER = "pedestrian walker: pedestrian.adult {{ path [{}] }}\n"
 STREET = four_arms(median=0, via=(), parking=2.2)
 
 
@@ -85,3 +86,16 @@ def test_only_the_named_roads_are_crossed(tmp_path):
         abs(sum(x for x, _ in c.lane.shape)) > 5 or sum(y for _, y in c.lane.shape) > 5
         for c in network.crossings.values()
     )
+
+
+def test_nobody_is_led_through_a_wall():
+    network = with_building((20, 20), (40, 20), (40, 40), (20, 40))
+    assert problems_of(EGO + WALKER.format("(15 m, 8 m), (45 m, 8 m)"), network) == []
+    through = "(15 m, 8 m), (30 m, 30 m)"
+    ((actor, item, message, _),) = problems_of(EGO + WALKER.format(through), network)
+    assert (actor, item) == (
+        "walker",
+        "path",
+    ) and "in a building: its outline has a corner at (20.0 m, 20.0 m)" in message
+    crate = "obstacle crate: obstacle.crate { start at (21 m, 21 m) }\n"
+    assert [(p[0], p[1]) for p in problems_of(EGO + crate, network)] == [("crate", "start_at")]
