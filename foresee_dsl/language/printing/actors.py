@@ -47,8 +47,8 @@ def _route(item: m.Route, parameters: Parameters) -> str:
 
 
 @line(m.EdgeRoute)
-def _edge_route(item: m.EdgeRoute, _: Parameters) -> str:
-    edges = [p.identifier(edge) for edge in item.edges]
+def _edge_route(item: m.EdgeRoute, parameters: Parameters) -> str:
+    edges = [p.identifier(edge, parameters) for edge in item.edges]
     if not item.shortest:
         return f"route {p.listing(edges)}"
     return f"route [{', ..., '.join(edges)}{', ...' if len(edges) == 1 else ''}]"

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printing import phrases as p
-from foresee_dsl.language.printing.registry import Layout, Parameters, block, body, line
+from foresee_dsl.language.printing.registry import MOST_INLINE, Layout, Parameters, block, body, line
 from foresee_dsl.language.syntax.nodes import Key
-
-_SHORT = 4
-"""A road with at most so many settings is one line (ours; by number, not width, so that an edit never rewraps)."""
 
 
 @block(m.Junction)
@@ -45,7 +42,7 @@ def _road(item: m.Road, _: Parameters) -> Layout:
     inside = _settings(item, ("lanes", "back", "lane_width", "speed", "parking", "sidewalk", "median"))
     if item.via:
         inside.append((("via",), f"via {p.listing(p.point(at) for at in item.via)}"))
-    inline = len(inside) <= _SHORT and not item.via
+    inline = len(inside) <= MOST_INLINE and not item.via
     return Layout(f"road {item.name} from {item.start} to {item.end}", inside or None, inline=inline)
 
 

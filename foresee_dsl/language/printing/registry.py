@@ -11,6 +11,10 @@ from foresee_dsl.language.syntax.nodes import Key
 
 Parameters = frozenset[str]
 
+MOST_INLINE = 4
+"""A road or a case with at most so many settings is one line (ours; by number, not width, so that an edit of a value
+never rewraps)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Layout:

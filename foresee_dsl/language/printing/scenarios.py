@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printing import phrases as p
-from foresee_dsl.language.printing.registry import Layout, Parameters, block, body, layout, line
+from foresee_dsl.language.printing.registry import MOST_INLINE, Layout, Parameters, block, body, layout, line
 
 
 @block(m.Scenario)
@@ -189,7 +189,8 @@ def _signal(item: m.SignalState, parameters: Parameters) -> str:
 
 @block(m.Case)
 def _case(item: m.Case, _: Parameters) -> Layout:
-    return Layout(f"case {item.name}", body(item.values, "values") or None, inline=True)
+    inline = len(item.values) <= MOST_INLINE
+    return Layout(f"case {item.name}", body(item.values, "values") or None, inline=inline)
 
 
 @line(m.Assignment)
