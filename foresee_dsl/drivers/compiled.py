@@ -7,7 +7,8 @@ In the campaign's workers that is in the fork server, before any of them starts.
 
 Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
 the same bits. Two things to keep in mind: a kernel is compiled anew when its own file changes, but not when another one
-does, so it calls kernels of its own file only and is given the settings that it needs; and indices are not checked.
+does, so it calls kernels of its own file only and is given the settings that it needs; and indices are not checked, so
+they are held within their array where they come from a measurement (the integer of a NaN may be anything).
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-from numba import njit, types, typeof
+from numba import njit, typeof, types
 
 F = TypeVar("F", bound=Callable[..., Any])
+_type_of: Callable[[object], Any] = typeof
 
 FLOAT, INT, FLAG = types.float64, types.int64, types.boolean
 FLOATS, INTS, FLAGS = types.float64[::1], types.int64[::1], types.boolean[::1]
@@ -26,8 +28,11 @@ TABLE, INT_TABLE, FLAG_TABLE = types.float64[:, ::1], types.int64[:, ::1], types
 """[M, N], in one piece."""
 CUBE = types.float64[:, :, ::1]
 HYPERCUBE = types.float64[:, :, :, ::1]
-VIEW = types.float64[:, :]
-"""[M, N], a part of something else."""
+
+
+def inner(function: F) -> F:
+    """Mark a function that only kernels of its own file call: it is compiled and kept as a part of each of them."""
+    return cast(F, njit(error_model="numpy")(function))
 
 
 def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
@@ -36,7 +41,7 @@ def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's type
     Args:
         signature: of each argument, one of the types above, or a named tuple of numbers as an example.
     """
-    kinds = tuple(typeof(kind) if isinstance(kind, tuple) else kind for kind in signature)
+    kinds = tuple(_type_of(kind) if isinstance(kind, tuple) else kind for kind in signature)
 
     def compile_it(function: F) -> F:
         try:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, INTS, TABLE, compiled
+from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, INTS, TABLE, compiled, inner
 from foresee_dsl.drivers.pdm_prediction import TIMES_S, IntArray, Prediction
 from foresee_dsl.drivers.pdm_route import GRID_M
 from foresee_dsl.drivers.pdm_situation import BoolArray, Situation, to_centre
@@ -22,8 +22,9 @@ QUEUE_OFFSET_M = 0.6
 QUEUE_REACH_M = 60.0
 """Ours: how far before a stop line a queue is taken to reach."""
 MOST_PASSED = 2
+BRAKING = 4
+"""How many proposals, the last ones, brake: comfortably and as hard as it can, where the ego is and in the middle."""
 _FARTHER_M = cfg.PASSABLE_GAP_M - cfg.MINIMUM_GAP_M
-HELD = round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S)
 
 
 class Rollout(NamedTuple):
@@ -116,36 +117,37 @@ def roll_out(
     """Roll every proposal out: each offset with each share of the speed, then comfortable and hardest braking."""
     pose, vehicle, route = situation.pose, situation.vehicle, situation.route
     strongest, front = situation.ego.strongest_braking_mps2, _front(situation.vehicle)
-    here = min(range(len(tried)), key=lambda k: abs(float(tried[k]) - pose.d))
-    which, share = _grid(len(tried))
-    which[-4:-2] = here
-    most = np.full(len(which), np.inf)
-    most[-4:] = -cfg.BRAKING_MPS2, -strongest, -cfg.BRAKING_MPS2, -strongest
-    offset, brake = tried[which], most < np.inf
-    offset[-4:-2] = pose.d  # braking without steering aside
     room, braking = _before_wall(None if wall_s is None else wall_s - front - pose.s, pose.speed, strongest)
-    end_s = pose.s + pose.speed * cfg.HORIZON_S + 16.0
-    profile = _allowed_speeds(route.profile, route.origin_s, pose.s, end_s, room, braking)
-    out, first = np.empty((8, len(which), len(TIMES_S))), np.empty(len(which))
-    top = min(cfg.ACCELERATION_MPS2, vehicle.acceleration_mps2)
-    _longitudinal(share, most, which, *lead, profile, pose.s, pose.speed, front, top, -strongest, _IDM, out, first)
-    error = pose.d - offset
-    length = tracking_length(pose.speed, error, vehicle)
-    slope = math.tan(max(-1.0, min(1.0, pose.heading_error)))
-    _lateral(route.grid, route.origin_s, pose.s, slope, to_centre(vehicle), offset, error, length, out)
-    return Rollout(*out, offset, brake, first)
-
-
-def _grid(count: int) -> tuple[IntArray, FloatArray]:
-    """Return which offset and which share of the speed each proposal has: [P]."""
-    which, share = _grids(count)
-    return which.copy(), share
+    start = _Start(
+        s=pose.s,
+        d=pose.d,
+        speed=pose.speed,
+        slope=math.tan(max(-1.0, min(1.0, pose.heading_error))),
+        end_s=pose.s + pose.speed * cfg.HORIZON_S + 16.0,
+        room_m=room,
+        braking_mps2=braking,
+        strongest_mps2=strongest,
+        top_mps2=min(cfg.ACCELERATION_MPS2, vehicle.acceleration_mps2),
+        front_m=front,
+        centre_m=to_centre(vehicle),
+        sharpest=_sharpest(vehicle),
+        grid_m=GRID_M,
+        here=min(range(len(tried)), key=lambda k: abs(float(tried[k]) - pose.d)),
+    )
+    which, share, brake = _grid(len(tried))
+    out, offset, first = np.empty((8, len(which), len(TIMES_S))), np.empty(len(which)), np.empty(len(which))
+    profile, grid, origin_s = route.profile, route.grid, route.origin_s
+    _roll(start, _IDM, _DECAY, *lead, tried, which, share, profile, grid, origin_s, out, offset, first)
+    return Rollout._make((*out, offset, brake, first))
 
 
 @cache
-def _grids(count: int) -> tuple[IntArray, FloatArray]:
+def _grid(count: int) -> tuple[IntArray, FloatArray, BoolArray]:
+    """Return of each proposal which offset it has, which share of the speed, and whether it is a braking one: [P]."""
     which = [k for k in range(count) for _ in cfg.SPEED_SHARES]
-    return np.array([*which, 0, 0, 0, 0], dtype=np.int64), np.array([*cfg.SPEED_SHARES * count, 1.0, 1.0, 1.0, 1.0])
+    share = np.array([*cfg.SPEED_SHARES * count, *(1.0,) * BRAKING])
+    brake = np.arange(len(share)) >= len(share) - BRAKING
+    return np.array([*which, *(0,) * BRAKING], dtype=np.int64), share, brake
 
 
 def _before_wall(room: float | None, speed: float, strongest_mps2: float) -> tuple[float, float]:
@@ -212,6 +214,29 @@ def _decay_lengths(speed: float, error: FloatArray, sharpest: float, k: _Decay, 
         length[n] = _decay_length(speed, error[n], sharpest, k)
 
 
+class _Start(NamedTuple):
+    """What a roll-out begins with: the rear axle on the route, how fast it is, what holds for all proposals; `here` is
+    the offset that it is nearest to, `grid_m` the spacing of the route's grid."""
+
+    s: float
+    d: float
+    speed: float
+    slope: float
+    end_s: float
+    room_m: float
+    braking_mps2: float
+    strongest_mps2: float
+    top_mps2: float
+    front_m: float
+    centre_m: float
+    sharpest: float
+    grid_m: float
+    here: int
+
+
+_START = _Start(*(0.0,) * 13, 0)
+
+
 class _Idm(NamedTuple):
     """Settings of `_longitudinal`."""
 
@@ -222,6 +247,7 @@ class _Idm(NamedTuple):
     kinematic_factor: float
     preview_s: float
     step_s: float
+    held: int
 
 
 _IDM = _Idm(
@@ -232,6 +258,7 @@ _IDM = _Idm(
     kinematic_factor=cfg.KINEMATIC_FACTOR,
     preview_s=cfg.PROFILE_PREVIEW_S,
     step_s=cfg.ACCELERATION_STEP_S,
+    held=round(cfg.ACCELERATION_STEP_S / cfg.ROLLOUT_STEP_S),
 )
 
 
@@ -265,24 +292,23 @@ def _find_leaders(
             lead_s[o, t], lead_v[o, t] = least, max(speed_s[nearest, t], 0.0)
 
 
-@compiled(FLOATS, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
-def _allowed_speeds(
-    values: FloatArray, origin_s: float, from_s: float, end_s: float, room: float, braking_mps2: float
-) -> FloatArray:
-    """Return the speeds allowed from a place on, `GRID_M` apart: the route's profile, and a stop after `room`."""
-    step = (from_s + GRID_M) - from_s  # as numpy's arange has it
-    profile = np.empty(int(np.ceil((end_s - from_s) / GRID_M)))
+@inner
+def _allowed_speeds(values: FloatArray, origin_s: float, start: _Start) -> FloatArray:
+    """Return the speeds allowed from its place on, `grid_m` apart: the route's profile, and a stop after the room."""
+    from_s, room = start.s, start.room_m
+    step = (from_s + start.grid_m) - from_s  # as numpy's arange has it
+    profile = np.empty(int(np.ceil((start.end_s - from_s) / start.grid_m)))
     for i in range(len(profile)):
-        place = min(max((from_s + i * step - origin_s) * (1.0 / GRID_M), 0.0), len(values) - 1.001)
-        k = int(place)
+        place = min(max((from_s + i * step - origin_s) * (1.0 / start.grid_m), 0.0), len(values) - 1.001)
+        k = max(int(place), 0)
         speed = values[k] + (place - k) * (values[k + 1] - values[k])
         if room < np.inf:
-            speed = min(speed, math.sqrt(2 * braking_mps2 * max(room - GRID_M * i, 0.0)))
+            speed = min(speed, math.sqrt(2 * start.braking_mps2 * max(room - start.grid_m * i, 0.0)))
         profile[i] = max(speed, 1e-3)
     return profile
 
 
-@compiled(FLOAT, FLOAT, FLOAT, FLOAT, _IDM)
+@inner
 def _behind(speed: float, gap: float, nearing: float, top: float, idm: _Idm) -> float:
     """Return the IDM's acceleration behind a leader, m/s^2."""
     per_gap = 1.0 / max(gap, 0.1)
@@ -292,93 +318,111 @@ def _behind(speed: float, gap: float, nearing: float, top: float, idm: _Idm) -> 
     return max(top - top * (wish * wish), -max(needed, idm.braking_mps2))
 
 
-@compiled(FLOATS)
-def _fill(values: FloatArray) -> None:
-    """Interpolate between frames that are `HELD` apart."""
-    for k in range(0, len(values) - HELD, HELD):
-        for part in range(1, HELD):
-            w = part / HELD
-            values[k + part] = (1 - w) * values[k] + w * values[k + HELD]
+@inner
+def _fill(values: FloatArray, held: int) -> None:
+    """Interpolate between frames that are `held` apart."""
+    for k in range(0, len(values) - held, held):
+        for j in range(1, held):
+            w = j / held
+            values[k + j] = (1 - w) * values[k] + w * values[k + held]
 
 
-@compiled(FLOATS, FLOATS, INTS, TABLE, TABLE, FLOATS, *(FLOAT,) * 5, _IDM, CUBE, FLOATS)
+@inner
 def _longitudinal(
-    share: FloatArray,
-    most: FloatArray,
-    which: IntArray,
+    p: int,
+    share: float,
+    most: float,
     lead_s: FloatArray,
     lead_v: FloatArray,
+    led: BoolArray,
     profile: FloatArray,
-    from_s: float,
-    speed: float,
-    front: float,
-    top: float,
-    least: float,
+    start: _Start,
     idm: _Idm,
     out: FloatArray,
-    first: FloatArray,
-) -> None:
-    """Integrate the IDM: rows 0 and 2 of `out` [8, P, T], s and v; and the first acceleration [P]."""
-    frames, last, half_step = out.shape[2], len(profile) - 1, idm.step_s / 2
-    led = np.zeros(frames, dtype=np.bool_)
-    for k in range(0, frames, HELD):
-        for o in range(lead_s.shape[0]):
-            led[k] |= lead_s[o, k] < FAR_M
-    for p in range(len(share)):
-        s, v, o = 0.0, speed, which[p]
-        for k in range(0, frames, HELD):
-            place = min((s + idm.preview_s * v) * (1.0 / GRID_M), float(last))
-            i = int(place)
-            rise = profile[i + 1] - profile[i] if i < last else 0.0
-            allowed = place * rise + (profile[i] - rise * i)
-            ratio = v / (allowed * share[p])
-            ratio *= ratio
-            ratio *= ratio
-            # Never gentler than the profile asks for, never (for a lower share alone) harder than comfortable.
-            a = min(max(top - top * ratio, -idm.braking_mps2), (allowed - v) * (1.0 / idm.preview_s))
-            if led[k]:
-                a = min(a, _behind(v, lead_s[o, k] - front - from_s - s, v - lead_v[o, k], top, idm))
-            a = max(min(a, most[p]), least)
-            if k == 0:
-                first[p] = a
-            faster = max(v + idm.step_s * a, 0.0)
-            out[0, p, k], out[2, p, k] = s, v
-            s, v = s + half_step * (v + faster), faster
-        _fill(out[0, p])
-        _fill(out[2, p])
-        for t in range(frames):
-            out[0, p, t] += from_s
+) -> float:
+    """Integrate the IDM: rows 0 and 2 of `out` [8, P, T], s and v of proposal p; return the first acceleration."""
+    frames, last, top = out.shape[2], len(profile) - 1, start.top_mps2
+    s, v, first = 0.0, start.speed, 0.0
+    for k in range(0, frames, idm.held):
+        place = min((s + idm.preview_s * v) * (1.0 / start.grid_m), float(last))
+        i = max(int(place), 0)
+        rise = profile[i + 1] - profile[i] if i < last else 0.0
+        allowed = place * rise + (profile[i] - rise * i)
+        ratio = v / (allowed * share)
+        ratio *= ratio
+        ratio *= ratio
+        # Never gentler than the profile asks for, never (for a lower share alone) harder than comfortable.
+        a = min(max(top - top * ratio, -idm.braking_mps2), (allowed - v) * (1.0 / idm.preview_s))
+        if led[k]:
+            a = min(a, _behind(v, lead_s[k] - start.front_m - start.s - s, v - lead_v[k], top, idm))
+        a = max(min(a, most), -start.strongest_mps2)
+        if k == 0:
+            first = a
+        faster = max(v + idm.step_s * a, 0.0)
+        out[0, p, k], out[2, p, k] = s, v
+        s, v = s + (idm.step_s / 2) * (v + faster), faster
+    _fill(out[0, p], idm.held)
+    _fill(out[2, p], idm.held)
+    for t in range(frames):
+        out[0, p, t] += start.s
+    return first
 
 
-@compiled(TABLE, *(FLOAT,) * 4, *(FLOATS,) * 3, CUBE)
+@inner
 def _lateral(
-    grid: FloatArray,
-    origin_s: float,
-    from_s: float,
-    slope: float,
-    centre: float,
-    offset: FloatArray,
-    error: FloatArray,
-    length: FloatArray,
-    out: FloatArray,
+    p: int, offset: float, grid: FloatArray, origin_s: float, start: _Start, decay: _Decay, out: FloatArray
 ) -> None:
     """Fill the other rows of `out` with where the tracking law leads to: a critically damped decay of the error over
     the way travelled."""
-    for p in range(len(offset)):
-        rate = slope + error[p] / length[p]
-        for t in range(out.shape[2]):
-            s = out[0, p, t]
-            way = s - from_s
-            decay = math.exp(-way / length[p])
-            change = (error[p] + rate * way) * decay
-            tilt = rate * decay - change / length[p]  # d'(s)
-            d = offset[p] + change
-            k = min(max(int((s - origin_s) * (1.0 / GRID_M)), 0), grid.shape[1] - 1)
-            base_cos, base_sin = grid[2, k], grid[3, k]
-            part, norm = s - (origin_s + k * GRID_M), 1.0 / math.sqrt(1.0 + tilt * tilt)
-            cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
-            out[1, p, t], out[7, p, t] = d, d + centre * tilt
-            out[3, p, t] = grid[0, k] + part * base_cos - d * base_sin + centre * cos
-            out[4, p, t] = grid[1, k] + part * base_sin + d * base_cos + centre * sin
-            out[5, p, t], out[6, p, t] = cos, sin
+    error = start.d - offset
+    length = _decay_length(start.speed, error, start.sharpest, decay)
+    rate = start.slope + error / length
+    for t in range(out.shape[2]):
+        s = out[0, p, t]
+        way = s - start.s
+        rest = math.exp(-way / length)
+        change = (error + rate * way) * rest
+        tilt = rate * rest - change / length  # d'(s)
+        d = offset + change
+        k = min(max(int((s - origin_s) * (1.0 / start.grid_m)), 0), grid.shape[1] - 1)
+        base_cos, base_sin = grid[2, k], grid[3, k]
+        along, norm = s - (origin_s + k * start.grid_m), 1.0 / math.sqrt(1.0 + tilt * tilt)
+        cos, sin = (base_cos - base_sin * tilt) * norm, (base_sin + base_cos * tilt) * norm
+        out[1, p, t], out[7, p, t] = d, d + start.centre_m * tilt
+        out[3, p, t] = grid[0, k] + along * base_cos - d * base_sin + start.centre_m * cos
+        out[4, p, t] = grid[1, k] + along * base_sin + d * base_cos + start.centre_m * sin
+        out[5, p, t], out[6, p, t] = cos, sin
 
+
+@compiled(_START, _IDM, _DECAY, TABLE, TABLE, FLOATS, INTS, FLOATS, FLOATS, TABLE, FLOAT, CUBE, FLOATS, FLOATS)
+def _roll(
+    start: _Start,
+    idm: _Idm,
+    decay: _Decay,
+    lead_s: FloatArray,
+    lead_v: FloatArray,
+    tried: FloatArray,
+    which: IntArray,
+    share: FloatArray,
+    values: FloatArray,
+    grid: FloatArray,
+    origin_s: float,
+    out: FloatArray,
+    offset: FloatArray,
+    first: FloatArray,
+) -> None:
+    """Fill `out` [8, P, T], the first rows of a `Rollout`, and offset and first acceleration, [P]."""
+    profile, count = _allowed_speeds(values, origin_s, start), len(which)
+    led = np.zeros(out.shape[2], dtype=np.bool_)
+    for k in range(0, len(led), idm.held):
+        for o in range(len(tried)):
+            led[k] |= lead_s[o, k] < FAR_M
+    for p in range(count):
+        o, most, braking = which[p], np.inf, p - (count - BRAKING)
+        offset[p] = tried[o]
+        if braking >= 0:  # comfortably and as hard as it can: without steering aside, then in the middle of the lane
+            most = -idm.braking_mps2 if braking % 2 == 0 else -start.strongest_mps2
+            if braking < 2:
+                o, offset[p] = start.here, start.d
+        first[p] = _longitudinal(p, share[p], most, lead_s[o], lead_v[o], led, profile, start, idm, out)
+        _lateral(p, offset[p], grid, origin_s, start, decay, out)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, INT, INTS, TABLE, compiled
+from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, INT, INTS, TABLE, compiled, inner
 from foresee_dsl.drivers.protocol import FloatArray, Foe, JunctionPassage, Mission, VehicleLimits
 
 GRID_M = 0.1
@@ -59,9 +59,14 @@ class FoePath:
 
 @dataclass(frozen=True)
 class FoeTable:
-    """All foes of a route: `numbers` [F, 5] are `shift_m`, `length_m`, entry and begin of the conflict along the path, and
-    1 where it must give way to the ego (else 0); `walking` [F]; `points` [4, M] are the paths' x, y, cos and sin, those
-    of foe f from `first[f]` to before `first[f + 1]`."""
+    """All foes of a route.
+
+    Attributes:
+        numbers: [F, 5] `shift_m`, `length_m`, entry and begin of the conflict along the path, and 1 where it must give
+            way to the ego (else 0). walking: [F].
+        points: [4, M] the paths' x, y, cos and sin, one path after the other.
+        first: [F + 1] where each path begins in `points`, and where the last one ends.
+    """
 
     numbers: FloatArray
     walking: NDArray[np.bool_]
@@ -104,22 +109,26 @@ class Route:
     @cached_property
     def x(self) -> FloatArray:
         """East, m: [N]."""
-        return self.grid[0]
+        row: FloatArray = self.grid[0]
+        return row
 
     @cached_property
     def y(self) -> FloatArray:
         """North, m: [N]."""
-        return self.grid[1]
+        row: FloatArray = self.grid[1]
+        return row
 
     @cached_property
     def cos(self) -> FloatArray:
         """Of the tangent: [N]."""
-        return self.grid[2]
+        row: FloatArray = self.grid[2]
+        return row
 
     @cached_property
     def sin(self) -> FloatArray:
         """Of the tangent: [N]."""
-        return self.grid[3]
+        row: FloatArray = self.grid[3]
+        return row
 
     def index(self, s: float) -> int:
         """Return the grid point at a length along the route, held within it."""
@@ -293,7 +302,7 @@ def _locate(
     return k, along, across, (heading_rad - headings[k] + np.pi) % (2 * np.pi) - np.pi
 
 
-@compiled(FLOAT, FLOAT, TABLE, INT, INT, INT)
+@inner
 def _nearest(x: float, y: float, grid: FloatArray, first: int, last: int, stride: int) -> tuple[int, float, float]:
     """Project a point on the grid points from `first` to before `last`: the grid point, the way on, the offset."""
     gx, gy, gcos, gsin = grid[0], grid[1], grid[2], grid[3]

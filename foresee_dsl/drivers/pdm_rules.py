@@ -147,9 +147,8 @@ class _Arrival:
         self._first_s, length = ego.front_s, ego.front_s - ego.rear_s
         end_s = last_s + length + 2 * PROFILE_STEP_M
         speed, top = ego.state.speed_mps, cfg.ACCELERATION_MPS2
-        self._times, self.limit_mps = _arrivals(
-            route.profile, route.origin_s, ego.front_s, end_s, length / 2, speed, top
-        )
+        profile, origin_s = route.profile, route.origin_s
+        self._times, self.limit_mps = _arrivals(profile, origin_s, GRID_M, ego.front_s, end_s, length / 2, speed, top)
 
     def at(self, s: float) -> float:
         """Return the time until the front is at `s`."""
@@ -216,9 +215,16 @@ def _vehicle_window(
     return float(arrives), (last - rear_s) / speed
 
 
-@compiled(FLOATS, *(FLOAT,) * 6)
+@compiled(FLOATS, *(FLOAT,) * 7)
 def _arrivals(
-    profile: FloatArray, origin_s: float, first_s: float, end_s: float, back_m: float, speed: float, top_mps2: float
+    profile: FloatArray,
+    origin_s: float,
+    grid_m: float,
+    first_s: float,
+    end_s: float,
+    back_m: float,
+    speed: float,
+    top_mps2: float,
 ) -> tuple[FloatArray, float]:
     """Return the times at places from `first_s` on, `PROFILE_STEP_M` apart, and the most that the profile allows.
 
@@ -229,8 +235,8 @@ def _arrivals(
     limit, last = 0.0, 0.0
     for i in range(len(times)):
         s = first_s + i * step
-        place = min(max((s - back_m - origin_s) * (1.0 / GRID_M), 0.0), len(profile) - 1.001)
-        k = int(place)
+        place = min(max((s - back_m - origin_s) * (1.0 / grid_m), 0.0), len(profile) - 1.001)
+        k = max(int(place), 0)
         most = profile[k] + (place - k) * (profile[k + 1] - profile[k])
         v = min(most, math.sqrt(speed**2 + 2 * top_mps2 * (s - first_s)))
         limit = max(limit, most)
@@ -247,4 +253,5 @@ def _arrives(times: FloatArray, first_s: float, s: float) -> float:
     k = min(max(int((s - first_s) / step), 0), len(times) - 2)
     here = first_s + k * step
     slope = (times[k + 1] - times[k]) / (first_s + (k + 1) * step - here)
-    return min(max(slope * (s - here) + times[k], 0.0), times[-1])
+    time_s: float = min(max(slope * (s - here) + times[k], 0.0), times[-1])
+    return time_s

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.compiled import FLAG_TABLE, FLAGS, FLOAT, FLOATS, INT, TABLE, compiled
+from foresee_dsl.drivers.compiled import FLAG_TABLE, FLAGS, FLOAT, FLOATS, TABLE, compiled, inner
 from foresee_dsl.drivers.pdm_prediction import TIMES_S, Prediction
 from foresee_dsl.drivers.pdm_proposals import Rollout, tracking_length
 from foresee_dsl.drivers.pdm_route import GRID_M
@@ -67,12 +67,20 @@ def conflicts(situation: Situation, rollout: Rollout, prediction: Prediction) ->
         return hit, close, ttc
     p, r = prediction, rollout
     # A driver may have cut frames out of a prediction.
-    others = map(np.ascontiguousarray, (p.x, p.y, p.cos, p.sin, p.half_length, p.s, p.d, p.reach_s, p.reach_d))
-    own = map(np.ascontiguousarray, (r.s, r.speed, r.x, r.y, r.cos, r.sin))
+    where = _whole(p.x), _whole(p.y), _whole(p.cos), _whole(p.sin), _whole(p.half_length)
+    on_route = _whole(p.s), _whole(p.d), _whole(p.reach_s), _whole(p.reach_d)
+    others = actors.half_width, actors.speed, actors.pedestrian
+    stretch = float(r.s[0, 0]), float(r.s.max())
+    own = _whole(r.speed), _whole(r.x), _whole(r.y), _whole(r.cos), _whole(r.sin)
     aside = np.abs(rollout.offset - situation.pose.d) > STEERS_ASIDE_M
     size = vehicle.length_m, vehicle.width_m
-    _compare(*others, actors.half_width, actors.speed, actors.pedestrian, *own, aside, *size, _AIR, hit, close, ttc)
+    _compare(*where, *on_route, *others, *stretch, *own, aside, *size, _AIR, hit, close, ttc)
     return hit, close, ttc
+
+
+def _whole(values: FloatArray) -> FloatArray:
+    """Return an array in one piece, the same where it is that already."""
+    return values if values.flags.c_contiguous else np.ascontiguousarray(values)
 
 
 class _Air(NamedTuple):
@@ -87,7 +95,7 @@ class _Air(NamedTuple):
 _AIR = _Air(cfg.COLLISION_MARGIN_M, cfg.CLEARANCE_M, cfg.PEDESTRIAN_CLEARANCE_M, cfg.TTC_S)
 
 
-@compiled(*(TABLE,) * 4, INT, FLOAT, FLOAT)
+@inner
 def _is_relevant(
     s: FloatArray, d: FloatArray, reach_s: FloatArray, reach_d: FloatArray, a: int, start: float, end: float
 ) -> bool:
@@ -98,7 +106,9 @@ def _is_relevant(
     return False
 
 
-@compiled(*(TABLE,) * 9, FLOATS, FLOATS, FLAGS, *(TABLE,) * 6, FLAGS, FLOAT, FLOAT, _AIR, *(FLAG_TABLE,) * 3)
+@compiled(
+    *(TABLE,) * 9, FLOATS, FLOATS, FLAGS, FLOAT, FLOAT, *(TABLE,) * 5, FLAGS, FLOAT, FLOAT, _AIR, *(FLAG_TABLE,) * 3
+)
 def _compare(
     ax: FloatArray,
     ay: FloatArray,
@@ -112,7 +122,8 @@ def _compare(
     half_width: FloatArray,
     actor_speed: FloatArray,
     pedestrian: BoolArray,
-    ego_s: FloatArray,
+    start_s: float,
+    end_s: float,
     speed: FloatArray,
     x: FloatArray,
     y: FloatArray,
@@ -127,7 +138,7 @@ def _compare(
     ttc: BoolArray,
 ) -> None:
     """Fill hit, close and ttc [P, T] from the others' footprints [A, T] and the ego's [P, T]."""
-    start, end = ego_s[0, 0] - ego_length, ego_s.max() + 2 * ego_length
+    start, end = start_s - ego_length, end_s + 2 * ego_length
     half_l, half_w, margin = ego_length / 2, ego_width / 2, air.margin_m
     for a in range(len(half_width)):
         if not _is_relevant(s, d, reach_s, reach_d, a, start, end):
@@ -177,22 +188,23 @@ class _Weights(NamedTuple):
     centring_m: float
     braking_mps2: float
     lateral_mps2: float
+    grid_m: float
 
 
 _WEIGHTS = _Weights(
     cfg.PROGRESS_WEIGHT, cfg.TTC_WEIGHT, cfg.COMFORT_WEIGHT, cfg.CLEARANCE_WEIGHT, cfg.CENTRING_WEIGHT,
-    cfg.CENTRING_SCALE_M, cfg.COMFORT_BRAKING_MPS2, cfg.COMFORT_LATERAL_MPS2,
+    cfg.CENTRING_SCALE_M, cfg.COMFORT_BRAKING_MPS2, cfg.COMFORT_LATERAL_MPS2, GRID_M,
 )  # fmt: skip
 
 
-@compiled(FLOATS, FLOATS, FLOATS, FLOATS, FLOAT, FLOAT)
+@inner
 def _keeps_lanes(
-    s: FloatArray, d: FloatArray, left: FloatArray, right: FloatArray, origin_s: float, half: float
+    s: FloatArray, d: FloatArray, left: FloatArray, right: FloatArray, origin_s: float, grid_m: float, half: float
 ) -> bool:
     """Tell whether a proposal leaves the lanes no farther than the ego does now."""
     at_first, most = 0.0, -np.inf
     for t in range(len(s)):
-        k = min(max(int((s[t] - origin_s) * (1.0 / GRID_M)), 0), len(left) - 1)
+        k = min(max(int((s[t] - origin_s) * (1.0 / grid_m)), 0), len(left) - 1)
         out = max(d[t] + half - left[k], half - d[t] - right[k])
         if t == 0:
             at_first = max(out, 0.0)
@@ -232,21 +244,27 @@ def _rate(
         for t in range(frames - 1, -1, -1):
             if hit[p, t]:
                 collision_s[p] = times[t]
-        allowed = collision_s[p] == NEVER_S and (brake[p] or _keeps_lanes(s[p], d[p], left, right, origin_s, half))
+        allowed = collision_s[p] == NEVER_S and (
+            brake[p] or _keeps_lanes(s[p], d[p], left, right, origin_s, weights.grid_m, half)
+        )
         points[p] = 0.0 if allowed else -1.0
         if allowed:
             best = max(best, s[p, frames - 1] - s[p, 0])
     for p in range(len(points)):
         if points[p] < 0.0:
             continue
+        near, touches = 0, 0
+        for t in range(frames):
+            near += close[p, t]
+            touches += ttc[p, t]
         error = offset[p] - ego_d
         lateral = speed**2 * abs(error) / length[p] ** 2
         comfort = acceleration[p] > -weights.braking_mps2 and lateral < weights.lateral_mps2
         aside = 0.5 * abs(offset[p]) + 0.5 * abs(error)
         points[p] = (
             weights.progress * (min((s[p, frames - 1] - s[p, 0]) / best, 1.0) if best > 1.0 else 1.0)
-            + (0.0 if ttc[p].any() else weights.ttc)
+            + (0.0 if touches > 0 else weights.ttc)
             + (weights.comfort if comfort else 0.0)
-            + weights.clearance * (1.0 - close[p].sum() / frames)
+            + weights.clearance * (1.0 - near / frames)
             - weights.centring * min(aside / weights.centring_m, 1.0)
         )

@@ -46,42 +46,49 @@ class Actors:
     @property
     def count(self) -> int:
         """The number of actors, A."""
-        return self.table.shape[1]
+        return len(self.heading)
 
     @property
     def x(self) -> FloatArray:
         """East, m."""
-        return self.table[0]
+        row: FloatArray = self.table[0]
+        return row
 
     @property
     def y(self) -> FloatArray:
         """North, m."""
-        return self.table[1]
+        row: FloatArray = self.table[1]
+        return row
 
     @property
     def cos(self) -> FloatArray:
         """Of the heading."""
-        return self.table[2]
+        row: FloatArray = self.table[2]
+        return row
 
     @property
     def sin(self) -> FloatArray:
         """Of the heading."""
-        return self.table[3]
+        row: FloatArray = self.table[3]
+        return row
 
     @property
     def speed(self) -> FloatArray:
         """Along the heading, m/s, never negative."""
-        return self.table[4]
+        row: FloatArray = self.table[4]
+        return row
 
     @property
     def half_length(self) -> FloatArray:
         """Half of the length, m."""
-        return self.table[5]
+        row: FloatArray = self.table[5]
+        return row
 
     @property
     def speeds_up(self) -> FloatArray:
         """By how much it may speed up, m/s^2."""
-        return self.table[6]
+        row: FloatArray = self.table[6]
+        return row
 
 
 class EgoPose(NamedTuple):

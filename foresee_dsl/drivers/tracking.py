@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, HYPERCUBE, INTS, TABLE, compiled
-from foresee_dsl.drivers.protocol import ActorClass, EgoState, FloatArray, Observation, SeenActor
+from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor
 
 COAST_S = 1.5
 """Ours: an object that is not seen any more is carried on for this long. The sensors give back its number within 1 s;
@@ -155,9 +155,9 @@ class Tracker:
             found = self._begin(seen, found, measured, measured_s)
         where = np.array(found, dtype=np.int64)
         if places and found:
-            times = _Times(measured_s, passed_s, self._some_lost)
-            own = self._state, self._times_seen, self._seen_s, self._walks
-            _correct(*own, where, measured, observation.ego.x, observation.ego.y, times, _JUMPS, _gains(round(passed_s, 3)))
+            times, ego = _Times(measured_s, passed_s, self._some_lost), observation.ego
+            own, gains = (self._state, self._times_seen, self._seen_s, self._walks), _gains(round(passed_s, 3))
+            _correct(*own, where, measured, ego.x, ego.y, times, _JUMPS, gains)
         self._seen_s[where] = measured_s
         self._some_lost = len(found) < len(self._numbers)
         if self._some_lost:
@@ -220,7 +220,11 @@ class Tracker:
         now, lost_s = np.empty((8, len(self._state))), np.zeros(len(self._state))
         if self._some_lost:
             lost_s = np.where(self._seen_s < measured_s, time_s - self._seen_s, 0.0)
-        _present(self._state, max(time_s - measured_s, 0.0), lost_s, now)
+        state = self._state
+        if time_s > measured_s:
+            state = state.copy()
+            _move(state, time_s - measured_s)
+        _present(state, lost_s, now)
         return Tracks(
             x=now[X],
             y=now[Y],
@@ -246,31 +250,29 @@ class _Times(NamedTuple):
 @compiled(TABLE, FLOAT)
 def _move(state: FloatArray, dt: float) -> None:
     """Move everybody, [A, 8], on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
-    for one in state:
-        speed, turned = one[SPEED], one[YAW_RATE] * dt
-        after = max(speed + one[ACCELERATION] * dt, 0.0)
+    for a in range(len(state)):
+        speed, turned = state[a, SPEED], state[a, YAW_RATE] * dt
+        after = max(speed + state[a, ACCELERATION] * dt, 0.0)
         # The noise of a speed that cannot be negative would carry on who stands.
         way = 0.0 if speed < STANDS_MPS else (speed + after) * (dt / 2)
-        middle = one[HEADING] + turned / 2
-        one[X] += way * math.cos(middle)
-        one[Y] += way * math.sin(middle)
-        one[HEADING] += turned
-        one[SPEED] = after
+        middle = state[a, HEADING] + turned / 2
+        state[a, X] += way * math.cos(middle)
+        state[a, Y] += way * math.sin(middle)
+        state[a, HEADING] += turned
+        state[a, SPEED] = after
 
 
-@compiled(TABLE, FLOAT, FLOATS, TABLE)
-def _present(state: FloatArray, dt: float, lost_s: FloatArray, now: FloatArray) -> None:
-    """Fill `now` [8, A] with the state after `dt`: who is lost has grown, who stands has no speed."""
-    after = state.copy()
-    if dt > 0.0:
-        _move(after, dt)
-    for a in range(len(after)):
-        if after[a, SPEED] < STANDS_MPS:
-            after[a, SPEED] = after[a, ACCELERATION] = 0.0
+@compiled(TABLE, FLOATS, TABLE)
+def _present(state: FloatArray, lost_s: FloatArray, now: FloatArray) -> None:
+    """Fill `now` [8, A] with a state [A, 8]: who is lost has grown, who stands has no speed."""
+    for a in range(len(state)):
+        for row in range(8):
+            now[row, a] = state[a, row]
+        if now[SPEED, a] < STANDS_MPS:
+            now[SPEED, a], now[ACCELERATION, a] = 0.0, 0.0
         else:
-            after[a, LENGTH] += 2 * DOUBT_MPS * lost_s[a]
-            after[a, WIDTH] += 2 * DOUBT_MPS * lost_s[a]
-        now[:, a] = after[a]
+            now[LENGTH, a] += 2 * DOUBT_MPS * lost_s[a]
+            now[WIDTH, a] += 2 * DOUBT_MPS * lost_s[a]
 
 
 @compiled(TABLE, INTS, FLOATS, FLAGS, INTS, TABLE, FLOAT, FLOAT, _Times(0.0, 0.0, False), CUBE, HYPERCUBE)
@@ -292,7 +294,8 @@ def _correct(
     for n in range(len(where)):
         a = where[n]
         one, count = state[a], times_seen[a]
-        off[:MEASURED] = measured[n] - one[:MEASURED]
+        for row in range(MEASURED):
+            off[row] = measured[n, row] - one[row]
         off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
         off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
         if times.some_lost:
@@ -300,7 +303,7 @@ def _correct(
             missed = int(np.rint((times.measured_s - seen_s[a]) * (1 / times.passed_s))) - 1
             count = max(count - 2 * max(missed, 0), 1)
         away = math.hypot(measured[n, X] - ego_x, measured[n, Y] - ego_y)
-        place = min(int(away * (1 / _BIN_M)), _BINS - 1)
+        place = max(min(int(away * (1 / _BIN_M)), _BINS - 1), 0)
         mode = WALKS if walks[a] else STANDS if one[SPEED] < STANDS_MPS else DRIVES
         for row in range(SPEED + 1):
             if abs(off[row]) > jumps[row, mode, place]:

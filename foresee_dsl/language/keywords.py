@@ -180,7 +180,7 @@ _ALL = (
         ("preset", "how the clip was mutated", "preset focused"),
         ("preventable", "whether another driver would have prevented it", "preventable yes"),
         ("tool", "the version that wrote the mutant", 'tool "0.1.0"'),
-        ("driver", "the driver that was under test", 'driver "pdm 1"'),
+        ("driver", "the driver that was under test", 'driver "pdm 2"'),
         ("found", "the failure that the mutant showed", 'found "F4 lateral collision with runner at 3.15 s"'),
         ("minimised", "how the mutant was made smaller", 'minimised "3 changes to 2"'),
     ),

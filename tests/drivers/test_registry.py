@@ -66,7 +66,7 @@ def test_pdm_is_installed() -> None:
     assert isinstance(driver, PdmDriver)
     assert load_driver("pdm") is not driver
     (pdm,) = [d for d in describe_drivers() if d.name == "pdm"]
-    assert (pdm.version, pdm.package) == ("1", "foresee-dsl")
+    assert (pdm.version, pdm.package) == ("2", "foresee-dsl")
     assert pdm.doc.endswith(".")
 
 

@@ -1,0 +1,267 @@
+"""The drivers' compiled loops: the same answers as the plain functions that they were made of, and as other tools."""
+
+from __future__ import annotations
+
+import ast
+import math
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import astuple, fields, replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from bench import SEDAN, STEP_S, crossing_foe, line, mission
+from shapely import Polygon, affinity, box
+
+from foresee_dsl.drivers import (
+    pdm_prediction,
+    pdm_proposals,
+    pdm_route,
+    pdm_rules,
+    pdm_scoring,
+    pdm_situation,
+    tracking,
+)
+from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled
+from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.pdm_prediction import TIMES_S, Prediction
+from foresee_dsl.drivers.pdm_proposals import Rollout
+from foresee_dsl.drivers.pdm_route import GRID_M, build_route
+from foresee_dsl.drivers.pdm_scoring import conflicts
+from foresee_dsl.drivers.pdm_settings import CLEARANCE_M, COLLISION_MARGIN_M
+from foresee_dsl.drivers.pdm_situation import read_situation
+from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
+
+KERNELS = (pdm_prediction, pdm_proposals, pdm_route, pdm_rules, pdm_scoring, pdm_situation, tracking)
+STRAIGHT = math.inf
+PLAIN = """
+import pickle, sys
+from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.pdm_proposals import _roll
+assert not hasattr(_roll, "py_func")  # not compiled
+task, vehicle, observations = pickle.load(sys.stdin.buffer)
+driver = PdmDriver()
+driver.reset(task, vehicle, seed=0)
+sys.stdout.buffer.write(pickle.dumps([driver.step(o) for o in observations]))
+"""
+
+
+def busy_crossing() -> tuple[Mission, list[Observation]]:
+    """A left turn with oncoming cars, a parked car, a cyclist, people on foot and somebody behind, for 1.5 s."""
+    points = line((95, STRAIGHT), (4 * math.pi, 8), (60, STRAIGHT))
+    oncoming = line((120, STRAIGHT), start=(173, 3.5, math.pi))
+    foes = (
+        crossing_foe(points, oncoming, entry_s=60, has_priority=True),
+        crossing_foe(points, line((120, STRAIGHT), start=(97, -60, math.pi / 2)), entry_s=55, has_priority=False),
+    )
+    task = mission(points, left_m=3.0, right_m=5.0, junctions=[JunctionPassage("j", 90.0, 112.0, "left", "j", foes)])
+    others = [
+        ("car", 130.0, 3.5, math.pi, 11.0, 4.5, 1.8),
+        ("truck", 160.0, 3.6, math.pi, 12.0, 9.0, 2.5),
+        ("car", 97.0, -30.0, math.pi / 2, 9.0, 4.5, 1.8),
+        ("car", 78.0, -1.8, 0.0, 0.0, 4.5, 1.8),
+        ("obstacle", 85.0, -2.6, 0.0, 0.0, 1.0, 1.0),
+        ("bicycle", 70.0, -2.2, 0.05, 4.0, 1.8, 0.6),
+        ("pedestrian", 101.0, 14.0, math.pi, 1.3, 0.4, 0.5),
+        ("car", 40.0, 0.1, 0.0, 10.0, 4.5, 1.8),
+    ]
+    observations = []
+    for k in range(0, 30, 2):
+        t = k * STEP_S
+        ego = EgoState(60.0 + 9.0 * t, 0.1, 0.01, 9.0, 0.2, 0.0, 0.0)
+        actors = tuple(
+            SeenActor(n, kind, x + v * t * math.cos(h), y + v * t * math.sin(h), h, v, length, width)  # type: ignore[arg-type]
+            for n, (kind, x, y, h, v, length, width) in enumerate(others)
+            if n != 2 or k < 20  # one is lost
+        )
+        observations.append(Observation(t, ego, actors, {"j": "green"}, measured_s=t - 0.1))
+    return task, observations
+
+
+def test_compiled_it_answers_as_the_plain_functions_do() -> None:
+    """They run in Python here, where an index out of range would be an error."""
+    task, observations = busy_crossing()
+    driver = PdmDriver()
+    driver.reset(task, SEDAN, seed=0)
+    answers = [driver.step(o) for o in observations]
+    done = subprocess.run(
+        [sys.executable, "-c", PLAIN],
+        input=pickle.dumps((task, SEDAN, observations)),
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        check=True,
+    )
+    plain = pickle.loads(done.stdout)
+    assert len({a.throttle - a.brake for a in answers}) > 3  # it does something
+    for one, other in zip(answers, plain, strict=True):
+        assert astuple(one) == pytest.approx(astuple(other), abs=1e-9)
+
+
+def test_a_function_without_a_file_is_compiled_too() -> None:
+    space: dict[str, object] = {}
+    exec("def twice(x): return 2 * x", space)  # there is no folder beside it to keep anything in
+    assert compiled(FLOAT)(space["twice"])(2.5) == 5.0  # type: ignore[type-var]
+
+
+def test_a_kernel_takes_its_types_and_no_others() -> None:
+    @compiled(FLOATS, FLOAT)
+    def scaled(values: np.ndarray, by: float) -> float:
+        return values[0] * by
+
+    assert scaled(np.array([3.0]), 2) == 6.0
+    with pytest.raises(TypeError, match="No matching definition"):
+        scaled(np.array([[3.0]]), 2.0)
+
+
+@pytest.mark.parametrize("module", KERNELS, ids=lambda m: m.__name__.rpartition(".")[2])
+def test_what_is_compiled_into_a_kernel_stands_in_its_own_file(module: ModuleType) -> None:
+    """A kernel is kept until its file changes: numbers and functions from other files would be kept with it."""
+    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
+    fixed: set[str] = set()
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef):
+            fixed.add(node.name)
+        if isinstance(node, ast.Assign) and _names(node.value) <= {"range"}:
+            fixed.update(name for target in node.targets for name in _names(target))
+    kernels = {name: f.py_func for name, f in vars(module).items() if hasattr(f, "py_func")}
+    assert kernels
+    free = {"math", "np", "min", "max", "abs", "int", "float", "range", "len"}
+    for name, function in kernels.items():
+        used = {n for n in function.__code__.co_names if n in vars(module)}
+        assert used - free <= fixed, name
+
+
+def _names(tree: ast.AST) -> set[str]:
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+
+
+def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Path) -> None:
+    module = tmp_path / "kernels.py"
+    module.write_text(
+        "from foresee_dsl.drivers.compiled import FLOAT, compiled\n@compiled(FLOAT)\ndef half(x):\n    return x / 2\n",
+        encoding="utf-8",
+    )
+    ask = "import kernels; assert kernels.half(5.0) == 2.5; print(sum(kernels.half.stats.cache_hits.values()))"
+    hits = [
+        subprocess.run(
+            [sys.executable, "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        for _ in range(2)
+    ]
+    assert hits == ["0", "1"]
+
+
+def test_the_route_is_looked_up_at_one_place_as_at_many() -> None:
+    route = build_route(mission(line((60, STRAIGHT), (10, 8), (40, STRAIGHT))), SEDAN)
+    places = np.random.default_rng(1).uniform(-60, 260, 200)  # before its begin and after its end too
+    for values in (route.profile, route.curvature, route.left):
+        assert [route.at(values, s) for s in places.tolist()] == route.between(values, places).tolist()
+    left, right = route.room(3.0, 57.0)
+    first, last = route.index(3.0), route.index(57.0) + 1
+    assert (left, right) == (route.left[first:last].min(), route.right[first:last].min())
+
+
+def test_points_are_projected_on_the_nearest_place_of_the_route() -> None:
+    route = build_route(mission(line((60, STRAIGHT), (20, 15), (60, STRAIGHT))), SEDAN)
+    rng = np.random.default_rng(2)
+    s, d = rng.uniform(0, 120, 100), rng.uniform(-3, 3, 100)
+    k = route.indices(s)
+    x, y = route.x[k] - d * route.sin[k], route.y[k] + d * route.cos[k]
+    found = route.project(x, y, 60.0, 100.0)
+    assert found.s == pytest.approx(route.origin_s + k * GRID_M, abs=0.02)
+    assert found.d == pytest.approx(d, abs=0.005)
+    ways = np.zeros((7, 2, 100))
+    ways[0], ways[1] = x, y
+    route.project_ways(np.array([False, True]), ways, 60.0, 100.0)
+    assert not ways[5:7, 0].any()
+    assert ways[5, 1] == pytest.approx(found.s, abs=0.05)  # its grid is coarser
+    assert ways[6, 1] == pytest.approx(found.d, abs=0.005)
+
+
+def test_an_arrival_is_interpolated_as_numpy_does() -> None:
+    route = build_route(mission(line((60, STRAIGHT), (20, 15), (60, STRAIGHT))), SEDAN)
+    times, limit = pdm_rules._arrivals(route.profile, route.origin_s, GRID_M, 20.3, 80.0, 2.35, 6.0, 1.5)
+    places = 20.3 + pdm_rules.PROFILE_STEP_M * np.arange(len(times))
+    assert places[-1] < 80.0 <= places[-1] + pdm_rules.PROFILE_STEP_M
+    assert (np.diff(times) > 0).all()
+    assert times[-1] > 60.0 / limit - 0.1  # it cannot be faster than what the profile allows most
+    for s in (10.0, 20.3, 20.31, 47.7, 79.9, 95.0):
+        assert pdm_rules._arrives(times, 20.3, s) == pytest.approx(np.interp(s, places, times), abs=1e-12)
+
+
+def test_footprints_collide_where_their_outlines_are_near() -> None:
+    """Against shapely, on random footprints around the ego, which has turned and moves."""
+    rng = np.random.default_rng(3)
+    count = 400
+    x, y, heading = rng.uniform(-7, 7, count), rng.uniform(-5, 5, count), rng.uniform(-4, 4, count)
+    actors = tuple(
+        SeenActor(k, "car", *place, 0.0, 4.4, 1.8) for k, place in enumerate(np.stack([x, y, heading], axis=1).tolist())
+    )
+    ego = EgoState(0.0, 0.0, 0.0, 5.0, 0.0, 0.0, 0.0)
+    route = build_route(mission(line((100, STRAIGHT), start=(-50, 0, 0))), SEDAN)
+    turned = 0.4
+    own = _box(0.0, 0.0, turned, SEDAN.length_m, SEDAN.width_m)
+    found = {True: 0, False: 0}
+    for actor in actors:
+        situation = read_situation(route, SEDAN, Observation(0.0, ego, (actor,), {}))
+        hit, close, _ = conflicts(situation, _ego_at(turned), _standing_at(actor))
+        away = own.distance(_box(actor.x, actor.y, actor.heading_rad, actor.length_m, actor.width_m))
+        # The gap along the best of four axes is at most the distance, and at least 1 / sqrt(2) of it.
+        if away < COLLISION_MARGIN_M:
+            assert hit.all()
+        if away > COLLISION_MARGIN_M * math.sqrt(2):
+            assert not hit.any()
+        if away > CLEARANCE_M * math.sqrt(2):
+            assert not close.any()
+        found[bool(hit.any())] += 1
+    assert min(found.values()) > 50
+
+
+def _box(x: float, y: float, heading: float, length: float, width: float) -> Polygon:
+    straight = box(x - length / 2, y - width / 2, x + length / 2, y + width / 2)
+    return affinity.rotate(straight, heading, origin=(x, y), use_radians=True)
+
+
+def _ego_at(heading: float) -> Rollout:
+    """One proposal that stays at the origin, to blame for everything."""
+    zeros, ones = np.zeros((1, len(TIMES_S))), np.ones((1, len(TIMES_S)))
+    cos, sin = math.cos(heading) * ones, math.sin(heading) * ones
+    none = np.zeros(1)
+    return Rollout(
+        50 * ones, zeros, 5 * ones, zeros, zeros, cos, sin, zeros, offset=none + 2.0, brake=none > 0, acceleration=none
+    )
+
+
+def _standing_at(actor: SeenActor) -> Prediction:
+    values = {
+        "x": actor.x,
+        "y": actor.y,
+        "cos": math.cos(actor.heading_rad),
+        "sin": math.sin(actor.heading_rad),
+        "half_length": actor.length_m / 2,
+        "s": 50.0,
+        "d": 0.0,
+    }
+    frames = np.ones((1, 2 * len(TIMES_S)))[:, ::2]  # every second frame of something longer
+    return Prediction(**{field.name: values.get(field.name, 0.0) * frames for field in fields(Prediction)})
+
+
+@pytest.mark.parametrize("broken", ["x", "heading_rad", "speed_mps", "length_m"])
+def test_a_measurement_that_is_no_number_does_no_harm_outside_of_its_arrays(broken: str) -> None:
+    """The answer may be anything; the process goes on, and the next run is as ever."""
+    task, observations = busy_crossing()
+    driver = PdmDriver()
+    driver.reset(task, SEDAN, seed=0)
+    before = [driver.step(o) for o in observations]
+    driver.reset(task, SEDAN, seed=0)
+    for number, observation in enumerate(observations):
+        first, *rest = observation.actors
+        bad = replace(first, **{broken: math.nan if number % 2 else math.inf})
+        with np.errstate(invalid="ignore"):
+            assert isinstance(driver.step(replace(observation, actors=(bad, *rest))), Control)
+    driver.reset(task, SEDAN, seed=0)
+    assert [driver.step(o) for o in observations] == before
