@@ -95,7 +95,11 @@ class DaskExecutor:
 
     def _submit(self) -> None:
         """Keep two batches for each thread of the cluster under way: one that runs, and one that waits there."""
-        threads = max(1, sum(self._client.nthreads().values()))
+        try:
+            threads = max(1, sum(self._client.nthreads().values()))
+        except Exception as err:  # Dask's are of many kinds; all of them mean that nobody answers
+            raise ClusterError(f"the Dask scheduler is gone ({err}): what was finished is kept, and the same command "
+                               "goes on from there") from err  # fmt: skip
         while self._queue and len(self._batches) < 2 * threads:
             size = max(1, min(BATCH, len(self._queue) // (2 * threads)))
             numbers = [heapq.heappop(self._queue)[1] for _ in range(min(size, len(self._queue)))]

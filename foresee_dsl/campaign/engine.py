@@ -17,7 +17,7 @@ from foresee_dsl.campaign.breakages import broken_row
 from foresee_dsl.campaign.executors import Executor, local
 from foresee_dsl.campaign.folder import CampaignFolder
 from foresee_dsl.campaign.listening import Listener
-from foresee_dsl.campaign.pool import Broken, Part, Task, Update
+from foresee_dsl.campaign.pool import Broken, Part, Update
 from foresee_dsl.campaign.records import Made, encode
 from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
@@ -104,9 +104,8 @@ class _Run:
         self._stages, self._store, self._files = stages, store, files
         self._listener, self._options = listener, options
         self._executor: Executor | None = None
-        self._nodes: dict[int, Node] = {}
-        """The step of each task that is under way, by the task's identity (it is held here, too)."""
-        self._tasks: dict[int, Task] = {}
+        self._nodes: dict[str, Node] = {}
+        """The step of each task that is under way, by its key."""
         self._waiting: dict[str, list[Node]] = {}
         """Steps whose result a task under way may give, by key."""
         self._expected: dict[str, int] = {}
@@ -153,7 +152,7 @@ class _Run:
         if self._expected.get(node.key):
             return  # a task that is under way gives it
         task = self._stages.task(node, self._files, self._options.limits)
-        self._nodes[id(task)], self._tasks[id(task)] = node, task
+        self._nodes[node.key] = node
         for key in self._stages.expected(node):
             self._expected[key] = self._expected.get(key, 0) + 1
         if self._executor is None:
@@ -164,8 +163,7 @@ class _Run:
         if isinstance(update.value, Part):
             self._keep(update.value.value, stop)
             return
-        node = self._nodes.pop(id(update.task))
-        del self._tasks[id(update.task)]
+        node = self._nodes.pop(update.task.key)
         keys = self._stages.expected(node)
         for key in keys:
             self._expected[key] -= 1

@@ -23,12 +23,7 @@ from typing import Any
 
 from foresee_dsl.campaign.lifeline import end_with
 
-PRELOAD = (
-    "foresee_dsl.campaign.work",
-    "foresee_dsl.drivers.pdm",
-    "foresee_dsl.drivers.idm",
-    "foresee_dsl.forecast.foresee",
-)
+PRELOAD = ("foresee_dsl.campaign.warm",)
 """Imported once in the fork server, so that a new worker starts warm."""
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
@@ -44,12 +39,14 @@ class Task:
     Attributes:
         name: for people. function: returns the outcome, or yields one part of it after the other.
         deadline_s: wall time for the outcome, or for each part; None: as long as it takes.
+        key: by which whoever gave it knows it again.
     """
 
     name: str
     function: Callable[[Any], Any]
     argument: object
     deadline_s: float | None = None
+    key: str = ""
 
 
 @dataclass(frozen=True)

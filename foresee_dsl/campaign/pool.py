@@ -152,6 +152,7 @@ class WorkerPool:
                 return Worker()
             except (OSError, EOFError) as err:
                 self._note_failed_start(f"{type(err).__name__} {err}")
+                time.sleep(_TICK_S)  # until the system knows that the old one is gone
 
     def _note_failed_start(self, how: str) -> None:
         self._failed_starts += 1

@@ -130,14 +130,14 @@ class Stages:
             seed = node.over("seed")
             trace = self._trace(seed) if node.kind == "forecast" else None
             work = SeedWork(seed.key, self._forecast_key(seed), case, seed.name, seed.seed, settings, folder, trace)
-            return Task(node.case.id, run_seed, work, limits.for_run(_longest_s(node.case)))
+            return Task(node.case.id, run_seed, work, limits.for_run(_longest_s(node.case)), node.key)
         draft = self._draft(node)
         deadline_s = limits.for_run(settings.before_s + settings.after_s)
         if node.kind == "child":
             if node.mutant is None:
                 raise ValueError(f"child {node.name} has no mutant")
             child = ChildWork(node.key, node.name, case, draft, node.mutant, node.seed, settings, folder)
-            return Task(node.name, run_mutant, child, deadline_s)
+            return Task(node.name, run_mutant, child, deadline_s, node.key)
         clip, seed = node.over("clip"), node.over("seed")
         mutants = self._mutant_keys(clip) if node.kind == "clip" else ((node.key, node.seed),)
         own = self._trace(clip) if node.kind == "mutants" else None
@@ -147,6 +147,7 @@ class Stages:
             run_clip,
             ClipWork(clip.key, mutants, case, draft, clip.seed, settings, folder, parent, own),
             deadline_s,
+            node.key,
         )
 
     def _seeds(self, cases: Sequence[TestCase]) -> Iterator[Node]:

@@ -177,7 +177,9 @@ class Store:
 
     def _open(self, write: bool) -> sqlite3.Connection:
         file = self.folder / "runs.sqlite"
-        address = file.resolve().as_uri() + ("" if write else "?mode=ro")
+        # Readers of a write-ahead log write beside it, too; where they may not, nobody else does either.
+        how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
+        address = file.resolve().as_uri() + ("" if write else how)
         database = sqlite3.connect(address, uri=True, timeout=_BUSY_MS / 1000)
         try:
             (schema,) = database.execute("PRAGMA user_version").fetchone()
@@ -209,7 +211,9 @@ class Store:
 
 
 def _row(found: tuple[Any, ...]) -> Row:
-    return Row(*found[:_BROKEN], bool(found[_BROKEN]), *found[_BROKEN + 1 :])
+    values = list(found)
+    values[_BROKEN] = bool(values[_BROKEN])
+    return Row(*values)
 
 
 def _check_schema(schema: int, folder: Path) -> None:

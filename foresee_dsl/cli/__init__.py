@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from types import MappingProxyType
 from typing import Annotated, Any, cast
@@ -39,6 +40,8 @@ COMMANDS = (
     ("Campaign", "plan", "plan.plan"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "verify", "campaigns.verify"),
+    ("Exchange", "import", "import_.import_"),
+    ("Exchange", "export", "export.export"),
     ("About", "drivers", "author.drivers"),
     ("About", "models", "author.models"),
     ("About", "lsp", "lsp.lsp"),
@@ -65,14 +68,25 @@ class _Commands(TyperGroup):
         if self.commands[cmd_name] is None:
             panel, function = self._table[cmd_name]
             module, _, attribute = function.partition(".")
-            alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=_SETTINGS)
             call = getattr(import_module(f"foresee_dsl.cli.{module}"), attribute)
-            alone.command(name=cmd_name, rich_help_panel=panel)(call)
-            self.commands[cmd_name] = typer.main.get_command(alone)
+            self.commands[cmd_name] = _group(call, panel) if isinstance(call, typer.Typer) else _alone(call, cmd_name, panel)
         return self.commands[cmd_name]
 
 
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
+
+
+def _alone(call: Callable[..., None], name: str, panel: str) -> Any:  # noqa: ANN401 - as above
+    alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=_SETTINGS)
+    alone.command(name=name, rich_help_panel=panel)(call)
+    return typer.main.get_command(alone)
+
+
+def _group(group: typer.Typer, panel: str) -> Any:  # noqa: ANN401 - as above
+    """A command with commands of its own, such as `import`; its module gives them to a `typer.Typer`."""
+    made = typer.main.get_group(group)
+    made.rich_help_panel = panel
+    return made
 
 
 app = typer.Typer(

@@ -9,9 +9,13 @@ from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: t
 
 from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.netconvert import run_netconvert, sumo_home, without_header
-from foresee_dsl.compile.netfile import parse_net, parse_xml
+from foresee_dsl.compile.netfile import check_size, parse_net, parse_xml
+from foresee_dsl.compile.programs import give_programs
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
+
+_EDITION = "2"
+"""Raise it when an OpenDRIVE map becomes another net than before."""
 
 SUFFIXES = (".net.xml", ".xodr")
 """The file names that are accepted."""
@@ -37,13 +41,14 @@ def foreign_net(path: Path) -> Path:
         CompileError: the file is missing, unreadable, of another kind than its name says, or refused by netconvert.
     """
     try:
+        check_size(path, "a network")
         data = path.read_bytes()
     except OSError as err:
         raise CompileError(f"the network {path} cannot be read: {err.strerror or err}") from err
     if path.name.endswith(".net.xml"):
         return cached_net(("net.xml", data), lambda out: _copy_net(path, data, out))
     if path.name.endswith(".xodr"):
-        return cached_net(("xodr", data), lambda out: _convert_map(path, out))
+        return cached_net(("xodr", _EDITION, data), lambda out: _convert_map(path, out))
     raise CompileError(f"the network {path} is of no known kind: its name must end in {' or '.join(SUFFIXES)}")
 
 
@@ -97,5 +102,15 @@ def _convert_map(path: Path, out: Path) -> None:
         types = ",".join(str(maps / file) for file in _TYPEMAPS)
         files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
         run_netconvert([*files, *_OPTIONS], folder)
-        out.write_bytes(without_header((folder / "map.net.xml").read_bytes()))
-    parse_net(out)
+        net = parse_net(folder / "map.net.xml")
+        give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
+        write_net(net, out)
+
+
+def write_net(root: Element, out: Path) -> None:
+    """Write a net from its tree; the same tree gives the same bytes.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    out.write_bytes(tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")

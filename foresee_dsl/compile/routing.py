@@ -124,10 +124,11 @@ def _over(network: RoadNetwork, edges: tuple[str, ...], leg: Leg, kind: LaneKind
 
 
 def _listed(network: RoadNetwork, route: EdgeRoute, kind: LaneKind) -> tuple[str, ...]:
-    for edge in route.edges:
+    named = [text(edge) for edge in route.edges]
+    for edge in named:
         check_edge(network, edge)
-    edges = [route.edges[0]]
-    for edge in route.edges[1:]:
+    edges = named[:1]
+    for edge in named[1:]:
         if edge in {m.to_edge for m in network.movements_from(edges[-1], kind)}:
             edges.append(edge)
         elif route.shortest:

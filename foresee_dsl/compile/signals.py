@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +14,7 @@ from foresee_dsl.compile.netfile import parse_net
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Junction, Network, Quantity, Stage
+from foresee_dsl.language.model.values import NAME_PATTERN
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
@@ -100,8 +103,9 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
 
     Args:
         net_file: a SUMO net.
-        network: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, and
-            a program that controls several junctions appears once for each.
+        network: what it was built from; None for a foreign one. Then a program whose phases are all named has the
+            stages that the names say, and of any other every phase is a stage of its own, `phase_N`. A program that
+            controls several junctions appears once for each.
 
     Raises:
         CompileError: not a net, or not the net of `network`.
@@ -116,7 +120,7 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
             (e.get("name", ""), e.get("state", ""), float(e.get("duration", "0"))) for e in logic.iterfind("phase")
         ]
         names = tuple(dict.fromkeys(name for name, _, _ in phases))
-        if network is None:
+        if network is None and not _are_stages([name for name, _, _ in phases]):
             names = tuple(f"phase_{k}" for k in range(len(phases)))
             phases = [(f"phase_{k}", state, duration) for k, (_, state, duration) in enumerate(phases)]
         found[junction] = Signal(junction, tls, names, _grouped(names, phases))
@@ -227,6 +231,12 @@ def _grouped(names: tuple[str, ...], phases: Sequence[tuple[str, str, float]]) -
         result.append(Phase(names.index(name), state, duration, since[name]))
         since[name] += duration
     return tuple(result)
+
+
+def _are_stages(names: Sequence[str]) -> bool:
+    """Whether phases are named as stages are: by names of the language, those of a stage one after the other."""
+    runs = [name for name, _ in groupby(names)]
+    return bool(runs) and len(set(runs)) == len(runs) and all(re.fullmatch(NAME_PATTERN, name) for name in runs)
 
 
 def _check_stages(found: Mapping[str, Signal], network: Network) -> None:

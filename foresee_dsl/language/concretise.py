@@ -186,7 +186,8 @@ def _walk(item: Item, replace: _Replace, refused: _Refused) -> Item:
         elif isinstance(before, Item):
             after = _walk(before, replace, refused)
         elif isinstance(before, tuple):
-            parts = tuple(_walk(part, replace, refused) if isinstance(part, Item) else part for part in before)
+            refs |= {name: part for part in before if isinstance(part, Ref)}
+            parts = tuple(_part(item, name, part, replace, refused) for part in before)
             after = parts if any(a is not b for a, b in zip(parts, before, strict=True)) else before
         if after is not before:
             changed[name] = after
@@ -200,3 +201,9 @@ def _walk(item: Item, replace: _Replace, refused: _Refused) -> Item:
         if place:
             refused(item, place, refs[place], error)
         return item
+
+
+def _part(owner: Item, name: str, part: object, replace: _Replace, refused: _Refused) -> object:
+    if isinstance(part, Ref):
+        return replace(owner, name, part)
+    return _walk(part, replace, refused) if isinstance(part, Item) else part

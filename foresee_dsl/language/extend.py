@@ -235,13 +235,18 @@ class _Joiner:
             elif isinstance(value, Item):
                 changed[name] = self._plain(value)
             elif isinstance(value, tuple):
-                changed[name] = tuple(self._plain(part) if isinstance(part, Item) else part for part in value)
+                changed[name] = tuple(self._plain_part(part) for part in value)
         fields = {name: getattr(item, name) for name in type(item).model_fields}
         changed = {name: value for name, value in changed.items() if not _same(value, fields[name])}
         new = _accepted(item, fields, changed)
         if new is not item:
             self._place(self._spans, new, item)
         return new
+
+    def _plain_part(self, part: object) -> object:
+        if isinstance(part, Ref):
+            return part if part.name in self._parameters else part.name
+        return self._plain(part) if isinstance(part, Item) else part
 
     def _place(self, spans: dict[tuple[int, str], Span], new: Item, old: Item, *, whole: bool = False) -> None:
         """Give a new item the places of an old one; `whole`: the old one's own place for each of its fields."""

@@ -40,7 +40,7 @@ class Body(Mobile):
         rolls: SUMO drives it over the step before the first frame (`in_sumo`), as it would have in its parent.
     """
 
-    __slots__ = ("_axle_m", "_fx", "_fy", "_half_m", "_network", "_offset", "_raw_x", "_raw_y", "rolls")
+    __slots__ = ("_axle_m", "_beside", "_fx", "_fy", "_half_m", "_network", "_offset", "_raw_x", "_raw_y", "rolls")
 
     def __init__(self, actor: PlacedActor, network: RoadNetwork) -> None:
         """Start where the actor is placed."""
@@ -51,6 +51,7 @@ class Body(Mobile):
         self._fx, self._fy = self._raw_x, self._raw_y = actor.x, actor.y
         self._offset = 0.0
         self.rolls = False
+        self._beside = "", 0.0  # the lane that a place was looked up on last, and how far along
         if actor.lane:
             self._find_lane(network.lanes[actor.lane])
 
@@ -64,34 +65,66 @@ class Body(Mobile):
             return self.placed
         lane = self._network.lanes[self.lane]
         shape = shapely.LineString(lane.shape)
-        now = shapely.line_locate_point(shape, shapely.Point(self._raw_x, self._raw_y))
+        now = float(shapely.line_locate_point(shape, shapely.Point(self._raw_x, self._raw_y)))
         # SUMO counts along the lane in its own length, which a map may give differently from the shape's.
         before = now - self.speed * STEP_S * shape.length / lane.length_m
-        self.rolls = bool(before > 0)
+        came_from = self._lane_before(lane) if before <= 0 else None
+        if came_from is not None:  # it has just come over the end of that one
+            left_m = self.speed * STEP_S - now * lane.length_m / shape.length
+            lane, shape = came_from, shapely.LineString(came_from.shape)
+            before = shape.length * (1 - left_m / lane.length_m)
+        self.rolls = before > 0
         at = shapely.line_interpolate_point(shape, before if self.rolls else now)
-        heading = lane.line.at(lane.line.project(at.x, at.y)[0])[2]
-        return replace(self.placed, x=at.x, y=at.y, heading_rad=heading, lane=self.lane)
+        near_s = self._beside[1] if lane.id == self._beside[0] else None
+        heading = lane.line.at(lane.line.project(at.x, at.y, near_s)[0])[2]
+        route = self.placed.route
+        if not lane.internal and (before if self.rolls else now) < self.length:
+            route = self._with_edge_before(lane, route)
+        return replace(self.placed, x=at.x, y=at.y, heading_rad=heading, lane=lane.id, route=route)
+
+    def _with_edge_before(self, lane: Lane, route: tuple[str, ...]) -> tuple[str, ...]:
+        """Return a route with the edge from which a vehicle came whose rear is inside the junction still.
+
+        Otherwise SUMO takes it to be where the straightest way is, and whoever follows it there brakes or does not.
+        """
+        rear = self._fx - self.length * math.cos(self.heading), self._fy - self.length * math.sin(self.heading)
+        ways = self._network.movements_into(lane.id, lane_kind(self.placed.model))
+        if not ways or not route or route[0] != lane.edge:
+            return route
+
+        def away_m(via: tuple[str, ...]) -> float:
+            return min((abs(self._network.lanes[one].line.project(*rear)[1]) for one in via), default=math.inf)
+
+        return (min(ways, key=lambda way: away_m(way.via)).from_edge, *route)
+
+    def _lane_before(self, lane: Lane) -> Lane | None:
+        """Return the lane that leads to one inside a junction; None where there are several, or it is not inside."""
+        ways = [m for m in self._network.movements if lane.id in m.via] if lane.internal else []
+        before = {(m.from_lane, *m.via)[m.via.index(lane.id)] for m in ways}
+        return self._network.lanes[before.pop()] if len(before) == 1 else None
 
     def _find_lane(self, nearest: Lane) -> None:
         """Find the lane that the vehicle follows, and the place on it that SUMO is to have it at."""
         # Who keeps beside the middle of its lane is not on its way to another one.
-        lane = nearest if self.placed.line_m else self._heads_for(nearest)
+        near_s, lateral = nearest.line.project(self._fx, self._fy)
+        lane = nearest if self.placed.line_m else self._heads_for(nearest, near_s, lateral)
         self.lane = lane.id
         line = shapely.LineString(lane.shape)
         centre = shapely.line_interpolate_point(
             line, shapely.line_locate_point(line, shapely.Point(self._fx, self._fy))
         )
         self._raw_x, self._raw_y = centre.x, centre.y
-        _, lateral = lane.line.project(self._fx, self._fy)
+        if lane is not nearest:
+            near_s, lateral = lane.line.project(self._fx, self._fy)
+        self._beside = lane.id, near_s
         self._offset = lateral if abs(lateral) > ROUNDING_M else 0.0
 
-    def _heads_for(self, nearest: Lane) -> Lane:
+    def _heads_for(self, nearest: Lane, s: float, lateral: float) -> Lane:
         """Return the lane that a vehicle between two lanes is changing to: the one that it turns towards.
 
         Up to the middle between them the nearest one is that which it leaves. It has turned away from that as far as
         half of what moving off its middle takes, at least.
         """
-        s, lateral = nearest.line.project(self._fx, self._fy)
         side = 1 if lateral > 0 else -1
         slope = min(SIDEWAYS_SHARE, SIDEWAYS_MPS / max(self.speed, 0.1))
         takes = slope * (1.0 - math.exp(-abs(lateral) / (slope * self._axle_m)))
@@ -121,7 +154,11 @@ class Body(Mobile):
     def _direction(self, x: float, y: float) -> tuple[float, float]:
         """Cosine and sine of the lane's heading; not of SUMO's vehicle, which turns as its rear follows."""
         lane = self._network.lanes.get(self.lane)
-        heading = lane.line.at(lane.line.project(x, y)[0])[2] if lane is not None else self.heading
+        if lane is None:
+            return math.cos(self.heading), math.sin(self.heading)
+        s, _ = lane.line.project(x, y, self._beside[1] if self._beside[0] == self.lane else None)
+        self._beside = self.lane, s
+        heading = lane.line.at(s)[2]
         return math.cos(heading), math.sin(heading)
 
     def _draw(self, x: float, y: float, speed: float) -> None:

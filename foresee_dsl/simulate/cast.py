@@ -20,9 +20,9 @@ OFF_LANE_M = 1.8
 """The ego is on its lane while its centre is this near to the lane's. Ours: about half a lane."""
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
-YIELDS_MPS2 = 0.05
-"""Who gains speed less than this on a junction, although it may drive faster, lets somebody go. Ours: SUMO accelerates
-or drives exactly what it may where nothing is in the way."""
+GAINS_SHARE = 0.9
+"""Who gains speed on a junction with less than this share of what it can, although it may drive faster, lets somebody
+go or follows. Ours: SUMO accelerates or drives exactly what it may where nothing is in the way."""
 MAY_DRIVE_MPS = 0.3
 """Who is at most so much slower than it may be drives as fast as it may. Ours: two steps of acceleration."""
 HELD_MPS = 0.6
@@ -61,6 +61,7 @@ class Cast:
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
         self._bends = LaneBends(self.network, self.scene.friction)
+        self._bend_mps: dict[str, float] = {}
         self.frame = 0
         self._enter(bundle)
 
@@ -193,7 +194,7 @@ class Cast:
 
     def _goes(self, actor: Mobile) -> bool:
         """Say whether a vehicle inside a junction seems to have nobody to wait for."""
-        return actor.speed >= STANDS_MPS and (actor.acceleration > YIELDS_MPS2 or self._as_fast_as_it_may(actor))
+        return actor.speed >= STANDS_MPS and (_as_much_as_it_can(actor) or self._as_fast_as_it_may(actor))
 
     def _as_fast_as_it_may(self, actor: Mobile) -> bool:
         return actor.speed >= min(self.cruise[actor.id], self._bend_speed(actor)) - MAY_DRIVE_MPS
@@ -204,7 +205,7 @@ class Cast:
         if inside_m <= 0.0:
             return 0.0
         # Who has come out of a bend gains speed as well, but has not waited.
-        waited = actor is not self.ego and actor.acceleration > YIELDS_MPS2 and not self._as_fast_as_it_may(actor)
+        waited = actor is not self.ego and _as_much_as_it_can(actor) and not self._as_fast_as_it_may(actor)
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
     def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
@@ -318,19 +319,25 @@ class Cast:
 
     def _slow_for_bends(self) -> None:
         """SUMO knows the bends inside junctions only, and neither who tips nor how wet the road is."""
+        bends, cruise, told = self._bends, self.cruise, self._bend_mps
         for name, body in self.bodies.items():
-            if body.present and not (isinstance(body, Steered) and body.taken is not None):
-                self.world.slow_for_bend(name, self._bend_speed(body))
+            if not body.present or (isinstance(body, Steered) and body.taken is not None):
+                continue
+            speed = bends.speed(body, cruise[name])
+            if speed != told.get(name):
+                told[name] = speed
+                self.world.slow_for_bend(name, speed)
 
     def _bend_speed(self, actor: Mobile) -> float:
-        placed, way_m = actor.placed, actor.speed * STEP_S
-        fastest = max(self.cruise[actor.id], actor.speed + 1.0)  # it may be told to go faster than it did
-        return self._bends.speed(
-            actor.id, placed.model, actor.lane, placed.route, actor.front, way_m=way_m, fastest_mps=fastest
-        )
+        return self._bends.speed(actor, self.cruise[actor.id])
 
     def _ego_lane(self) -> None:
         line = self.ego.placed.line
         if line is not None:
             s, lateral = self.progress.of(self.ego, self.frame)
             self.ego.lane = line.lane_at(s) if abs(lateral) <= OFF_LANE_M else ""
+
+
+def _as_much_as_it_can(actor: Mobile) -> bool:
+    """Whether a vehicle gains speed as if nothing were in its way."""
+    return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2

@@ -110,8 +110,9 @@ def ego_hits(
     x, y, heading = (float(v) for v in ego_pose)
     length, width = (float(v) for v in ego_size)
     # Circles around the boxes first: hardly anyone is this near, and the exact test runs on those only.
-    reach = (hypot(length, width) + np.hypot(sizes[:, 0], sizes[:, 1])) / 2
-    near = np.flatnonzero(np.hypot(poses[:, 0] - x, poses[:, 1] - y) <= reach)
+    offsets = poses[:, :2] - (x, y)
+    most = (hypot(length, width) + float(sizes.sum(axis=1).max(initial=0.0))) / 2
+    near: IntArray = ((offsets * offsets).sum(axis=1) <= most * most).nonzero()[0]
     if not near.size:
         return near
     ego = Box(x, y, heading, length, width)

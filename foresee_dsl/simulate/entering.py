@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+
 SLOWEST_MPS = 0.1
 """Who is slower stands, and has come to where it is a while ago."""
 CREEPS_MPS = 0.5

@@ -82,8 +82,9 @@ class Progress:
 
     def inside(self, actor: Mobile, frame: int) -> float:
         """Return how far an actor's front has come into the junction that it is on, m; 0 when it is on none."""
-        inside = (-room for _, room in self.ahead(actor, frame, 0.0) if actor.lane.startswith(":"))
-        return max(0.0, next(inside, 0.0))
+        if not actor.lane.startswith(":"):
+            return 0.0
+        return max(0.0, next((-room for _, room in self.ahead(actor, frame, 0.0)), 0.0))
 
     def meeting(self, one: Mobile, other: Mobile, junction: str) -> tuple[float, float] | None:
         """Return the lengths along both lines of the point where they first come together in a junction.

@@ -14,6 +14,8 @@ from foresee_dsl.simulate.state import Mobile
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.world import World
 
+FloatArray = NDArray[np.float64]
+
 _ABSENT = (math.nan,) * len(FIELDS)
 
 
@@ -28,40 +30,46 @@ class Recorder:
     def __init__(self, actors: Sequence[Mobile], signals: Mapping[str, Signal]) -> None:
         self._actors = actors
         self._signals = tuple(signals.values())
-        self._rows: list[float] = []
+        self._rows: list[FloatArray] = []
         self._lanes: list[int] = []
         self._along: list[float] = []
         self._lane_index: dict[str, int] = {}
         self._stages: list[int] = []
         self._elapsed: list[float] = []
-        self._frames = 0
         self.events: list[Event] = []
 
     def event(self, time_s: float, actor: str, what: str, detail: dict[str, Any] | None = None) -> None:
         """Note something that changed how an actor behaves."""
         self.events.append(Event(round(time_s, 6), actor, what, detail or {}))
 
-    def frame(self, world: World) -> None:
-        """Write down where everybody is, and what the signals show."""
-        rows, lanes, index = self._rows, self._lanes, self._lane_index
+    def frame(self, world: World) -> FloatArray:
+        """Write down where everybody is, and what the signals show.
+
+        Returns:
+            [A, 7] the columns of `Trace.states`; not to be changed.
+        """
+        values: list[float] = []
+        lanes, along, index = self._lanes, self._along, self._lane_index
         for a in self._actors:
             if not a.present:
-                rows.extend(_ABSENT)
+                values += _ABSENT
                 lanes.append(-1)
-                self._along.append(math.nan)
+                along.append(math.nan)
                 continue
-            rows.extend((a.x, a.y, a.heading, a.speed, a.acceleration, a.yaw_rate, a.steer))
+            values += (a.x, a.y, a.heading, a.speed, a.acceleration, a.yaw_rate, a.steer)
             lanes.append(index.setdefault(a.lane, len(index)) if a.lane else -1)
-            self._along.append(a.along)
+            along.append(a.along)
         for signal in self._signals:
             stage, elapsed = world.stage(signal.tls)
             self._stages.append(stage)
             self._elapsed.append(round(elapsed, 6))
-        self._frames += 1
+        row = np.array(values, dtype=np.float64).reshape(-1, len(FIELDS))
+        self._rows.append(row)
+        return row
 
-    def trace(self, waypoints: NDArray[np.float64], meta: dict[str, Any]) -> Trace:
+    def trace(self, waypoints: FloatArray, meta: dict[str, Any]) -> Trace:
         """Return the run so far."""
-        t, a, s = self._frames, len(self._actors), len(self._signals)
+        t, a, s = len(self._rows), len(self._actors), len(self._signals)
         return Trace(
             time_s=np.round(np.arange(t) * STEP_S, 6),
             states=np.array(self._rows, dtype=np.float64).reshape(t, a, len(FIELDS)),

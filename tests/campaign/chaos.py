@@ -154,8 +154,10 @@ def main() -> None:
             seed=arguments.seed,
             more=("--children", str(arguments.children)),
         )
-        print(f"{sum(found.killed.values())} kills ({dict(found.killed)}), ends {dict(found.ends)}, "
-              f"{len(found.done)} steps done, none twice, same report; {time.monotonic() - began:.0f} s")  # fmt: skip
+        sys.stdout.write(
+            f"{sum(found.killed.values())} kills ({dict(found.killed)}), ends {dict(found.ends)}, "
+            f"{len(found.done)} steps done, none twice, same report; {time.monotonic() - began:.0f} s\n"
+        )
 
 
 if __name__ == "__main__":

@@ -99,9 +99,7 @@ def campaign(
     heard = heard or Heard()
     cases = load_test_cases(file if isinstance(file, list) else [file])
     with Store(store or out / "store") as opened:
-        result = run_campaign(
-            cases, settings, out=out, store=opened, listener=heard, options=options or RunOptions()
-        )
+        result = run_campaign(cases, settings, out=out, store=opened, listener=heard, options=options or RunOptions())
     return result, heard
 
 

@@ -85,8 +85,7 @@ def test_signals_stop_it_and_the_same_command_goes_on(project: Path, tmp_path: P
     done = foresee("campaign", project, *OPTIONS, "--out", out, "--log-json", log, "--jobs", 2)
     assert published(out)["json"]["interrupted"] is False
     assert not {e["key"] for e in events(log) if e["event"] == "done"} & seen
-    assert "test cases 3/3" in done.stderr or not done.stderr  # a line every few seconds, when it takes as long
-    assert [e["event"] for e in events(log)][0] == "begin" and events(log)[-1]["event"] == "end"
+    assert events(log)[0]["event"] == "begin" and events(log)[-1]["event"] == "end"
     _look_at_plan_and_store(project, out, tmp_path)
 
 

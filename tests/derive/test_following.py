@@ -86,9 +86,9 @@ def test_a_for_beside_something_else_needs_no_more_words() -> None:
 def test_a_running_sequence_is_taken_up_where_it_is() -> None:
     text = " ".join(print_model(cut("sequences", 8.1)).split())
     assert (
-        "when time >= 0.00 s { cutter stops for 0.70 s then when time < 5.95 s { cutter changes speed to 9 m/s "
-        "then when time < 5.95 s { cutter changes lane right } } }"
-    ) in text  # at 14.05 s the sequence starts anew
+        "when time >= 0.00 s { cutter stops for 0.70 s then when time < 4.60 s { cutter changes speed to 9 m/s "
+        "then when time < 4.60 s { cutter changes lane right } } }"
+    ) in text  # at 12.70 s the sequence starts anew
     lane = whens(cut("sequences", 3.0))
     assert any(isinstance(w.actions[0], Wait) for w in lane)  # it changes lane by itself now
 

@@ -265,8 +265,14 @@ def may_be_word(hint: Any) -> bool:
 
     (Where quantities stand, a word can be nothing else.)
     """
-    found = list(alternatives(hint))
+    found = list(alternatives(_each(hint)))
     return m.Ref in found and m.Quantity not in found
+
+
+def _each(hint: Any) -> Any:
+    """Return what an annotation of a tuple says of each part; any other annotation as it is."""
+    inner = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    return get_args(inner)[0] if get_origin(inner) is tuple else hint
 
 
 def settled(model: m.Definition) -> m.Definition:
@@ -289,8 +295,8 @@ def settled(model: m.Definition) -> m.Definition:
 def _references(item: m.Item) -> Iterator[m.Ref]:
     for name, hint in hints(type(item)).items():
         value = getattr(item, name)
-        if isinstance(value, m.Ref) and may_be_word(hint):
-            yield value
+        if may_be_word(hint):
+            yield from (part for part in (value if isinstance(value, tuple) else (value,)) if isinstance(part, m.Ref))
 
 
 def _without_references(item: _T, parameters: frozenset[str], *, refer: bool) -> _T:
@@ -303,6 +309,10 @@ def _without_references(item: _T, parameters: frozenset[str], *, refer: bool) ->
             changes[name] = m.Ref(name=value)
         elif isinstance(value, m.Item):
             changes[name] = _without_references(value, parameters, refer=refer)
+        elif isinstance(value, tuple) and may_be_word(hint):
+            changes[name] = tuple(
+                _plain_word(_each(hint), part.name) if isinstance(part, m.Ref) and not refer else part for part in value
+            )
         elif isinstance(value, tuple):
             changes[name] = tuple(
                 _without_references(part, parameters, refer=refer) if isinstance(part, m.Item) else part

@@ -32,8 +32,7 @@ def test_rounded_snapshots_reproduce_ten_seconds(town: Town, seed: int) -> None:
         assert child.duration_s == 10.0
         worst += deviations(parent, child, frame).values()
     assert sorted(worst)[len(worst) // 2] < 1e-3
-    # Of 324 in four such towns one is 0.19 m off: it follows somebody who has just come onto a junction.
-    assert sum(w < 0.1 for w in worst) / len(worst) >= 0.985
+    assert sum(w < 0.1 for w in worst) / len(worst) >= 0.995
 
 
 def test_frame_zero_of_a_child_is_the_parents_frame(town: Town) -> None:

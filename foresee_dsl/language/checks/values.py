@@ -44,6 +44,7 @@ _WORDS = MappingProxyType(
         (m.Ego, "model"): "model",
         (m.Actor, "model"): "model",
         (m.Route, "start"): "arm",
+        (m.EdgeRoute, "edges"): "arm",
         (m.AlongEdge, "edge"): "arm",
         (m.Leg, "turn"): "turn",
         (m.ChangesLane, "side"): "side",
@@ -170,7 +171,7 @@ def _check_reference(
             help = f"write {findings.example(dimension)}"
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
         return
-    word = _WORDS.get((type(item), field))
+    word = _WORDS.get((type(item), field.partition(".")[0]))
     if word is not None:
         if parameter.type != word:
             help = f"a parameter of type `{word}` is needed here"

@@ -97,8 +97,9 @@ def _gap_between_legs(route: m.Route, roads: _Roads) -> Found | None:
 
 def _passed(item: m.Item, roads: _Roads) -> set[str] | None:
     """Return every junction that a route may come to; None where that cannot be told."""
-    if isinstance(item, m.EdgeRoute) and not item.shortest and all(edge in roads.edges for edge in item.edges):
-        return {roads.edges[edge][1] for edge in item.edges}
+    if isinstance(item, m.EdgeRoute) and not item.shortest:
+        named = [edge for edge in item.edges if isinstance(edge, str) and edge in roads.edges]
+        return {roads.edges[edge][1] for edge in named} if len(named) == len(item.edges) else None
     if not isinstance(item, m.Route) or not isinstance(item.start, str):
         return None
     edges = [edge for edge in (item.start, f"{item.start}_back") if edge in roads.edges]

@@ -48,10 +48,10 @@ class Route(Item):
 
 class EdgeRoute(Item):
     """`route [west, north_back]`: edge ids one after the other; `route [a, ..., b]` fills the gap with the shortest
-    way."""
+    way. An edge may be a parameter of type `arm`."""
 
     kind: Literal["edge_route"] = "edge_route"
-    edges: tuple[Id, ...] = Field(min_length=1)
+    edges: tuple[Id | Ref, ...] = Field(min_length=1)
     shortest: bool = False
     """True when written with `...`: consecutive edges need not touch."""
 

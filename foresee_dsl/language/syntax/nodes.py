@@ -263,8 +263,11 @@ class NodeMaker:
         """A word that is the name of a parameter, if there is one of that name, else an id."""
         child = _token(child)
         node.places[name] = span_of(child)
-        is_parameter = child.type == "NAME" and str(child) in self._parameters and str(child) not in RESERVED
-        node.fields[name] = Node(m.Ref, span_of(child), {"name": str(child)}) if is_parameter else _text(child)
+        node.fields[name] = self._word(child)
+
+    def _word(self, token: Token) -> Node | str:
+        is_parameter = token.type == "NAME" and str(token) in self._parameters and str(token) not in RESERVED
+        return Node(m.Ref, span_of(token), {"name": str(token)}) if is_parameter else _text(token)
 
     def _mistake(self, code: str, message: str, help: str, span: Span) -> None:
         self.mistakes.append(Mistake(code, message, help, span))
@@ -399,6 +402,7 @@ class NodeMaker:
         listed = next(_trees(tree.children))
         edges = [c for c in listed.children if isinstance(c, Token)]
         self._put_all(node, "edges", edges)
+        node.fields["edges"] = tuple(self._word(edge) for edge in edges)
         node.fields["shortest"] = any(isinstance(c, Tree) for c in listed.children)
         node.places["edges"] = span_of(listed)
         return node

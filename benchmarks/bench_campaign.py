@@ -1,0 +1,132 @@
+"""The campaign engine: what it adds to each run, and how long a finished campaign of the paper's size takes to resume.
+
+The runs do nothing: the real engine hands the real tasks to real worker processes, which answer with made-up results.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from benchmarks.figures import Figure
+from foresee_dsl.campaign.attachments import load_case
+from foresee_dsl.campaign.engine import RunOptions, run_campaign
+from foresee_dsl.campaign.listening import Silent
+from foresee_dsl.campaign.pool import Task, WorkerPool
+from foresee_dsl.campaign.records import Draft, Forecast, Made, MutantDraft, Mutants
+from foresee_dsl.campaign.results import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps import relative_path
+from foresee_dsl.campaign.store import Store
+from foresee_dsl.campaign.work import ChildWork, ClipWork, SeedWork
+from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.simulate.verdict import Verdict
+
+CASES, REPEAT = 239, 9
+"""With 4 risky points and 4 children: 34,416 children, as many simulations as the paper's study had."""
+TRACE = bytes(range(256)) * 100
+"""26 kB: the median trace of a child's run."""
+_TEXT = (
+    'foresee 1\n\n{kind} {name} of "{parent}"{case} pin sha256:0123456789ab {{\n}}\n' + "  # as long as usual\n" * 60
+)
+_SCENARIO = """foresee 1
+
+scenario made_up {
+  network road {
+    junction a at (0 m, 0 m)
+    junction b at (400 m, 0 m)
+    road main from a to b { lanes 1; back 0 }
+  }
+  param begin: length = 20 m in 1 m..300 m step 1 m
+  ego: car.sedan {
+    route [main]
+    start at begin along main
+  }
+  end after 10 s
+"""
+
+
+class Idle(WorkerPool):
+    """Worker processes that do nothing."""
+
+    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+        """Queue tasks as they are, but for what they do."""
+        super().add((replace(task, function=made_up) for task in tasks), priority)
+
+
+def figures() -> Iterator[Figure]:
+    """Yield milliseconds of the engine for each run, and seconds of a resume."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _campaign(folder / "warm", 1, 1)  # the fork server starts, which a campaign does once
+        first_s, runs = _campaign(folder, CASES, REPEAT)
+        again_s, _ = _campaign(folder, CASES, REPEAT)
+        means = f"a campaign of {runs} runs that do nothing, 2 workers, less its resume; a run in four writes a trace"
+        yield Figure("engine_ms_per_run", (first_s - again_s) / runs * 1000, "ms", means, 2.0)
+        yield Figure("resume_s", again_s, "s", f"a finished campaign of {runs} runs: looked up, reported", 10.0)
+
+
+def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
+    folder.mkdir(exist_ok=True)
+    file, out = folder / "made_up.foresee", folder / "out"
+    lines = "".join(f"  case c{k} {{ begin = {k + 1} m }}\n" for k in range(cases))
+    file.write_text(f"{_SCENARIO}{lines}}}\n", encoding="utf-8")
+    settings = CampaignSettings(driver="idm", repeat=repeat)
+    options = RunOptions(jobs=2, executor=lambda how: Idle(how.jobs))
+    began = time.perf_counter()
+    with Store(out / "store") as store:
+        result = run_campaign(
+            load_test_cases([file]), settings, out=out, store=store, listener=Silent(), options=options
+        )
+    took_s = time.perf_counter() - began
+    runs = len(result.seeds) + len(result.clips) + result.row().children
+    if runs != cases + 4 * cases + 16 * repeat * cases:
+        raise RuntimeError(f"{runs} runs, which is not what was asked for")
+    return took_s, runs
+
+
+def made_up(work: SeedWork | ClipWork | ChildWork) -> Iterator[Made]:
+    """Give what a worker would, without doing anything for it."""
+    if isinstance(work, SeedWork):
+        yield Made(work.key, "seed", work.name, _seed(load_case(work.case).id), TRACE + work.key.encode())
+        yield Made(work.forecast, "forecast", work.name, Forecast(9, tuple(_draft(work, rank) for rank in range(1, 5))))
+    elif isinstance(work, ClipWork):
+        yield Made(work.key, "clip", work.draft.name, _clip(work.draft), TRACE + work.key.encode())
+        for key, seed in work.mutants:
+            again = f"_s{seed}" if seed else ""
+            drafts = (_mutant(work.draft.name, again, number) for number in range(1, 5))
+            yield Made(key, "mutants", work.draft.name, Mutants(tuple(drafts)))
+    else:
+        fails = work.name.endswith("1")
+        outcome = ChildOutcome(
+            work.name, (work.folder / f"{work.name}.foresee").as_posix(), work.mutant.text, ("timing",),
+            Verdict.F4 if fails else Verdict.PASS, "other", "made up", 5.0, 10.0, "sha256:0123456789abcdef",
+        )  # fmt: skip
+        yield Made(work.key, "child", work.name, outcome, TRACE + work.key.encode() if fails else None)
+
+
+def _seed(id: str) -> SeedOutcome:
+    return SeedOutcome(id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0)
+
+
+def _draft(work: SeedWork, rank: int) -> Draft:
+    name, case = f"{work.name}_p{rank}", work.name.rpartition("_")[2]
+    parent = relative_path(work.folder.parents[2] / "made_up.foresee", work.folder)
+    text = _TEXT.format(kind="clip", name=name, parent=parent, case=f" case {case}")
+    return Draft(rank, text, name, parent, case, f"sha256:{work.key[:11]}{rank}", "")
+
+
+def _clip(draft: Draft) -> ClipOutcome:
+    return ClipOutcome(
+        seed="", family="", name=draft.name, file="", text=draft.text, rank=draft.rank, verdict=Verdict.PASS,
+        reason="made up", duration_s=10.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0, others_m=(0.0,) * 20,
+    )  # fmt: skip
+
+
+def _mutant(clip: str, again: str, number: int) -> MutantDraft:
+    name = f"{clip}{again}_m{number}"
+    text = _TEXT.format(kind="mutant", name=name, parent=f"{clip}.foresee", case="")
+    return MutantDraft(number, text, f"made up {name}")

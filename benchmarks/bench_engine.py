@@ -1,0 +1,129 @@
+"""What a child of a campaign costs: ours against bare libsumo, and how fast a run with the driver `pdm` is.
+
+The scene: 10 s in the middle of a drive through the bundled town, with 20 other actors, restored from a clip. Bare
+libsumo loads the same moment from a state that it saved itself, and steps.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import libsumo
+
+from benchmarks.figures import Figure, costs, cpu_of
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.derive.clip import clip
+from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.expand import expand_clip
+from foresee_dsl.language.project import load_test_case
+from foresee_dsl.simulate.cast import Cast
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.world import World
+
+ROUNDS = 12
+CHILD_S, FROM_S = 10.0, 4.0
+_TOWN = Path(__file__).parent.parent / "scenarios" / "networks" / "town.foresee"
+_SCENE = f"""foresee 1
+
+scenario busy {{
+  use network "{_TOWN.as_posix()}"
+
+  ego: car.sedan {{
+    route from king_out straight over king_quay straight over king_oak straight over king_elm straight over king_ash
+    start at 60 m along ego.route
+    start speed 30 km/h
+    speed 40 km/h
+  }}
+  traffic others {{
+    count 20
+    models [car.compact, car.suv, car.sedan, van.small, motorcycle.moped]
+    within 150 m of ego.route
+    seed 3
+  }}
+  end after 20 s
+}}
+"""
+_BARE, _GETTERS, _SLOWEST_PDM = 2.0, 1.4, 150.0
+"""What is asked for (docs/architecture.md)."""
+
+
+class Nothing:
+    """Coasts, and looks at nothing."""
+
+    name, version = "nothing", "1"
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Nothing to remember."""
+
+    def step(self, observation: Observation) -> Control:
+        """No pedals."""
+        return Control(0.0, 0.0, 0.0)
+
+
+def figures() -> Iterator[Figure]:
+    """Measure, and return the figures of the engine."""
+    with tempfile.TemporaryDirectory() as folder:
+        child = child_of(Path(folder))
+        state = _state_of(child, Path(folder))
+        steps = round(CHILD_S / STEP_S)
+        run(child, PdmDriver(), seed=0)  # what a worker does once
+        taken = costs(
+            {
+                "child": lambda: cpu_of(lambda: run(child, Nothing(), seed=0)),
+                "bare": lambda: cpu_of(lambda: _bare(state, steps, reads=False)),
+                "getters": lambda: cpu_of(lambda: _bare(state, steps, reads=True)),
+                "pdm": lambda: cpu_of(lambda: run(child, PdmDriver(), seed=0)),
+            },
+            ROUNDS,
+        )
+        World.close_shared()
+    # The least: what others did to the machine meanwhile only ever adds.
+    least = {name: min(kinds[0]) for name, kinds in taken.items()}
+    means = "a child of 10 s with 20 actors and a driver that does nothing, over libsumo"
+    yield Figure("child_vs_bare", least["child"] / least["bare"], "ratio", means, _BARE)
+    yield Figure(
+        "child_vs_getters", least["child"] / least["getters"], "ratio", f"{means} that reads everybody", _GETTERS
+    )
+    rate = CHILD_S / least["pdm"]
+    yield Figure("simulated_s_per_wall_s_pdm", rate, "ratio", "simulated seconds a second of CPU with pdm (at least)")
+    yield Figure("pdm_missing", _SLOWEST_PDM / rate, "ratio", "the rate that is asked for over the one with pdm", 1.0)
+    yield Figure("child_s", least["child"], "s", "a child, reset included")
+    yield Figure("bare_s", least["bare"], "s", "libsumo: loading a state, and stepping")
+
+
+def child_of(folder: Path) -> SumoBundle:
+    """Return a clip of 10 s in the middle of a run, compiled."""
+    file = folder / "busy.foresee"
+    file.write_text(_SCENE)
+    case = load_test_case(str(file), allow_outside=True)
+    trace = run(compile_test_case(case), PdmDriver(), seed=0).trace
+    frame = round(FROM_S / STEP_S)
+    point = RiskyPoint(1, frame, FROM_S, "", "none", math.nan, math.nan, 0.0, "a benchmark")
+    made = clip(case, trace, point, before_s=0.0, after_s=CHILD_S, name="child", parent=file.name)
+    return compile_test_case(expand_clip(made, case, source=file))
+
+
+def _state_of(child: SumoBundle, folder: Path) -> Path:
+    """Save the child's first frame as SUMO does it."""
+    state = folder / "state.xml"
+    Cast(child, World.shared(child))
+    libsumo.simulation.saveState(str(state))
+    return state
+
+
+def _bare(state: Path, steps: int, *, reads: bool) -> None:
+    vehicle = libsumo.vehicle
+    reading: list[Callable[[str], object]] = [vehicle.getPosition, vehicle.getSpeed, vehicle.getAngle] if reads else []
+    libsumo.simulation.loadState(str(state))
+    for _ in range(steps):
+        libsumo.simulationStep()
+        for name in vehicle.getIDList() if reads else ():
+            for read in reading:
+                read(name)

@@ -1,0 +1,241 @@
+"""`foresee import carla`: CARLA's leaderboard routes become scenarios, a file a family, a case a route."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foresee_dsl.compile.bundle import ModelSpec, Signal
+from foresee_dsl.compile.catalogue import spec_of
+from foresee_dsl.compile.foreign import foreign_net
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.netcache import read_net_once
+from foresee_dsl.compile.netfile import parse_xml
+from foresee_dsl.compile.routing import RouteError
+from foresee_dsl.exchange.carla_families import STAGED, Row, row_of
+from foresee_dsl.exchange.carla_files import (
+    CarlaRoute,
+    Trigger,
+    read_routes,
+    read_triggers,
+    read_vtypes,
+    town_of,
+    towns,
+)
+from foresee_dsl.exchange.carla_journey import Journey, is_well_placed, journey_of
+from foresee_dsl.exchange.carla_models import CATALOGUE, catalogue_of, ego_of, vehicles_of
+from foresee_dsl.exchange.carla_net import prepared_net
+from foresee_dsl.exchange.carla_text import FileOfCases, text_of
+from foresee_dsl.exchange.map_contents import left_out_of, notes_on
+from foresee_dsl.exchange.naming import distinct_name, name_of
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
+from foresee_dsl.language.catalogues import bundled_models
+from foresee_dsl.language.model import Catalogue, VehicleModel
+
+MOST_LOST = 0.5
+"""With more than this share of routes that are not on the map, it is another town's (ours)."""
+
+
+@dataclass
+class _Import:
+    """What is known so far; one use."""
+
+    network: RoadNetwork
+    signals: Mapping[str, Signal]
+    spec: ModelSpec
+    left_out: Counter[str] = field(default_factory=Counter)
+    taken: Counter[str] = field(default_factory=Counter)
+    notes: list[str] = field(default_factory=list)
+
+
+def run(
+    map_file: Path,
+    route_files: Sequence[Path],
+    trigger_files: Sequence[Path] = (),
+    *,
+    out: Path,
+    vtypes: Path | None = None,
+) -> Imported:
+    """Write a scenario file for each family, with a case for each route, and the network that they use.
+
+    Args:
+        map_file: `TownXX.xodr`, which is copied, or a SUMO net made of it, which is prepared: without an offset, with
+            sidewalks and crossings.
+        route_files: XML. trigger_files: JSON. A file's name (or its folder's) says the family: `Scenario7`.
+        out: the folder to write into.
+        vtypes: CARLA's blueprints; they become a catalogue, and the ego one of them.
+
+    Raises:
+        CompileError: a file is unreadable, too large, no such file, or declares entities.
+        ExchangeError: the routes belong to another town, or nothing can be imported.
+        InputError: what was written has mistakes (a fault of ours).
+    """
+    if not route_files:
+        raise ExchangeError("there are no route files: name at least one")
+    left_out: Counter[str] = Counter()
+    routes = [route for file in route_files for route in read_routes(file, left_out)]
+    triggers = [trigger for file in trigger_files for trigger in read_triggers(file, left_out)]
+    _check_town(map_file, routes)
+    catalogue = catalogue_of(read_vtypes(vtypes), left_out) if vtypes is not None else None
+    found: list[Imported] = []
+
+    def write(folder: Path) -> None:
+        net = _put_network(map_file, folder)
+        state = _state(net, _models(catalogue), left_out)
+        journeys = _journeys(state, routes, triggers)
+        files = _files(state, journeys, net.name, catalogue, route_files)
+        _write_files(state, files, folder, catalogue)
+        _list_map(state, map_file)
+        cases = sum(len(file.rows) for file in files.values())
+        found.append(Imported((), cases, dict(state.taken), +state.left_out, tuple(state.notes)))
+
+    files = write_together(out, write)
+    done = found[0]
+    return Imported(files, done.cases, done.taken, done.left_out, done.notes)
+
+
+def _check_town(map_file: Path, routes: Sequence[CarlaRoute]) -> None:
+    town = town_of(map_file)
+    other = next((name for name in towns(routes) if town and name != town), None)
+    if other is not None:
+        route = next(route for route in routes if route.town == other)
+        raise ExchangeError(f"{route.file}: route {route.id} is in {other}, but the map {map_file.name} is {town}: "
+                            f"use the map of {other}, or leave this file out")  # fmt: skip
+
+
+def _put_network(map_file: Path, folder: Path) -> Path:
+    copy = folder / map_file.name
+    if map_file.name.endswith(".net.xml"):
+        prepared_net(map_file, copy)
+    elif map_file.suffix == ".xodr":
+        parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")  # says what is wrong before anything is copied
+        shutil.copyfile(map_file, copy)
+    else:
+        raise ExchangeError(f"{map_file} is no map: its name must end in .xodr or .net.xml")
+    return copy
+
+
+def _models(catalogue: Catalogue | None) -> dict[str, VehicleModel]:
+    own = {model.name: model for model in catalogue.body if isinstance(model, VehicleModel)} if catalogue else {}
+    return bundled_models() | own
+
+
+def _state(net: Path, models: Mapping[str, VehicleModel], left_out: Counter[str]) -> _Import:
+    parts, signals = read_net_once(foreign_net(net), None)
+    network = RoadNetwork.of(parts)
+    if not any(edge.for_kind("car") for edge in network.edges.values()):
+        raise ExchangeError(f"{net.name} has no lanes for cars: nobody could drive on it")
+    return _Import(network, signals, spec_of(models[ego_of(models)]), left_out)
+
+
+def _journeys(state: _Import, routes: Sequence[CarlaRoute], triggers: Sequence[Trigger]) -> list[Journey]:
+    """Put the routes on the map; those that are not on it are counted."""
+    found: list[Journey] = []
+    lost: list[str] = []
+    of_family = Counter(route.family for route in routes)
+    for route in routes:
+        near = [t for t in triggers if t.family == route.family and t.town in ("", route.town)]
+        in_order = len(near) == of_family[route.family]
+        try:
+            journey = journey_of(state.network, route, near, state.spec, in_order=in_order)
+        except RouteError as err:
+            lost.append(f"{route.key}: {err}")
+            continue
+        if is_well_placed(journey):
+            found.append(journey)
+        else:
+            lost.append(f"{route.key}: the ego would start {journey.start_off_m:.1f} m from its place")
+    if len(lost) > MOST_LOST * len(routes):
+        raise ExchangeError(f"{len(lost)} of {len(routes)} routes are not on this map; is it another town's? {lost[0]}")
+    state.left_out["routes that are not on the map"] += len(lost)
+    state.notes += lost
+    _tell_triggers(state, found, triggers)
+    return found
+
+
+def _tell_triggers(state: _Import, journeys: Sequence[Journey], triggers: Sequence[Trigger]) -> None:
+    used = {(j.trigger.file, j.trigger.order) for j in journeys if j.trigger is not None}
+    state.left_out["triggers on no imported route"] += len(triggers) - len(used)
+    without = sum(journey.trigger is None for journey in journeys)
+    if without and triggers:
+        state.notes.append(
+            f"{without} routes have no trigger within 5 m: what happens on them is placed from their start"
+        )
+    state.left_out["goals beside the lane that the ego comes on (the goal is a length along its route)"] += sum(
+        abs(j.line.at(j.goal_s)[0] - j.route.end.x) + abs(j.line.at(j.goal_s)[1] - j.route.end.y) > 1.0
+        for j in journeys
+    )
+
+
+def _files(
+    state: _Import, journeys: Sequence[Journey], net: str, catalogue: Catalogue | None, route_files: Sequence[Path]
+) -> dict[str, FileOfCases]:
+    """Sort the cases into files by name: a family, and where need be what of it has no signal or nothing staged."""
+    rows: dict[str, list[Row]] = {}
+    names: dict[str, set[str]] = {}
+    count: Counter[str] = Counter()
+    for journey in journeys:
+        family = journey.route.family
+        taken = names.setdefault(family, set())
+        name = distinct_name(f"route_{journey.route.id}", "route", taken)
+        taken.add(name)
+        row = row_of(state.network, state.signals, journey, name=name, number=count[family])
+        if family in STAGED and not _can_be_placed(state, row, net, catalogue):
+            row = row_of(state.network, state.signals, journey, name=name, number=count[family], staged=False)
+        count[family] += 1
+        rows.setdefault(_file_name(row), []).append(row)
+    for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
+        state.taken[f"routes of family {family}" if family else "routes without a family"] += number
+        if family not in STAGED:
+            state.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
+    unstaged = sum(not row.staged and row.family in STAGED for found in rows.values() for row in found)
+    state.left_out["routes on which there is no place for their family's behaviour"] += unstaged
+    sources = tuple(file.name for file in route_files)
+    return {
+        name: FileOfCases(name, net, tuple(found), catalogue, sources, town_of(Path(net)))
+        for name, found in sorted(rows.items())
+    }
+
+
+def _can_be_placed(state: _Import, row: Row, net: str, catalogue: Catalogue | None) -> bool:
+    """Whether the compiler finds a place for everybody in a case."""
+    from foresee_dsl.exchange.carla_text import placed_wrongly
+
+    if not row.staged:
+        return False
+    return not placed_wrongly(
+        FileOfCases(_file_name(row), net, (row,), catalogue, (), ""), state.network, state.signals
+    )
+
+
+def _file_name(row: Row) -> str:
+    family = f"scenario{row.family}" if row.family else "routes"
+    if row.family not in STAGED:
+        return name_of(family, "routes")
+    if not row.staged:
+        return f"{family}_open"
+    return family if row.signal or row.family == "3" else f"{family}_no_signal"
+
+
+def _write_files(state: _Import, files: Mapping[str, FileOfCases], folder: Path, catalogue: Catalogue | None) -> None:
+    from foresee_dsl.language.printer import print_model
+
+    if not files:
+        raise ExchangeError("no route could be imported: " + (state.notes[0] if state.notes else "there is none"))
+    if catalogue is not None:
+        (folder / CATALOGUE).write_text(print_model(catalogue), encoding="utf-8", newline="\n")
+        state.taken["blueprints"] += len(vehicles_of(catalogue))
+    for name, file in files.items():
+        (folder / f"{name}.foresee").write_text(text_of(file), encoding="utf-8", newline="\n")
+
+
+def _list_map(state: _Import, map_file: Path) -> None:
+    if map_file.suffix != ".xodr":
+        return
+    root = parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")
+    state.left_out.update(left_out_of(root))
+    parts, _ = read_net_once(foreign_net(map_file), None)
+    state.notes += notes_on(root, parts)

@@ -1,0 +1,121 @@
+"""Writes a test case as OpenSCENARIO XML 1.2 with an OpenDRIVE map, so that other simulators can play it."""
+
+from __future__ import annotations
+
+import datetime
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.steps import case_name, run_test_case
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.exchange import openscenario_behaviour, openscenario_trajectories
+from foresee_dsl.exchange.opendrive_out import opendrive_of
+from foresee_dsl.exchange.openscenario_cast import entities, init
+from foresee_dsl.exchange.openscenario_library import MINOR_VERSION, at_time, library
+from foresee_dsl.exchange.openscenario_weather import environment
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.project import load_test_case
+from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.verdict import RunResult
+
+_DATE = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
+"""The header asks for a date; a constant, so that the same test case gives the same bytes."""
+
+
+def run(
+    address: str, *, out: Path, behaviour: bool = False, driver: str = "", seed: int | None = None
+) -> Imported:
+    """Write `NAME.xosc` and `NAME.xodr` for a test case, a clip or a mutant. It is run for that.
+
+    Args:
+        address: `FILE` or `FILE::CASE`.
+        out: the folder.
+        behaviour: what actors do and when, as far as it can be expressed; otherwise where they went.
+        driver, seed: of the run; by default what a mutant records, else `pdm` and 0.
+
+    Raises:
+        ExchangeError: the package scenariogeneration is missing, or `out` cannot be written.
+        InputError, CompileError, DriverError: the test case cannot be run.
+    """
+    library()
+    case = load_test_case(address)
+    driver, seed = _as_recorded(case, driver, seed)
+    bundle = compile_test_case(case)
+    result = run_test_case(case, driver, seed)
+    trace = result.trace
+    name = case_name(case)
+    left_out: Counter[str] = Counter()
+    document = _document(case, bundle, result, f"{name}.xodr", behaviour=behaviour, left_out=left_out)
+    road = opendrive_of(case.network, bundle.net_file)
+
+    def write(folder: Path) -> None:
+        (folder / f"{name}.xodr").write_bytes(road)
+        document.write_xml(str(folder / f"{name}.xosc"))
+
+    files = write_together(out, write)
+    kinds = Counter(info.kind for info in trace.actors)
+    taken = {f"of class {kind}": count for kind, count in sorted(kinds.items())}
+    notes = (f"driven by {driver}: {result.reason}",)
+    return Imported(files=files, cases=1, taken=taken, left_out=+left_out, notes=notes)
+
+
+def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, int]:
+    """Return the driver and the seed of the run: what is named, else what the mutant records."""
+    origin = case.mutant.origin if case.mutant is not None else None
+    if not driver:
+        driver = recorded_address((origin.driver if origin else None) or "pdm")
+        if ":" in driver:  # a file that somebody sends must not run a command by being exported
+            raise ExchangeError(f"recorded with a program as its driver ({driver}): name it with --driver, or another")
+    if seed is None:
+        seed = int(origin.seed.value) if origin and origin.seed else 0
+    return driver, seed
+
+
+def _document(
+    case: TestCase, bundle: SumoBundle, result: RunResult, road: str, *, behaviour: bool, left_out: Counter[str]
+) -> Any:  # noqa: ANN401 - the library has no types
+    osc = library()
+    trace = result.trace
+    specs = {actor.id: actor.model for actor in bundle.scene.actors}
+    board = osc.StoryBoard(init(trace, specs, environment(bundle.scene)), at_time("end", trace.duration_s, "stop"))
+    if behaviour:
+        groups = openscenario_behaviour.groups(bundle, trace, left_out)
+    else:
+        groups = openscenario_trajectories.groups(trace, specs)
+    if groups:
+        board.add_story(_story(groups))
+    _count(case, bundle, trace, left_out)
+    return osc.Scenario(
+        f"{case.scenario.name}: {result.reason}",
+        "foresee-dsl",
+        osc.ParameterDeclarations(),
+        entities(trace, specs),
+        board,
+        osc.RoadNetwork(road),
+        osc.Catalog(),
+        osc_minor_version=MINOR_VERSION,
+        creation_date=_DATE,
+    )
+
+
+def _story(groups: list[Any]) -> Any:  # noqa: ANN401 - as above
+    osc = library()
+    act = osc.Act("act", at_time("begin", 0.0))
+    for group in groups:
+        act.add_maneuver_group(group)
+    story = osc.Story("story", osc.ParameterDeclarations())
+    story.add_act(act)
+    return story
+
+
+def _count(case: TestCase, bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> None:
+    """Count what a file of OpenSCENARIO has no place for."""
+    left_out["signals (the map shows where they are, not what they show)"] += len(trace.signals)
+    left_out["expectations"] += len(bundle.scene.expects)
+    left_out["buildings (they only hide things)"] += len(bundle.network.buildings)
+    if bundle.scene.friction < 0.9 - 1e-9 and not case.scenario.body:
+        left_out["wetness"] += 1

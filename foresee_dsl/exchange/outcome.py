@@ -1,0 +1,75 @@
+"""What an import gives: files that appear together or not at all, and what could not be taken over."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foresee_dsl.errors import ForeseeError
+
+
+class ExchangeError(ForeseeError):
+    """A foreign file cannot be read, or not be written as we are asked; the message names the file and what to do."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """The result of an import or export.
+
+    Attributes:
+        files: what was written.
+        cases: how many test cases are in them.
+        taken: what was taken over, in words, with counts.
+        left_out: what the source holds and the result does not express, in words, with counts.
+        notes: what we added or guessed, one sentence each.
+    """
+
+    files: tuple[Path, ...]
+    cases: int = 0
+    taken: dict[str, int] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
+    notes: tuple[str, ...] = ()
+
+
+def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
+    """Have files written to a temporary folder, then move them into place.
+
+    Args:
+        out: the folder that is meant; made where it is missing. Files of the same names are replaced.
+        write: writes its files into the folder that it is given (files only, no folders). If it raises, nothing is
+            left behind.
+
+    Returns:
+        The files, in `out`, by name.
+
+    Raises:
+        ExchangeError: `out` cannot be written.
+    """
+    try:
+        made = _missing(out)
+        out.mkdir(parents=True, exist_ok=True)
+        fresh = Path(tempfile.mkdtemp(prefix=".foresee-import-", dir=out))
+    except OSError as err:
+        raise ExchangeError(f"{out} cannot be written: {err.strerror or err}") from err
+    try:
+        write(fresh)
+        names = sorted(file.name for file in fresh.iterdir())
+        for name in names:
+            (fresh / name).replace(out / name)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        for folder in made:
+            if not any(folder.iterdir()):
+                folder.rmdir()
+        raise
+    shutil.rmtree(fresh, ignore_errors=True)
+    return tuple(out / name for name in names)
+
+
+def _missing(out: Path) -> list[Path]:
+    """The folders that have to be made for `out`, the innermost first."""
+    return [folder for folder in (out, *out.parents) if not folder.exists()]

@@ -1,0 +1,217 @@
+"""A first scenario on a network that somebody else made: a drive over a signalised junction, with traffic around."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.compile.foreign import foreign_net
+from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.roads import Movement
+from foresee_dsl.compile.routing import RouteError
+from foresee_dsl.compile.signals import read_signals
+from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.language.model import (
+    AlongEdge,
+    Doc,
+    EdgeRoute,
+    Ego,
+    End,
+    Expect,
+    GoalAt,
+    Predicate,
+    Quantity,
+    Scenario,
+    ScenarioItem,
+    StartAt,
+    StartSpeed,
+    Tags,
+    Traffic,
+    UseNetwork,
+)
+
+SHORTEST_M, LONGEST_M = 150.0, 400.0
+"""How long the ego's way is: from a whole approach and exit to what takes about a minute (ours)."""
+CLEAR_M = 10.0
+"""Free road behind the ego's front at the start, and beyond its goal (ours: two car lengths)."""
+APPROACH_M = 120.0
+"""At most so much of the first and of the last edge is driven (ours: signals are seen from there)."""
+_ROOMY_M = 40.0
+"""A first edge with so much ahead is a street to start in, and no piece of a roundabout (ours)."""
+_MOST_WAYS = 20_000
+"""Ways looked at (ours: a district; more would take seconds)."""
+_MOST_EDGES = 30
+_VEHICLES, _WALKERS = 10, 6
+_ROUND_M = 120.0
+_WAITING_S = 60.0
+"""At most so long at a signal: cycles of 90 s, netconvert's default, with a third of green (ours)."""
+_SLOW = 0.5
+"""The share of the limits that a drive through traffic reaches at least (ours)."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A drive.
+
+    Attributes:
+        edges: its route. start_m: where on the first edge it begins. goal_m: where on the last edge it ends.
+        length_m: from there to there, without what lies inside junctions.
+        signals: the junctions with a signal on it. turns: how often it does not go straight on.
+        free_s: what it takes at the limits, s.
+    """
+
+    edges: tuple[str, ...]
+    start_m: float
+    goal_m: float
+    length_m: float
+    signals: tuple[str, ...]
+    turns: int
+    free_s: float
+
+
+def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scenario, Way]:
+    """Return a scenario that runs on a network, and the way that its ego takes.
+
+    Args:
+        net_file: a `.net.xml` or `.xodr`.
+        name: of the scenario. network: the file as the scenario's file names it. doc: its sentence.
+
+    Raises:
+        CompileError: the file is no network.
+        ExchangeError: it has no way for a car that is long enough.
+    """
+    net = foreign_net(net_file)
+    roads = RoadNetwork.from_net(net)
+    if not any(edge.for_kind("car") for edge in roads.edges.values()):
+        raise ExchangeError(f"{net_file.name} has no lanes for cars: nobody could drive on it")
+    way = best_way(roads, frozenset(read_signals(net, None)))
+    if way is None:
+        raise ExchangeError(f"{net_file.name} has no way of {SHORTEST_M:.0f} m for a car: a larger map is needed")
+    body: list[ScenarioItem] = [
+        Doc(text=doc),
+        Tags(names=("starter",)),
+        UseNetwork(path=network),
+        _ego(roads, way),
+        *_traffic(roads),
+        Expect(mode="never", condition=Predicate(what="collision", actor="ego")),
+        Expect(mode="eventually", condition=Predicate(what="arrived", actor="ego")),
+        End(after=Quantity.of(_end_s(way), "time", 0)),
+    ]
+    return Scenario(name=name, body=tuple(body)), way
+
+
+def best_way(roads: RoadNetwork, signals: frozenset[str]) -> Way | None:
+    """Return the way for the ego: over a signal if there is any, from a street, with a turn, of a middle length.
+
+    The same network gives the same way.
+    """
+    middle = (SHORTEST_M + LONGEST_M) / 2
+    best: tuple[tuple[float, ...], Way] | None = None
+    for way in itertools.islice(_ways(roads, signals), _MOST_WAYS):
+        ahead_m = _length(roads, way.edges[0]) - way.start_m
+        rank = (
+            -min(len(way.signals), 1),
+            -min(ahead_m, _ROOMY_M),
+            -min(way.turns, 1),
+            len(way.signals),
+            abs(way.length_m - middle),
+        )
+        if (best is None or rank < best[0]) and _leads(roads, way.edges):
+            best = rank, way
+    return best[1] if best is not None else None
+
+
+def _ways(roads: RoadNetwork, signals: frozenset[str]) -> Iterator[Way]:
+    """Yield ways of a fitting length from every edge on, none over the same edge twice."""
+    for start in sorted(edge.id for edge in roads.edges.values() if edge.for_kind("car")):
+        open_ways: list[tuple[str, ...]] = [(start,)]
+        while open_ways:
+            edges = open_ways.pop()
+            way = _way(roads, signals, edges)
+            if way is not None and SHORTEST_M <= way.length_m <= LONGEST_M:
+                yield way
+            between_m = sum(_length(roads, edge) for edge in edges[1:])
+            if len(edges) < _MOST_EDGES and between_m < LONGEST_M:
+                after = sorted({m.to_edge for m in roads.movements_from(edges[-1]) if m.turn != "back"})
+                open_ways += [(*edges, edge) for edge in after if edge not in edges]
+
+
+def _way(roads: RoadNetwork, signals: frozenset[str], edges: tuple[str, ...]) -> Way | None:
+    """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
+    first_m, last_m = _length(roads, edges[0]), _length(roads, edges[-1])
+    if first_m < 2 * CLEAR_M or last_m < 2 * CLEAR_M:
+        return None
+    start_m, goal_m = max(CLEAR_M, first_m - APPROACH_M), min(last_m - CLEAR_M, APPROACH_M)
+    if len(edges) == 1:
+        start_m, goal_m = CLEAR_M, min(last_m - CLEAR_M, LONGEST_M)
+        length_m = goal_m - start_m
+    else:
+        length_m = first_m - start_m + goal_m + sum(_length(roads, edge) for edge in edges[1:-1])
+    taken = [_movement(roads, a, b) for a, b in itertools.pairwise(edges)]
+    return Way(
+        edges=edges,
+        start_m=math.floor(start_m),
+        goal_m=math.floor(goal_m),
+        length_m=length_m,
+        signals=tuple(m.junction for m in taken if m.tls is not None and m.junction in signals),
+        turns=sum(m.turn != "straight" for m in taken),
+        free_s=sum(_length(roads, e) / max(roads.edges[e].drivable[0].speed_mps, 1.0) for e in edges),
+    )
+
+
+def _movement(roads: RoadNetwork, start: str, end: str) -> Movement:
+    return next(m for m in roads.movements_from(start) if m.to_edge == end)
+
+
+def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
+    """Whether lanes lead all the way (edges may touch and yet have no lane from one to the next)."""
+    try:
+        roads.line(tuple(edges))
+    except RouteError:
+        return False
+    return True
+
+
+def _length(roads: RoadNetwork, edge: str) -> float:
+    return roads.edges[edge].drivable[0].line.length_m
+
+
+def _end_s(way: Way) -> float:
+    """Time enough to arrive, in tens of seconds."""
+    return math.ceil((way.free_s / _SLOW + _WAITING_S * (len(way.signals) + 0.5)) / 10) * 10
+
+
+def _ego(roads: RoadNetwork, way: Way) -> Ego:
+    limit = roads.edges[way.edges[0]].drivable[0].speed_mps
+    return Ego(
+        model="car.sedan",
+        body=(
+            EdgeRoute(edges=way.edges),
+            StartAt(place=AlongEdge(edge=way.edges[0], at=Quantity.of(way.start_m, "length", 0))),
+            StartSpeed(speed=Quantity.of(min(limit / 2, 8.0), "speed", 1)),
+            GoalAt(place=AlongEdge(edge=way.edges[-1], at=Quantity.of(way.goal_m, "length", 0))),
+        ),
+    )
+
+
+def _traffic(roads: RoadNetwork) -> list[Traffic]:
+    vehicles = ["car.compact", "car.suv", "van.delivery", "motorcycle.street"]
+    if any("bicycle" in lane.kinds for lane in roads.lanes.values()):
+        vehicles.append("bicycle.city")
+    found = [_around("others", _VEHICLES, vehicles, 1)]
+    if any(lane.kinds == {"pedestrian"} and not lane.internal for lane in roads.lanes.values()):
+        found.append(_around("walkers", _WALKERS, ["pedestrian.adult", "pedestrian.elderly"], 2))
+    return found
+
+
+def _around(name: str, count: int, models: Sequence[str], seed: int) -> Traffic:
+    return Traffic(
+        name=name,
+        count=Quantity.of(count, "count", 0),
+        models=tuple(models),
+        within=Quantity.of(_ROUND_M, "length", 0),
+        seed=Quantity.of(seed, "count", 0),
+    )
