@@ -62,7 +62,7 @@ class Nothing:
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Nothing to remember."""
 
-    def step(self, observation: Observation) -> Control:
+    def step(self, _: Observation) -> Control:
         """No pedals."""
         return Control(0.0, 0.0, 0.0)
 

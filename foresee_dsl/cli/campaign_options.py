@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
 CPUS = os.cpu_count() or 1
 Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
 Paths = Annotated[
-    list[str], typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).")
+    list[str],
+    typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE); or one campaign's file."),
 ]
 Before = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")]
 After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")]
@@ -30,25 +33,83 @@ StoreOption = Annotated[
 ShardOption = Annotated[str, typer.Option("--shard", metavar="K/N", help="Only part K of N, for job arrays.")]
 
 
-def settings_of(
-    driver: str, ranker: str, preset: str, *, before: float, after: float, risky_points: int, children: int,
-    handover: float, seed: int, repeat: int,
-) -> CampaignSettings:  # fmt: skip
-    """Return the settings, checked: unknown names are said before anything runs."""
+@dataclass(frozen=True)
+class Asked:
+    """What a command line, and the campaign's file that it names, ask for.
+
+    Attributes:
+        paths: the test cases. settings: one for each driver and ranker. budget_min: minutes, or None.
+    """
+
+    paths: list[str]
+    settings: tuple[CampaignSettings, ...]
+    budget_min: float | None = None
+
+    def folder(self, settings: CampaignSettings, out: Path) -> Path:
+        """Return where a campaign's results go: `out`, or a folder in it for each driver and ranker."""
+        if len(self.settings) == 1:
+            return out
+        return out / re.sub(r"[^\w.-]+", "_", f"{settings.driver}_{settings.ranker}").strip("_")
+
+
+def asked(ctx: typer.Context, paths: list[str], **flags: Any) -> Asked:  # noqa: ANN401 - as typer gives them
+    """Return what to do, checked: unknown names are said before anything runs.
+
+    A campaign's file stands for its settings; what is given on the command line goes before it.
+
+    Args:
+        ctx: tells which options were given. paths: the arguments. flags: the options' values, by their names.
+    """
+    from foresee_dsl.campaign.file import is_campaign, read_campaign
+    from foresee_dsl.errors import ForeseeError
+
+    drivers, rankers = (flags["driver"],), (flags["ranker"],)
+    budget = flags.get("budget")
+    if any(is_campaign(path) for path in paths):
+        if len(paths) > 1:
+            raise ForeseeError("a campaign's file says itself which test cases it runs: name it alone")
+        file = read_campaign(Path(paths[0]))
+        given = {name for name in flags if _is_given(ctx, name)}
+        paths = list(file.paths)
+        drivers = file.drivers if file.drivers and "driver" not in given else drivers
+        rankers = file.rankers if file.rankers and "ranker" not in given else rankers
+        flags |= {name: value for name, value in file.given.items() if name not in given}
+        if "budget" not in given and file.budget_s is not None:
+            budget = file.budget_s / 60
+    made = tuple(_settings(flags, driver, ranker) for driver in drivers for ranker in rankers)
+    return Asked(paths, made, budget)
+
+
+def _is_given(ctx: typer.Context, name: str) -> bool:
+    source = ctx.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def _settings(flags: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.derive.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.forecast.registry import load_ranker
 
+    before, handover = flags["before"], flags["handover"]
     if handover > max(before - DRIVES_S, 0.0):
         message = f"it has to end {DRIVES_S:g} s before the risky point, so {before - DRIVES_S:g} s is the longest here"
         raise typer.BadParameter(message, param_hint="--handover")
     load_driver(driver)
     load_ranker(ranker)
-    load_preset(preset)
+    load_preset(flags["preset"])
     return CampaignSettings(
-        driver, ranker, preset, before, after, risky_points, children, seed, handover_s=handover, repeat=repeat
+        driver=driver,
+        ranker=ranker,
+        preset=flags["preset"],
+        before_s=before,
+        after_s=flags["after"],
+        risky_points=flags["risky_points"],
+        children=flags["children"],
+        seed=flags["seed"],
+        handover_s=handover,
+        repeat=flags["repeat"],
     )
 
 

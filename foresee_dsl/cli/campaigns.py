@@ -18,8 +18,8 @@ from foresee_dsl.cli.campaign_options import (
     RiskyPoints,
     ShardOption,
     StoreOption,
+    asked,
     executor_of,
-    settings_of,
     shard_of,
 )
 from foresee_dsl.cli.common import (
@@ -39,6 +39,7 @@ from foresee_dsl.cli.common import (
 
 
 def campaign(
+    ctx: typer.Context,
     paths: Paths,
     driver: DriverOption = "pdm",
     ranker: RankerOption = "foresee",
@@ -77,7 +78,8 @@ def campaign(
     What was run before is taken from the store. A campaign that was stopped, by whatever, goes on where it was.
 
     [dim]foresee campaign scenarios --jobs 2 --out out
-    foresee campaign scenarios/scenario7.foresee::r02[/dim]
+    foresee campaign scenarios/scenario7.foresee::r02
+    foresee campaign nightly.foresee --jobs 8[/dim]
     """
     from contextlib import ExitStack
 
@@ -92,40 +94,47 @@ def campaign(
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    settings = settings_of(
-        driver, ranker, preset, before=before, after=after, risky_points=risky_points, children=children,
-        handover=handover, seed=seed, repeat=repeat,
+    wanted = asked(
+        ctx, paths, driver=driver, ranker=ranker, preset=preset, before=before, after=after, risky_points=risky_points,
+        children=children, handover=handover, seed=seed, repeat=repeat, budget=budget,
     )  # fmt: skip
     stop = Stopping()
     options = RunOptions(
         jobs=jobs,
-        limits=Limits(deadline, memory, None if budget is None else budget * 60),
+        limits=Limits(deadline, memory, None if wanted.budget_min is None else wanted.budget_min * 60),
         shard=shard_of(shard),
         retry=retry,
         executor=executor_of(executor, scheduler),
         stop=stop,
     )
-    cases = load_test_cases(paths, allow_outside=allow_outside)
+    cases = load_test_cases(wanted.paths, allow_outside=allow_outside)
     with ExitStack() as stack:
         opened = stack.enter_context(Store(store or out / "store"))
         told, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
-        if log is not None:
-            log.begin(test_cases=len(cases), settings=settings.as_dict(), jobs=jobs, store=str(opened.folder))
         stack.enter_context(stop)
-        result = run_campaign(cases, settings, out=out, store=opened, listener=told, options=options)
-        if log is not None:
-            log.end(interrupted=result.interrupted, broken=len(result.broken), wall_s=round(result.wall_s, 2))
+        results = []
+        for settings in wanted.settings:
+            if log is not None:
+                log.begin(test_cases=len(cases), settings=settings.as_dict(), jobs=jobs, store=str(opened.folder))
+            folder = wanted.folder(settings, out)
+            result = run_campaign(cases, settings, out=folder, store=opened, listener=told, options=options)
+            results.append((folder, result))
+            if log is not None:
+                log.end(interrupted=result.interrupted, broken=len(result.broken), wall_s=round(result.wall_s, 2))
+            if result.interrupted:
+                break
     screen = console(error=json)
-    if json:
-        typer.echo(as_text(result.as_dict()), nl=False)
-    else:
-        print_campaign(screen, result, out)
-    if report is not None:
-        save_campaign(report, result, out)
-    if result.interrupted:
+    for folder, result in results:
+        if json:
+            typer.echo(as_text(result.as_dict()), nl=False)
+        else:
+            print_campaign(screen, result, folder)
+        if report is not None:
+            save_campaign(report, result, folder)
+    if results[-1][1].interrupted:
         screen.print("The same command goes on from there." if stop() else "The time is up: the same command goes on.")
         raise typer.Exit(stop.exit_code if stop() else OK)
-    if result.broken:
+    if any(result.broken for _, result in results):
         raise typer.Exit(FAILED)
 
 

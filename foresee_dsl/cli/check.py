@@ -62,6 +62,10 @@ def check(
     except InputError as error:  # what is named is not there: that too in the form that was asked for
         result = Checked(0, (), error.diagnostics)
     found: list[Diagnostic] = list(result.diagnostics)
+    if result.campaigns:
+        from foresee_dsl.campaign.file import mistakes_of  # plug-ins are looked up: only where a campaign names them
+
+        found += [mistake for document in result.campaigns for mistake in mistakes_of(document)]
     if places:
         from foresee_dsl.compile import placement_mistakes
         from foresee_dsl.report.codes import joined

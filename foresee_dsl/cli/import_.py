@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import JsonOption, counted, print_json
+from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, counted, print_json
 
 if TYPE_CHECKING:
     from foresee_dsl.exchange.outcome import Imported
@@ -90,12 +90,22 @@ def sumo(
 def openscenario(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An OpenSCENARIO XML file (.xosc).")],
     out: IntoOption,
+    ego: Annotated[
+        str, typer.Option("--ego", help="The entity under test; by default `Ego` or the like, else the first vehicle.")
+    ] = "",
+    map_: Annotated[
+        Path | None, typer.Option("--map", help="The network; by default the one that the file names.")
+    ] = None,
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """Turn an OpenSCENARIO XML file into a scenario, as far as its common subset goes."""
+    """Turn an OpenSCENARIO XML file into a scenario, as far as its common subset goes.
+
+    [dim]foresee import openscenario cut_in.xosc --out cut_in[/dim]
+    """
     from foresee_dsl.exchange import openscenario_import as exchange
 
-    _say(exchange.run(file, out=out), json=json)
+    _say(exchange.run(file, out=out, ego=ego, road=map_, allow_outside=allow_outside), json=json)
 
 
 def _say(done: Imported, *, json: bool) -> None:

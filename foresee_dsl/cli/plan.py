@@ -18,7 +18,7 @@ from foresee_dsl.cli.campaign_options import (
     RiskyPoints,
     ShardOption,
     StoreOption,
-    settings_of,
+    asked,
     shard_of,
 )
 from foresee_dsl.cli.common import (
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 
 def plan(
+    ctx: typer.Context,
     paths: Paths,
     driver: DriverOption = "pdm",
     ranker: RankerOption = "foresee",
@@ -68,24 +69,35 @@ def plan(
 
     if format not in ("text", "dot", "json"):
         raise typer.BadParameter(f"{format!r} is none: text, dot, json", param_hint="--format")
-    settings = settings_of(
-        driver, ranker, preset, before=before, after=after, risky_points=risky_points, children=children,
-        handover=handover, seed=seed, repeat=repeat,
+    wanted = asked(
+        ctx, paths, driver=driver, ranker=ranker, preset=preset, before=before, after=after, risky_points=risky_points,
+        children=children, handover=handover, seed=seed, repeat=repeat,
     )  # fmt: skip
-    cases = load_test_cases(paths, allow_outside=allow_outside)
+    cases = load_test_cases(wanted.paths, allow_outside=allow_outside)
     folder = store or out / "store"
     opened = Store(folder, write=False) if (folder / "runs.sqlite").is_file() else None
+    part = shard_of(shard)
     try:
-        found = plan_campaign(Stages(cases, settings, opened, out, shard_of(shard)), opened, jobs=jobs)
+        plans = [
+            plan_campaign(Stages(cases, settings, opened, wanted.folder(settings, out), part), opened, jobs=jobs)
+            for settings in wanted.settings
+        ]
     finally:
         if opened is not None:
             opened.close()
+    for settings, found in zip(wanted.settings, plans, strict=True):
+        if format == "text" and len(plans) > 1:
+            console().print(f"{settings.driver}, {settings.ranker}", style="bold")
+        _show(found, folder, format, stored=opened is not None)
+
+
+def _show(found: CampaignPlan, folder: Path, format: str, *, stored: bool) -> None:
     if format == "json":
         print_json(found.as_dict())
     elif format == "dot":
         typer.echo(found.as_dot())
     else:
-        _print(found, folder, stored=opened is not None)
+        _print(found, folder, stored=stored)
 
 
 def _print(found: CampaignPlan, folder: Path, *, stored: bool) -> None:

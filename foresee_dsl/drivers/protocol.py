@@ -6,7 +6,7 @@ are the centre of the footprint unless said otherwise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -160,7 +160,7 @@ class Observation:
     actors: tuple[SeenActor, ...]
     signals: dict[str, SignalColour]
     measured_s: float | None = None
-    views: Views | None = None
+    views: Views | None = field(default=None, compare=False)  # drawn from the rest
 
 
 @dataclass(frozen=True, slots=True)

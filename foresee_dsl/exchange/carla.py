@@ -25,12 +25,12 @@ from foresee_dsl.exchange.carla_files import (
     town_of,
     towns,
 )
-from foresee_dsl.exchange.carla_journey import Journey, is_well_placed, journey_of
+from foresee_dsl.exchange.carla_journey import MISSED_M, Journey, is_well_placed, journey_of
 from foresee_dsl.exchange.carla_models import CATALOGUE, catalogue_of, ego_of, vehicles_of
 from foresee_dsl.exchange.carla_net import prepared_net
 from foresee_dsl.exchange.carla_text import FileOfCases, text_of
 from foresee_dsl.exchange.map_contents import left_out_of, notes_on
-from foresee_dsl.exchange.naming import distinct_name, name_of
+from foresee_dsl.exchange.naming import distinct_name
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.catalogues import bundled_models
 from foresee_dsl.language.model import Catalogue, VehicleModel
@@ -86,7 +86,7 @@ def run(
         net = _put_network(map_file, folder)
         state = _state(net, _models(catalogue), left_out)
         journeys = _journeys(state, routes, triggers)
-        files = _files(state, journeys, net.name, catalogue, route_files)
+        files = _files(state, journeys, net.name, catalogue)
         _write_files(state, files, folder, catalogue)
         _list_map(state, map_file)
         cases = sum(len(file.rows) for file in files.values())
@@ -159,6 +159,11 @@ def _journeys(state: _Import, routes: Sequence[CarlaRoute], triggers: Sequence[T
 def _tell_triggers(state: _Import, journeys: Sequence[Journey], triggers: Sequence[Trigger]) -> None:
     used = {(j.trigger.file, j.trigger.order) for j in journeys if j.trigger is not None}
     state.left_out["triggers on no imported route"] += len(triggers) - len(used)
+    moved = [journey.start_off_m for journey in journeys if journey.start_off_m > MISSED_M]
+    if moved:
+        state.notes.append(
+            f"{len(moved)} routes start up to {max(moved):.1f} m from CARLA's place: they were made for another map"
+        )
     without = sum(journey.trigger is None for journey in journeys)
     if without and triggers:
         state.notes.append(
@@ -171,10 +176,11 @@ def _tell_triggers(state: _Import, journeys: Sequence[Journey], triggers: Sequen
 
 
 def _files(
-    state: _Import, journeys: Sequence[Journey], net: str, catalogue: Catalogue | None, route_files: Sequence[Path]
+    state: _Import, journeys: Sequence[Journey], net: str, catalogue: Catalogue | None
 ) -> dict[str, FileOfCases]:
     """Sort the cases into files by name: a family, and where need be what of it has no signal or nothing staged."""
     rows: dict[str, list[Row]] = {}
+    sources: dict[str, dict[str, None]] = {}
     names: dict[str, set[str]] = {}
     count: Counter[str] = Counter()
     for journey in journeys:
@@ -187,15 +193,15 @@ def _files(
             row = row_of(state.network, state.signals, journey, name=name, number=count[family], staged=False)
         count[family] += 1
         rows.setdefault(_file_name(row), []).append(row)
+        sources.setdefault(_file_name(row), {})[journey.route.file.name] = None
     for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
         state.taken[f"routes of family {family}" if family else "routes without a family"] += number
         if family not in STAGED:
             state.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
-    unstaged = sum(not row.staged and row.family in STAGED for found in rows.values() for row in found)
+    unstaged = sum(row.variant == "open" and row.family in STAGED for found in rows.values() for row in found)
     state.left_out["routes on which there is no place for their family's behaviour"] += unstaged
-    sources = tuple(file.name for file in route_files)
     return {
-        name: FileOfCases(name, net, tuple(found), catalogue, sources, town_of(Path(net)))
+        name: FileOfCases(name, net, tuple(found), catalogue, tuple(sources[name]), town_of(Path(net)))
         for name, found in sorted(rows.items())
     }
 
@@ -204,20 +210,16 @@ def _can_be_placed(state: _Import, row: Row, net: str, catalogue: Catalogue | No
     """Whether the compiler finds a place for everybody in a case."""
     from foresee_dsl.exchange.carla_text import placed_wrongly
 
-    if not row.staged:
-        return False
-    return not placed_wrongly(
+    return row.variant == "open" or not placed_wrongly(
         FileOfCases(_file_name(row), net, (row,), catalogue, (), ""), state.network, state.signals
     )
 
 
 def _file_name(row: Row) -> str:
     family = f"scenario{row.family}" if row.family else "routes"
-    if row.family not in STAGED:
-        return name_of(family, "routes")
-    if not row.staged:
-        return f"{family}_open"
-    return family if row.signal or row.family == "3" else f"{family}_no_signal"
+    name = f"{family}_{row.variant}" if row.variant and row.family in STAGED else family
+    at_junction = row.family in STAGED and row.variant in ("", "walker") and row.family != "3"
+    return f"{name}_no_signal" if at_junction and not row.signal else name
 
 
 def _write_files(state: _Import, files: Mapping[str, FileOfCases], folder: Path, catalogue: Catalogue | None) -> None:

@@ -9,19 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.routeline import Passage
-from foresee_dsl.exchange.carla_journey import Journey, kerbs, passage_of
+from foresee_dsl.exchange.carla_journey import Journey, kerbs, passages_of
 from foresee_dsl.exchange.carla_partners import partner_of
 from foresee_dsl.language.catalogues import bundled_models
 from foresee_dsl.language.concrete import si_of
 
-OPEN = "open"
-"""The variant in which nothing is staged: for routes without a place for their family's behaviour."""
 STAGED = ("3", "4", "7", "8", "9")
 """The families whose behaviour we know."""
+Variant = Literal["", "walker", "crossing", "open"]
+"""What happens: the family's behaviour; for 7 to 9, where no way conflicts with the ego's, somebody who walks over the
+road behind the junction; for 4, where there is no room behind it, what happens in family 3; or nothing."""
 
 AHEAD_M = 12.0
 """Somebody crosses this far behind the trigger. CARLA's DynamicObjectCrossing starts 12 m ahead (from memory, not
@@ -33,6 +35,8 @@ _NEAREST_M = 22.0
 _BEFORE_GOAL_M = 4.0
 _COVER_BEFORE_M = 1.2
 """What hides somebody ends so far before whoever steps out from behind it (ours: a step of room)."""
+_LEAST_ROOM_M = 8.0
+"""Behind a junction, for something that stands there and somebody who crosses (ours)."""
 _HALF_LANE_M = 1.75
 _GREEN_AHEAD_S = 6.0
 """Green begins so long before the ego is thought to arrive, where it can (ours: it need not brake for amber)."""
@@ -71,7 +75,7 @@ PARAMS: Mapping[str, Param] = {
     "finish": Param("length"),
     "start_speed": Param("speed", "0 km/h..50 km/h step 1 km/h"),
     "junction": Param("junction"),
-    "green": Param("stage"),
+    "shown": Param("stage"),
     "since": Param("time"),
     "traffic_seed": Param("count", "0..9999 step 1"),
     "gap": Param("time", "0 s..5 s step 0.1 s"),
@@ -95,17 +99,22 @@ def param(name: str) -> Param:
 
 @dataclass(frozen=True)
 class Row:
-    """A case: its name, its values as text, and the variant of its family's file.
+    """A case: its name, and its values as text.
 
     Attributes:
-        family: `3`. variant: `staged`, `open`; with `signal` where the junction has one.
+        name: of the case. family: `3`. variant: what happens.
+        values: of all parameters that its file has.
     """
 
     name: str
     family: str
-    staged: bool
-    signal: bool
+    variant: Variant
     values: Mapping[str, str]
+
+    @property
+    def signal(self) -> bool:
+        """Whether the junction that is meant has a signal."""
+        return "shown" in self.values
 
 
 def row_of(
@@ -127,14 +136,9 @@ def row_of(
     """
     values = _route_values(journey, number)
     family = journey.route.family
-    found = _STAGES[family](network, signals, journey, number) if staged and family in _STAGES else None
-    return Row(
-        name=name,
-        family=family,
-        staged=found is not None,
-        signal=found is not None and "green" in found,
-        values=values | (found or {}),
-    )
+    stage = _STAGES.get(family) if staged else None
+    variant, found = stage(network, signals, journey, number) if stage is not None else _NOTHING
+    return Row(name=name, family=family, variant=variant, values=values | found)
 
 
 def _route_values(journey: Journey, number: int) -> dict[str, str]:
@@ -151,18 +155,22 @@ def _route_values(journey: Journey, number: int) -> dict[str, str]:
     }
 
 
-def _crossing(network: RoadNetwork, _: Mapping[str, Signal], journey: Journey, number: int) -> dict[str, str] | None:
+_Staged = tuple[Variant, dict[str, str]]
+_NOTHING: _Staged = ("open", {})
+
+
+def _crossing(network: RoadNetwork, _: Mapping[str, Signal], journey: Journey, number: int) -> _Staged:
     """Family 3: somebody crosses behind the trigger, and a cyclist further on."""
     room = journey.finish_m - _BEFORE_GOAL_M
     if room < _NEAREST_M:
-        return None
+        return _NOTHING
     spot = min(max(journey.trigger_m + AHEAD_M, _NEAREST_M), room)
     second = min(spot + 25.0, room) if spot + 10.0 < room else max(spot - 10.0, _NEAREST_M / 2)
     near, far = kerbs(network, journey.line, journey.s + spot)
     second_near, second_far = kerbs(network, journey.line, journey.s + second)
     walker, pace = _WALKERS[number % len(_WALKERS)]
     cover = _COVERS[number % len(_COVERS)]
-    return {
+    return "", {
         "spot": _m(spot),
         "near_kerb": _m(near),
         "far_kerb": _m(far),
@@ -179,24 +187,23 @@ def _crossing(network: RoadNetwork, _: Mapping[str, Signal], journey: Journey, n
     }
 
 
-def _after_turn(
-    network: RoadNetwork, signals: Mapping[str, Signal], journey: Journey, number: int
-) -> dict[str, str] | None:
+def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], journey: Journey, number: int) -> _Staged:
     """Family 4: something stands behind the junction, and a cyclist crosses behind it."""
-    passage = passage_of(journey)
+    passages = sorted(passages_of(network, journey), key=lambda one: one.turn not in ("left", "right"))
+    rooms = [(one, min(journey.goal_s, journey.line.end_s) - one.exit_s - 1.0) for one in passages]
+    passage, room = next(((one, room) for one, room in rooms if room >= _LEAST_ROOM_M), (None, 0.0))
     if passage is None:
-        return None
-    room = min(journey.goal_s, journey.line.end_s) - passage.exit_s - 1.0
-    if room < 8.0:
-        return None
+        variant, values = _crossing(network, signals, journey, number)
+        return ("crossing" if values else variant), values
     crossing = min((16.0, 20.0, 24.0)[number % 3], room)
-    beyond = crossing - 3.0
+    parked = _PARKED[number % len(_PARKED)]
+    beyond = crossing - _COVER_BEFORE_M - si_of(bundled_models()[parked].length) / 2
     near, far = kerbs(network, journey.line, passage.exit_s + crossing)
     cyclist, speed = _CYCLISTS[number % len(_CYCLISTS)]
-    return {
+    return "", {
         "junction": _word(passage.junction),
         **_green(signals, passage, journey),
-        "parked_model": _PARKED[number % len(_PARKED)],
+        "parked_model": parked,
         "beyond": _m(beyond),
         # half of it stands in the lane, or all of it in the lane beside the ego's
         "parked_side": _m(-(_HALF_LANE_M + 0.6)),
@@ -209,21 +216,21 @@ def _after_turn(
     }
 
 
-def _in_junction(
-    network: RoadNetwork, signals: Mapping[str, Signal], journey: Journey, number: int
-) -> dict[str, str] | None:
+def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], journey: Journey, number: int) -> _Staged:
     """Families 7, 8, 9: somebody comes to the junction at the same time."""
     family = journey.route.family
-    passage = passage_of(journey, signal=True) or passage_of(journey)
-    if passage is None:
-        return None
+    passages = sorted(passages_of(network, journey), key=lambda one: one.signal is None)
     speed = _PARTNER_SPEEDS[number % len(_PARTNER_SPEEDS)]
-    away = (passage.entry_s - journey.s) * speed / 3.6 / PACE_MPS
-    partner = partner_of(network, passage, family, away)
-    if partner is None:
-        return None
-    who = {"7": "runner", "8": "oncoming", "9": "crossing"}[family]
-    return {
+    partner = passage = None
+    for passage in passages:
+        away = (passage.entry_s - journey.s) * speed / 3.6 / PACE_MPS
+        partner = partner_of(network, passage, family, away)
+        if partner is not None:
+            break
+    if passage is None or partner is None:
+        return _alone(network, signals, journey, number, passages)
+    who = _WHO[family]
+    return "", {
         "junction": _word(passage.junction),
         **_green(signals, passage, journey),
         f"{who}_first": _word(partner.named[0]),
@@ -233,6 +240,19 @@ def _in_junction(
         f"{who}_speed": f"{speed} km/h",
         "gap": _GAPS[family][number % len(_GAPS[family])],
         **(_walker(network, journey, passage, number) if family in ("8", "9") else {}),
+    }
+
+
+def _alone(
+    network: RoadNetwork, signals: Mapping[str, Signal], journey: Journey, number: int, passages: Sequence[Passage]
+) -> _Staged:
+    """For junctions where no way conflicts with the ego's: somebody walks over the road behind it."""
+    if not passages:
+        return _NOTHING
+    return "walker", {
+        "junction": _word(passages[0].junction),
+        **_green(signals, passages[0], journey),
+        **_walker(network, journey, passages[0], number),
     }
 
 
@@ -251,6 +271,8 @@ def _walker(network: RoadNetwork, journey: Journey, passage: Passage, number: in
     }
 
 
+_WHO = {"7": "runner", "8": "oncoming", "9": "crossing"}
+"""What the other vehicle is called."""
 _STAGES = {"3": _crossing, "4": _after_turn, "7": _in_junction, "8": _in_junction, "9": _in_junction}
 
 
@@ -270,7 +292,7 @@ def _green(signals: Mapping[str, Signal], passage: Passage, journey: Journey) ->
     k, begun = max((k, begun) for k, (begun, _) in enumerate(starts) if begun <= at)
     phase = signal.phases[k]
     return {
-        "green": _word(signal.stages[phase.stage]),
+        "shown": _word(signal.stages[phase.stage]),
         "since": f"{phase.since_stage_s + at - begun:.1f} s",
     }
 

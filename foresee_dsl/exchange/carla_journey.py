@@ -12,7 +12,7 @@ from foresee_dsl.compile.polyline import wrap
 from foresee_dsl.compile.routeline import Passage, RouteLine
 from foresee_dsl.compile.starts import Starts
 from foresee_dsl.exchange.carla_files import CarlaRoute, Pose, Trigger
-from foresee_dsl.exchange.places_on_net import Way, length_to, through_of, way_between
+from foresee_dsl.exchange.places_on_net import NEAR_M, Way, length_to, through_of, way_between
 from foresee_dsl.language.model import AlongRoute, EdgeRoute, Ego, Quantity, StartAt
 
 TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
@@ -21,8 +21,8 @@ within 5 m, which finds one for each of Town10HD's routes (measured)."""
 _SAME_WAY_RAD = math.radians(60)
 _BESIDE_M = 0.05
 """A start that is hardly beside the middle of its lane is on it (ours: no place of Town10HD is farther off)."""
-_MISSED_M = 0.5
-"""A start that our words put farther from CARLA's is not it (ours: roundings come to 1 cm)."""
+MISSED_M = 0.5
+"""A start that is farther from CARLA's is worth a note (ours: roundings come to 1 cm)."""
 _LOOK_M, _LOOK_STEP_M = 25.0, 0.25
 """How far to look for a kerb, and in what steps (ours: six lanes and a median)."""
 
@@ -86,7 +86,8 @@ def journey_of(
     ego = Ego(model=spec.name, body=(EdgeRoute(edges=way.edges), StartAt(place=at)))
     placed = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
     finish = length_to(placed.line, route.end, placed.s) - placed.s
-    trigger = _trigger_of(route, triggers, placed.line, in_order=in_order)
+    drive = _Drive(placed.line, placed.s, placed.s + finish)
+    trigger = _trigger_of(route, triggers, drive, in_order=in_order)
     return Journey(
         route=route,
         way=way,
@@ -97,29 +98,28 @@ def journey_of(
         start_off_m=math.hypot(placed.x - route.start.x, placed.y - route.start.y),
         line=placed.line,
         s=placed.s,
-        trigger_m=0.0 if trigger is None else length_to(placed.line, trigger.pose, 0.0) - placed.s,
+        trigger_m=0.0 if trigger is None else drive.s_of(trigger.pose) - placed.s,
         trigger=trigger,
     )
 
 
 def is_well_placed(journey: Journey) -> bool:
-    """Say whether the ego starts where CARLA puts it, and has a way to go."""
-    return journey.start_off_m <= _MISSED_M and journey.finish_m > 1.0
+    """Say whether the ego starts where CARLA puts it, as far as the map has it, and has a way to go."""
+    return journey.start_off_m <= NEAR_M and journey.finish_m > 1.0
 
 
-def passage_of(journey: Journey, *, signal: bool | None = None) -> Passage | None:
-    """Return the junction that the trigger stands for: the first behind it that the ego comes to, or None.
+def passages_of(network: RoadNetwork, journey: Journey) -> list[Passage]:
+    """Return the junctions that the trigger may stand for: those behind it that the ego comes to, in order.
 
-    Args:
-        journey: the route.
-        signal: only junctions with a signal, or without; None for all.
+    Places where two roads merely join are no junctions here. Where none is behind the trigger, all on the way count.
     """
-    after = max(journey.s, journey.s + journey.trigger_m - TRIGGER_FAR_M)
+    found = []
     for passage in journey.line.passages:
-        ahead = passage.entry_s > journey.s + 1.0 and passage.exit_s > after and passage.entry_s < journey.goal_s
-        if ahead and (signal is None or signal == (passage.signal is not None)):
-            return passage
-    return None
+        arms = {movement.from_edge for movement in network.movements_at(passage.junction) if "car" in movement.kinds}
+        if journey.s + 1.0 < passage.entry_s < journey.goal_s and len(arms) > 2:
+            found.append(passage)
+    behind = [one for one in found if one.exit_s > journey.s + journey.trigger_m - TRIGGER_FAR_M]
+    return behind or found
 
 
 def kerbs(network: RoadNetwork, line: RouteLine, s: float) -> tuple[float, float]:
@@ -137,9 +137,9 @@ def _edge(network: RoadNetwork, line: RouteLine, s: float, side: int) -> float:
     return beyond + side * 0.75  # a step beyond the kerb
 
 
-def _trigger_of(route: CarlaRoute, triggers: Sequence[Trigger], line: RouteLine, *, in_order: bool) -> Trigger | None:
-    """The trigger of a route: the one of its place in the file, if it lies on the way; else the nearest that does."""
-    away = [(_off(line, trigger.pose), trigger.order, trigger) for trigger in triggers]
+def _trigger_of(route: CarlaRoute, triggers: Sequence[Trigger], drive: _Drive, *, in_order: bool) -> Trigger | None:
+    """The trigger of a route: the one of its place in the file, if it lies on the way; else the first that does."""
+    away = [(drive.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
     if in_order:
         own = [one for one in away if one[1] == route.order and one[0] <= TRIGGER_FAR_M]
         if own:
@@ -147,13 +147,25 @@ def _trigger_of(route: CarlaRoute, triggers: Sequence[Trigger], line: RouteLine,
     for within in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
         near = [one for one in away if one[0] <= within]
         if near:
-            return min(near)[2]
+            return min(near, key=lambda one: (round(drive.s_of(one[2].pose), 1), one[0], one[1]))[2]
     return None
 
 
-def _off(line: RouteLine, pose: Pose) -> float:
-    s, lateral = line.project(pose.x, pose.y)
-    x, y, heading = line.at(min(max(s, 0.0), line.length_m))
-    if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
-        return math.inf
-    return max(math.hypot(x - pose.x, y - pose.y), abs(lateral))
+@dataclass(frozen=True)
+class _Drive:
+    """The part of a line that the ego drives."""
+
+    line: RouteLine
+    start_s: float
+    goal_s: float
+
+    def s_of(self, pose: Pose) -> float:
+        """Where on it a place is nearest."""
+        return min(length_to(self.line, pose, max(self.start_s - TRIGGER_FAR_M, 0.0)), self.goal_s)
+
+    def off(self, pose: Pose) -> float:
+        """How far a place is from it; infinite for one of another direction."""
+        x, y, heading = self.line.at(self.s_of(pose))
+        if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
+            return math.inf
+        return math.hypot(x - pose.x, y - pose.y)

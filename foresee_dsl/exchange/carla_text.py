@@ -12,7 +12,7 @@ from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.scene import check_scene
-from foresee_dsl.exchange.carla_families import OPEN, ROUTE_PARAMS, Row, common, param
+from foresee_dsl.exchange.carla_families import ROUTE_PARAMS, Row, common, param
 from foresee_dsl.exchange.carla_models import CATALOGUE, ego_of, mix_of, vehicles_of
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.language.catalogues import bundled_models
@@ -30,6 +30,9 @@ _NO_LENGTH = "0.00 m"
 END_S = 90
 """Ours: 190 m, the longest of Town10HD, at 15 km/h, and two red lights."""
 _TITLES = {
+    "open": "routes through traffic",
+    "crossing": "where there is no room behind a turn: somebody crosses in front of the ego",
+    "walker": "a junction where nobody's way conflicts with the ego's: somebody walks over the road behind it",
     "3": "family 3: somebody crosses in front of the ego where there is no crossing",
     "4": "family 4: an obstacle and a cyclist behind a turn",
     "7": "family 7: another vehicle runs the red light",
@@ -75,9 +78,10 @@ def _names(rows: tuple[Row, ...]) -> list[str]:
 def _rendered(file: FileOfCases, defaults: Mapping[str, str]) -> str:
     row, town = file.rows[0], file.town or "town"
     family = f"scenario{row.family}" if row.family else "routes"
-    title = f"CARLA, {_TITLES[row.family]}" if row.staged else f"CARLA, {family}: routes through traffic"
+    title = f"CARLA, {_TITLES[row.variant or row.family]}"
     declared = {name: _declared(name, default) for name, default in defaults.items()}
-    template = _environment().get_template(f"{family if row.staged else OPEN}.foresee.j2")
+    shape = {"": family, "crossing": "scenario3"}.get(row.variant, row.variant)
+    template = _environment().get_template(f"{shape}.foresee.j2")
     return template.render(
         title=f"{town[:1].upper()}{town[1:]} of {title}.",
         source=", ".join(sorted(set(file.sources))[:3]) or "CARLA's files",

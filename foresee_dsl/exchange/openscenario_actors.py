@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from foresee_dsl.compile.checks import NEAR_ROAD_M
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.roads import LaneKind
 from foresee_dsl.compile.starts import WHEELS, lane_kind
@@ -53,6 +54,7 @@ _WALK_M = 60.0
 """Who walks without a given way goes straight on for so long (ours: the run's usual minute at 1 m/s)."""
 _OFF_ROAD_M = 200.0
 """The same for a vehicle off the lanes."""
+_NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
 _GENTLE_MPS2 = 1.0
 _CRAWLS_MPS = 0.05
@@ -91,9 +93,15 @@ class Actors:
         if pose is None:
             return None
         middle = _ahead(pose, entity.centre_m)
+        if self.network.far_from_lanes([(middle.x, middle.y)], _NEAR_M) is not None:
+            self.left_out["entities off the road network"] += 1
+            return None
         if entity.name == "ego":
             return self._ego(entity, player, middle, routing, track)
         if track is not None and (path := path_of(track)):
+            if self.network.far_from_lanes(path, _NEAR_M) is not None:
+                self.left_out["entities whose trajectories leave the road network"] += 1
+                return None
             return self._on_track(entity, player, middle, track, path, at_start=at_start, routing=routing)
         if entity.kind == "obstacle" or not (acts or routing is not None or player.speed_mps):
             return Made(self._actor(entity, middle, 0.0, ()))
@@ -200,13 +208,21 @@ class Actors:
     def _straight(self, entity: Entity, player: Player, middle: Pose, length_m: float) -> Made:
         """Return an actor that goes straight on off the lanes, or stands."""
         speed = player.speed_mps or 0.0
-        end = _ahead(middle, length_m)
+        end = self._before_the_wild(middle, length_m)
         body = (
             Path(points=(_point(middle), _point(end))),
             CruiseSpeed(speed=_quantity(min(speed, entity.spec.max_speed_mps), "speed")),
             *((IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()),
         )
         return Made(self._actor(entity, middle, speed, body))
+
+    def _before_the_wild(self, start: Pose, length_m: float) -> Pose:
+        """Return the end of a straight way that stays as near to the roads as the language asks."""
+        steps = math.floor(length_m)
+        near = (_ahead(start, k) for k in range(steps, 1, -1))
+        return next(
+            (end for end in near if self.network.far_from_lanes([(end.x, end.y)], _NEAR_M) is None), _ahead(start, 1.0)
+        )
 
     def _whole(self, route: tuple[str, ...], kind: LaneKind, *, go_on: bool) -> tuple[str, ...]:
         return straight_on(self.network, route, kind) if go_on else route

@@ -33,6 +33,9 @@ SPEED_M = 0.05
 """Along its path an actor is at most this much from where the trajectory has it, before rounding (ours: below what
 two simulators differ by)."""
 _MOST_PIECES = 60
+_STEADY_S = 1.0
+"""So much weight has being off by 1 m/s at a knot beside being off by 1 m at a time: without, speeds swing to and fro
+between knots, faster than vehicles can (ours)."""
 _FIRST_SLACK_MPS, _LAST_SLACK_MPS = 0.4, 0.005
 
 
@@ -118,7 +121,7 @@ def pace_of(track: Track) -> Pace | None:
     slack = _FIRST_SLACK_MPS
     while True:
         knots = _knots(time_s, speed, slack)
-        fitted = _fitted(time_s, way, knots)
+        fitted = _fitted(time_s, way, knots, np.interp(knots, time_s, speed))
         off = np.abs(_covered(time_s, knots, fitted) - way).max()
         if off <= SPEED_M or slack < _LAST_SLACK_MPS or len(knots) >= _MOST_PIECES:
             return Pace(tuple(map(float, knots)), tuple(float(v) for v in np.maximum(fitted, 0.0)))
@@ -195,9 +198,13 @@ def _knots(time_s: NDArray[np.float64], speed: NDArray[np.float64], slack: float
     return np.array([t for t, _ in line.coords])
 
 
-def _fitted(time_s: NDArray[np.float64], way: NDArray[np.float64], knots: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the speeds at the knots whose way is nearest to `way` (least squares)."""
-    columns = [_covered(time_s, knots, np.eye(len(knots))[k]) for k in range(len(knots))]
+def _fitted(
+    time_s: NDArray[np.float64], way: NDArray[np.float64], knots: NDArray[np.float64], speed: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the speeds at the knots whose way is nearest to `way`, and that are near to `speed` (least squares)."""
+    unit = np.eye(len(knots))
+    columns = [np.r_[_covered(time_s, knots, row), _STEADY_S * row] for row in unit]
+    way = np.r_[way, _STEADY_S * speed]
     return np.asarray(np.linalg.lstsq(np.column_stack(columns), way, rcond=None)[0], dtype=np.float64)
 
 

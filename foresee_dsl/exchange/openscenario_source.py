@@ -155,7 +155,7 @@ def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, st
         inside[name] = given.get(name) or value_of(item.get("value", ""), inside)
     copy = New(element.tag, {name: value_of(text, inside) for name, text in element.attrib.items()})
     copy.text = element.text
-    copy.extend(resolved(child, inside, {}) for child in element if child.tag != "ParameterDeclarations")
+    copy.extend([resolved(child, inside, {}) for child in element if child.tag != "ParameterDeclarations"])
     return copy
 
 

@@ -45,7 +45,7 @@ def shown(path: str | PurePath) -> str:
 
 
 def kind_of(path: Path) -> str:
-    """Return what a file holds by its first keyword: scenario, clip, mutant, network, models or campaign; "" when unclear."""
+    """Return what a file holds by its first keyword, such as `scenario` or `campaign`; "" when unclear."""
     try:
         with path.open("rb") as file:
             text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")

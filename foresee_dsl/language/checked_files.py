@@ -8,7 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.addresses import kind_of, kind_of_text, missing, parse_address, scenario_files
-from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.document import Document, TestCase
 from foresee_dsl.language.expand import absolute
 from foresee_dsl.language.lints.lint import lint
 from foresee_dsl.language.project import Project
@@ -21,6 +21,8 @@ class Checked:
     files: int
     cases: tuple[TestCase, ...]
     diagnostics: tuple[Diagnostic, ...]
+    campaigns: tuple[Document, ...] = ()
+    """Campaigns' files without mistakes; what they name is known where campaigns are run."""
 
 
 def check_paths(
@@ -45,12 +47,15 @@ def check_paths(
     addresses = [address for path in paths for address in _addresses(path, texts)]
     project = Project(allow_outside=allow_outside, overlay=texts)
     cases: list[TestCase] = []
+    campaigns: list[Document] = []
     found: dict[Diagnostic, None] = {}
     for address, file in addresses:
         try:
             text = texts.get(absolute(file))
             kind = kind_of(file) if text is None else kind_of_text(text)
-            if kind in ("network", "models", "campaign"):
+            if kind == "campaign":
+                campaigns.append(project.document(file))
+            elif kind in ("network", "models"):
                 project.definition(file)
             else:
                 cases.extend(project.test_cases([address]))
@@ -59,7 +64,7 @@ def check_paths(
     found |= dict.fromkeys(project.warnings)
     if lints:
         found |= dict.fromkeys(_lints(cases, {d.path for d in found if d.severity == "error"}))
-    return Checked(len({file for _, file in addresses}), tuple(cases), tuple(found))
+    return Checked(len({file for _, file in addresses}), tuple(cases), tuple(found), tuple(campaigns))
 
 
 def _lints(cases: Iterable[TestCase], broken: Container[str]) -> Iterator[Diagnostic]:

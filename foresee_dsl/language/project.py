@@ -188,10 +188,14 @@ class Project:
 
     def definition(self, file: str | Path) -> Definition:
         """Load and check one file as it stands, whatever it holds."""
+        return self.document(file).model
+
+    def document(self, file: str | Path) -> Document:
+        """The same, with the places of everything in it."""
         path = Path(file)
         if not self._is_file(path):
             raise missing(path)
-        return self._read(absolute(path), shown(path)).document.model
+        return self._read(absolute(path), shown(path)).document
 
     def catalogue(self, file: str | Path) -> dict[str, VehicleModel]:
         """Load the models of a catalogue's file, by name."""

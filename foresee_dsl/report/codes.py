@@ -14,10 +14,11 @@ _SAID_BETTER = {"FS309": "FS250", "FS308": "FS256"}
 
 def every_code() -> MappingProxyType[str, Code]:
     """Return all codes by name, in order."""
+    from foresee_dsl.campaign.codes import CODES as OF_CAMPAIGNS
     from foresee_dsl.compile.codes import CODES as OF_PLACES  # here: a check without mistakes needs no explanations
     from foresee_dsl.language.registry import CODES as OF_TEXT
 
-    codes = [*OF_TEXT.values(), *OF_PLACES]
+    codes = [*OF_TEXT.values(), *OF_PLACES, *OF_CAMPAIGNS]
     return MappingProxyType({code.code: code for code in sorted(codes, key=lambda code: code.code)})
 
 

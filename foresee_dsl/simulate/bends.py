@@ -36,7 +36,7 @@ _SLOWEST_MPS = 1.0
 
 AHEAD_M = 60.0
 """So far beyond its lane the bends are known. Ours: braking from 70 km/h with 3.2 m/s^2 takes 58 m."""
-GAINS_MPS = 2.0
+GAINS_MPS = 0.25
 """Who gains less speed than this needs no new look. Ours."""
 _SURE_M = 2.0
 """A vehicle is looked up again so far before it is slowed. Ours: a step at 100 km/h, and the roundings."""
@@ -102,14 +102,16 @@ class _Seen:
     Attributes:
         lane: that it is on. bends: of it. s: m along it.
         free_m: way to where it may not drive `fastest_mps` any more.
+        speed_mps: what it may drive. stands: where it stood then, and how fast it could become.
     """
 
-    __slots__ = ("bends", "fastest_mps", "free_m", "lane", "s")
+    __slots__ = ("bends", "fastest_mps", "free_m", "lane", "s", "speed_mps", "stands")
 
     def __init__(self, lane: str, bends: BendSpeeds | None) -> None:
         self.lane, self.bends = lane, bends
         self.s: float | None = None
-        self.free_m, self.fastest_mps = 0.0, 0.0
+        self.free_m, self.fastest_mps, self.speed_mps = 0.0, 0.0, inf
+        self.stands: tuple[tuple[float, float], float] | None = None
 
 
 class LaneBends:
@@ -140,6 +142,9 @@ class LaneBends:
         fastest = max(cruise_mps, speed + 1.0)  # it may be told to go faster than it did
         if bends is None or bends.slowest_mps >= fastest:
             return inf
+        place = actor.x, actor.y
+        if speed == 0.0 and seen.stands == (place, fastest):
+            return seen.speed_mps
         way_m = speed * STEP_S
         if fastest <= seen.fastest_mps:
             seen.free_m -= way_m
@@ -149,7 +154,9 @@ class LaneBends:
         # Whoever is far from the next bend need not be looked up at each step.
         seen.s, seen.fastest_mps = s, fastest + GAINS_MPS
         seen.free_m = bends.slower_from(s, seen.fastest_mps) - s - way_m
-        return bends.at(s + way_m)
+        seen.speed_mps = bends.at(s + way_m)
+        seen.stands = (place, fastest) if speed == 0.0 else None
+        return seen.speed_mps
 
     def _ahead(self, actor: Mobile) -> BendSpeeds | None:
         """Return the bends of the lane that a vehicle is on and of those that follow; None where it is on none."""

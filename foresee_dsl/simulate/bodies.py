@@ -138,6 +138,12 @@ class Body(Mobile):
     def follow(self, state: VehicleState) -> None:
         """Go on to where SUMO has the vehicle after a step."""
         x, y, speed, self.acceleration, self.lane = state
+        if (
+            speed == self.speed == self.yaw_rate == self._offset == self.placed.line_m == 0.0
+            and x == self._fx
+            and y == self._fy
+        ):
+            return  # it stands, and has turned as far as it turns
         jump = math.hypot(x - self._raw_x, y - self._raw_y) > speed * STEP_S + JUMP_M
         if jump or self._offset or self.placed.line_m:
             cos, sin = self._direction(x, y)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Mapping
 from typing import Any
 
@@ -59,12 +58,9 @@ def run(
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
     """
-    # The collector would go through the network and the models again and again: a fifth of a child's time (measured).
-    gc.freeze()
     try:
         return _Run(bundle, driver, seed, dict(meta or {}), sensors).go()
     finally:
-        gc.unfreeze()
         if isinstance(driver, Closing):
             driver.close()
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import atexit
 import contextlib
 import math
-import os
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from foresee_dsl.compile.bundle import Phase, PlacedActor, Signal, SumoBundle
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.sumo_options import memory_folder, options
 from foresee_dsl.simulate.trace import STEP_S
 
 if TYPE_CHECKING:
@@ -46,8 +46,6 @@ _ASKS = 8
 """Speed mode: drives what it is told, but asks at a junction whether it may."""
 
 _COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
-_SEED = 42
-"""SUMO's own random numbers decide nothing here (sigma and speedDev are 0); fixed to be sure."""
 
 
 class VehicleState(NamedTuple):
@@ -102,10 +100,10 @@ class World:
         self._signals: dict[str, Signal] = {}
         self._shown: dict[str, tuple[Phase, float]] = {}
         self._limits: dict[str, float] = {}
-        self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
+        self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
         try:
-            self._sumo.start(["sumo", *_options(bundle)])
+            self._sumo.start(["sumo", *options(bundle)])
             self._sumo.simulation.saveState(str(self._empty))
         except self._errors as err:
             self._states.cleanup()
@@ -447,28 +445,6 @@ class World:
             lanes = range(self._sumo.edge.getLaneNumber(edge))
             limit = self._limits[edge] = max(float(self._sumo.lane.getMaxSpeed(f"{edge}_{k}")) for k in lanes)
         return limit
-
-
-def _options(bundle: SumoBundle) -> list[str]:
-    options = {
-        "net-file": bundle.net_file,
-        "additional-files": bundle.types_file,
-        "step-length": STEP_S,
-        "time-to-teleport": -1,
-        "time-to-impatience": -1,  # impatience grows with the time waited, which no description holds
-        "collision.action": "none",
-        "pedestrian.striping.dawdling": 0,
-        "save-state.precision": 17,
-        "seed": _SEED,
-        "message-log": os.devnull,  # "Loading state from ..." would go to the standard output
-    }
-    flags = ["--no-step-log", "--no-warnings"]
-    return [word for key, value in options.items() for word in (f"--{key}", str(value))] + flags
-
-
-def _memory_folder() -> str | None:
-    shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
-    return shm if os.access(shm, os.W_OK) else None
 
 
 def _degrees(heading_rad: float) -> float:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.campaign.file import mistakes_of
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.checked_files import check_paths
@@ -36,6 +37,9 @@ def _do(command: str, *words: str) -> tuple[Diagnostic, ...]:
     options, paths = [w for w in words if w.startswith("-")], [w for w in words if not w.startswith("-")]
     if command == "check":
         result = check_paths(paths, allow_outside="--no-outside" not in options)
+        named = tuple(mistake for document in result.campaigns for mistake in mistakes_of(document))
+        if named:
+            return named
         if "--no-places" in options:
             return result.diagnostics
         return tuple(joined(result.diagnostics, placement_mistakes(result.cases)))

@@ -97,9 +97,9 @@ class Change(Item):
 
     Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
     the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
-    its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of its
-    way); `moving` (a length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the
-    number that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
+    its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
+    its way); `moving` (a length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the number
+    that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
     default, and `end.after`.
     """
 

@@ -358,7 +358,7 @@ _MEANING = (
         "a campaign without test cases",
         "A campaign needs test cases to begin with: files, folders, patterns or addresses.",
         "foresee 1\n\ncampaign nightly {\n  children 8\n}",
-        'foresee 1\n\ncampaign nightly {\n  seeds "scenarios/**"\n  children 8\n}',
+        'foresee 1\n\ncampaign nightly {\n  seeds "parent.foresee"\n  children 8\n}',
         "file",
     ),
 )

@@ -343,7 +343,8 @@ class NodeMaker:
         self._fill(node, (deviation, ego), ("deviation", "ego"))
         if whose is not None and str(whose) != "ego":
             help = "write it like `fidelity 0.00 m ego 0.12 m`"
-            self._mistake("FS003", f"a clip's fidelity tells of the ego, not of '{whose}'", help, span_of(_token(whose)))
+            message = f"a clip's fidelity tells of the ego, not of '{whose}'"
+            self._mistake("FS003", message, help, span_of(_token(whose)))
         return node
 
     def _holding(self, tree: _Tree, kind: type[m.Item]) -> Node:

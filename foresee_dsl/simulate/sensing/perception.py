@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -65,8 +65,8 @@ class _Told(Observation):
         return object.__getattribute__(self, name)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Go to another process as what was seen."""
-        return Observation, tuple(getattr(self, each.name) for each in fields(Observation))
+        """Go to another process as what was seen, without the pictures."""
+        return Observation, (self.time_s, self.ego, self.actors, self.signals, self.measured_s)
 
 
 class Sensing:

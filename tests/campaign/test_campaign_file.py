@@ -1,0 +1,124 @@
+"""A campaign's file: what it says, what the command line changes, and what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from small_campaign import write_project
+
+from foresee_dsl.campaign.file import is_campaign, read_campaign
+from foresee_dsl.errors import InputError
+from foresee_dsl.resources import data_folder
+
+FORESEE = Path(sys.executable).parent / "foresee"
+NIGHTLY = """foresee 1
+
+campaign nightly {
+  seeds "**"
+  drivers [idm]
+  clip before 3 s after 2.5 s
+  risky_points 2
+  children 1
+  seed 7
+  budget 10 min
+}
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    write_project(tmp_path / "project")
+    return tmp_path / "project"
+
+
+def written(project: Path, text: str) -> Path:
+    file = project / "nightly.foresee"
+    file.write_text(text)
+    return file
+
+
+def foresee(*arguments: object, expect: int = 0) -> str:
+    done = subprocess.run(
+        [FORESEE, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "100"},
+    )
+    assert done.returncode == expect, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+def test_what_it_says_is_what_is_done(project: Path) -> None:
+    found = read_campaign(written(project, NIGHTLY))
+    assert (found.name, found.drivers, found.rankers, found.budget_s) == ("nightly", ("idm",), (), 600.0)
+    assert found.given == {"before": 3.0, "after": 2.5, "risky_points": 2, "children": 1, "seed": 7}
+    (path,) = found.paths
+    assert Path(path).is_file() and not is_campaign(path), "patterns give scenarios, not the campaign itself"
+    assert is_campaign(str(project / "nightly.foresee"))
+
+
+def test_addresses_and_several_lines(project: Path) -> None:
+    (scenario,) = (p for p in project.rglob("*.foresee"))
+    name = scenario.relative_to(project).as_posix()
+    text = NIGHTLY.replace('seeds "**"', f'seeds "{name}::later"\n  seeds "{name}"\n  seeds "{name}::later"')
+    found = read_campaign(written(project, text))
+    assert found.paths == (f"{project / name}::later", str(project / name))
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "code", "words"),
+    [
+        ("drivers [idm]", "drivers [idn]", "FS058", "did you mean 'idm'?"),
+        ("drivers [idm]", "rankers [forsee]", "FS058", "did you mean 'foresee'?"),
+        ("drivers [idm]", "preset focussed", "FS058", "did you mean 'focused'?"),
+        ("drivers [idm]", "drivers [idm, idm]", "FS013", "keep one"),
+        ('seeds "**"', 'seeds "none/**"', "FS059", "begin at this file's own folder"),
+        ('seeds "**"', "repeat 2", "FS057", "say which test cases"),
+        ("children 1", "children 1\n  children 2", "FS013", ""),
+        ("budget 10 min", "budget 10 m", "FS010", "a time"),
+    ],
+)
+def test_mistakes_are_shown_where_they_are(project: Path, line: str, instead: str, code: str, words: str) -> None:
+    file = written(project, NIGHTLY.replace(line, instead))
+    try:
+        read_campaign(file)
+    except InputError as error:
+        (found,) = error.diagnostics
+    else:
+        pytest.fail("no mistake was found")
+    assert found.code == code and words in found.help
+    assert found.span is not None and found.source_line
+    assert code in foresee("check", file, expect=1)
+    assert code in foresee("campaign", file, "--out", project / "out", expect=1)
+    assert not (project / "out").exists()
+
+
+def test_it_runs_and_the_command_line_goes_before_it(project: Path, tmp_path: Path) -> None:
+    file = written(project, NIGHTLY.replace("[idm]", "[idm, pdm]"))
+    plans = foresee("plan", file, "--out", tmp_path / "out")
+    assert "idm, foresee" in plans and "pdm, foresee" in plans
+    foresee("campaign", file, "--out", tmp_path / "one", "--driver", "idm", "--children", "0", "--quiet")
+    one = json.loads((tmp_path / "one" / "campaign.json").read_text())
+    settings = one["settings"]
+    assert (settings["driver"], settings["children"], settings["after_s"], settings["seed"]) == ("idm", 0, 2.5, 7)
+    foresee("campaign", file, "--out", tmp_path / "two", "--store", tmp_path / "one" / "store", "--children", "0")
+    folders = sorted(p.parent.name for p in (tmp_path / "two").glob("*/campaign.json"))
+    assert folders == ["idm_foresee", "pdm_foresee"]
+
+
+def test_it_stands_alone(project: Path) -> None:
+    file = written(project, NIGHTLY)
+    assert "name it alone" in foresee("campaign", file, project, "--out", project / "out", expect=1)
+
+
+def test_the_bundled_one_runs_the_whole_library() -> None:
+    found = read_campaign(Path(data_folder("scenarios")) / "campaign.foresee")
+    assert found.drivers == ("pdm",)
+    assert {Path(p).parent.name for p in found.paths} == {"scenarios", *(f"scenario{k}" for k in "34789")}

@@ -1,0 +1,84 @@
+"""Clips as CARLA's routes: left-handed, by the middle of the vehicle, in the map's own coordinates."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from osc_files import XODR
+from typer.testing import CliRunner
+
+from foresee_dsl.cli import app
+from foresee_dsl.exchange import carla_route
+from foresee_dsl.exchange.outcome import ExchangeError
+
+SCENARIO = """foresee 1
+
+scenario along {
+  use network "Town77.xodr"
+
+  ego: car.sedan at (100 m, -1.75 m) heading -2 deg speed 10 m/s {
+    route [%s]
+    goal (180 m, -1.75 m)
+  }
+
+  end after 5 s
+}
+"""
+
+
+def written(folder: Path, edge: str = '"-1"') -> Path:
+    """Write the map and the scenario."""
+    (folder / "Town77.xodr").write_text(XODR)
+    (folder / "along.foresee").write_text(SCENARIO % edge)
+    return folder / "along.foresee"
+
+
+def test_a_route_begins_where_the_ego_is_and_ends_at_its_goal(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    done = carla_route.run([str(file), str(file)], out=tmp_path / "out" / "routes.xml")
+    assert done.cases == 2
+    root = ElementTree.parse(tmp_path / "out" / "routes.xml").getroot()
+    assert [(r.get("id"), r.get("town")) for r in root] == [("0", "Town77"), ("1", "Town77")]
+    start, end = root[0]
+    assert list(start.attrib) == ["x", "y", "z", "pitch", "roll", "yaw"]
+    half = 4.75 / 2
+    turned = math.radians(-2)
+    assert float(start.get("x")) == pytest.approx(100 - half * math.cos(turned), abs=1e-6)
+    assert float(start.get("y")) == pytest.approx(-(-1.75 - half * math.sin(turned)), abs=1e-6)
+    assert float(start.get("yaw")) == pytest.approx(2)
+    assert [float(end.get(key)) for key in ("x", "y", "yaw")] == pytest.approx([180, 1.75, 0], abs=1e-6)
+    assert done.left_out == {"speeds at the beginning": 2}
+
+
+def test_a_moved_net_is_moved_back(tmp_path: Path) -> None:
+    """A net's offset is what its coordinates were moved by: CARLA knows nothing of it."""
+    from foresee_dsl.compile.foreign import foreign_net
+
+    plain = carla_route.run([str(written(tmp_path))], out=tmp_path / "plain.xml").files[0].read_text()
+    net = foreign_net(tmp_path / "Town77.xodr").read_text()
+    assert 'netOffset="0.00,0.00"' in net
+    (tmp_path / "Town77.net.xml").write_text(net.replace('netOffset="0.00,0.00"', 'netOffset="30.00,-5.00"'))
+    file = written(tmp_path)
+    file.write_text(file.read_text().replace("Town77.xodr", "Town77.net.xml"))
+    moved = ElementTree.fromstring(carla_route.run([str(file)], out=tmp_path / "moved.xml").files[0].read_text())
+    for was, now in zip(ElementTree.fromstring(plain)[0], moved[0], strict=True):
+        assert float(now.get("x")) == pytest.approx(float(was.get("x")) - 30)
+        assert float(now.get("y")) == pytest.approx(float(was.get("y")) - 5)
+
+
+def test_whoever_cannot_name_the_town_is_told(tmp_path: Path) -> None:
+    file = written(tmp_path)
+    inline = file.read_text().replace('use network "Town77.xodr"', "network {\n junction a at (0 m, -1.75 m)\n"
+        " junction b at (300 m, -1.75 m)\n road main from a to b { back 0 }\n}").replace('"-1"', "main")  # fmt: skip
+    file.write_text(inline)
+    with pytest.raises(ExchangeError, match="--town"):
+        carla_route.run([str(file)], out=tmp_path / "out" / "routes.xml")
+    assert not (tmp_path / "out").exists()
+    arguments = ["export", "carla-route", str(file), "--out", str(tmp_path / "r.xml"), "--town", "Town09"]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert 'town="Town09"' in (tmp_path / "r.xml").read_text()
+    with pytest.raises(ExchangeError, match="must end in .xml"):
+        carla_route.run([str(file)], out=tmp_path / "routes.json", town="Town09")

@@ -1,0 +1,218 @@
+"""Runs and behaviour as OpenSCENARIO: valid, with the right places and times, and the same after the way back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from osc_checker import issues
+
+from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.exchange import openscenario_export, openscenario_import
+from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.language.model import Mutant, Origin
+from foresee_dsl.language.project import load_test_case
+from foresee_dsl.simulate.trace import HEADING, STEP_S, Trace, X, Y
+
+CROSSING = """foresee 1
+
+scenario crossing {
+  network {
+    junction middle at (0 m, 0 m)
+    junction west_end at (-120 m, 5 m)
+    junction east_end at (120 m, 0 m)
+    junction south_end at (10 m, -120 m)
+    road west from west_end to middle { lanes 2; sidewalk 2 m }
+    road east from middle to east_end { lanes 2; sidewalk 2 m }
+    road south from south_end to middle { sidewalk 2 m }
+  }
+
+  weather rain 0.4, wetness 0.5
+
+  ego: car.sedan {
+    route from west straight over middle
+    start at 20 m along ego.route
+    start speed 36 km/h
+  }
+  vehicle turner: van.delivery {
+    route from south right over middle
+    start at 90 m along south
+    start speed 5 m/s
+    ignores priority
+  }
+  vehicle lead: van.delivery {
+    route from west straight over middle
+    start at 60 m along ego.route
+    start speed 8 m/s
+    speed 8 m/s
+  }
+  bicycle cyclist: bicycle.city {
+    path [(-60 m, -6 m), (-30 m, -6 m), (-20 m, -3 m)]
+    delay 1 s
+  }
+  pedestrian walker: pedestrian.elderly {
+    path [(40 m, -8 m), (40 m, 8 m)]
+  }
+  obstacle crate: obstacle.parked_car {
+    start at (60 m, -8 m)
+  }
+
+  when ego.eta(middle) < 4 s {
+    walker starts
+  }
+  when distance(ego, lead) < 40 m and not lead.speed < 2 m/s {
+    lead changes speed to 5 m/s over 1 s
+    then {
+      lead changes lane left
+    }
+  }
+
+  expect never collision(ego)
+  end after 7 s
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("export") / "crossing.foresee"
+    file.write_text(CROSSING)
+    return file
+
+
+@pytest.fixture(scope="module")
+def trace(scenario: Path) -> Trace:
+    return run_test_case(load_test_case(scenario), "idm", 0).trace
+
+
+@pytest.fixture(scope="module")
+def exported(scenario: Path) -> Path:
+    openscenario_export.run(str(scenario), out=scenario.parent / "out", driver="idm")
+    return scenario.parent / "out" / "crossing.xosc"
+
+
+def test_the_checker_finds_nothing_and_would_find_something(exported: Path, tmp_path: Path) -> None:
+    assert issues(exported, tmp_path) == []
+    broken = tmp_path / "broken.xosc"
+    broken.write_text(exported.read_text().replace('vehicleCategory="van"', 'vehicleCategory="boat"'))
+    assert any("boat" in issue or "schema" in issue for issue in issues(broken, tmp_path))
+
+
+def test_every_vertex_is_where_the_actor_was_then(exported: Path, trace: Trace) -> None:
+    root = ElementTree.parse(exported).getroot()
+    centre = {}
+    for entity in root.iterfind("Entities/ScenarioObject"):
+        box = entity.find("*/BoundingBox/Center")
+        centre[entity.get("name")] = float(box.get("x"))
+    assert set(centre) == {info.id for info in trace.actors}
+    assert centre["ego"] == pytest.approx(4.75 / 2 - 1.05, abs=1e-6)  # the rear axle is 1.05 m before the bumper
+    assert centre["walker"] == centre["crate"] == 0
+    seen = {}
+    for group in root.iter("ManeuverGroup"):
+        name = group.find("Actors/EntityRef").get("entityRef")
+        k = trace.index(name)
+        for vertex in group.iter("Vertex"):
+            at = vertex.find("Position/WorldPosition")
+            x, y, h = (float(at.get(key)) for key in "xyh")
+            frame = trace.frame_at(float(vertex.get("time")))
+            assert float(vertex.get("time")) == pytest.approx(frame * STEP_S, abs=1e-6)
+            here = x + centre[name] * math.cos(h), y + centre[name] * math.sin(h)
+            assert here == pytest.approx(tuple(trace.states[frame, k, :2]), abs=1e-3)
+            seen[name] = seen.get(name, 0) + 1
+    assert set(seen) == {"ego", "turner", "lead", "cyclist", "walker"}
+    assert seen["ego"] == trace.frames
+    assert seen["cyclist"] < trace.frames - 15  # it stands for a second: two vertices are enough
+
+
+def test_the_same_run_gives_the_same_bytes(scenario: Path, exported: Path, tmp_path: Path) -> None:
+    openscenario_export.run(str(scenario), out=tmp_path, driver="idm")
+    for name in ("crossing.xosc", "crossing.xodr"):
+        assert (tmp_path / name).read_bytes() == (exported.parent / name).read_bytes()
+
+
+def test_the_way_back_keeps_entities_times_and_places(scenario: Path, exported: Path, trace: Trace) -> None:
+    out = exported.parent / "back"
+    done = openscenario_import.run(exported, out=out)
+    assert not done.left_out
+    before = compile_test_case(load_test_case(scenario)).scene
+    back = load_test_case(out / "crossing.foresee")
+    scene = compile_test_case(back).scene
+    assert [(a.id, a.model) for a in scene.actors] == [(a.id, a.model) for a in before.actors]
+    assert (scene.rain, scene.friction, scene.end_s) == pytest.approx((before.rain, before.friction, trace.duration_s))
+
+    again = run_test_case(back, "idm", 0).trace
+    for k, info in enumerate(trace.actors):
+        assert again.actors[k].id == info.id
+        was, now = trace.states[:, k], again.states[:, k]
+        assert np.hypot(now[0, X] - was[0, X], now[0, Y] - was[0, Y]) < 1e-3
+        assert abs(math.remainder(now[0, HEADING] - was[0, HEADING], math.tau)) < 1e-3
+    for name in ("turner", "lead", "cyclist", "walker"):
+        k, frames = trace.index(name), min(trace.frames, again.frames)
+        off = np.hypot(*(trace.states[:frames, k, :2] - again.states[:frames, k, :2]).T)
+        assert off.max() < 0.5, name  # it speeds up no faster than its model does
+
+
+def test_the_map_is_where_the_net_is(scenario: Path, exported: Path) -> None:
+    """Lanes of the map, read back, lie on those of the net that was driven on."""
+    from foresee_dsl.compile.foreign import foreign_net
+    from foresee_dsl.compile.geometry import RoadNetwork
+
+    ours = compile_test_case(load_test_case(scenario)).network
+    theirs = RoadNetwork.from_net(foreign_net(exported.with_suffix(".xodr")))
+    lanes = [lane for edge in ours.edges.values() for lane in edge.for_kind("car")]
+    assert len(lanes) == 10
+    for lane in lanes:
+        x, y, heading = lane.line.at(lane.line.length_m / 2)
+        near = theirs.nearest_lane(x, y, heading)
+        assert near is not None
+        assert abs(near.lateral_m) < 0.02
+
+
+def test_behaviour_is_told_as_far_as_it_goes(scenario: Path, tmp_path: Path) -> None:
+    done = openscenario_export.run(str(scenario), out=tmp_path, driver="idm", behaviour=True)
+    file = tmp_path / "crossing.xosc"
+    assert issues(file, tmp_path) == []
+    assert done.left_out == {
+        "conditions: eta to a junction (timed as in the run)": 1,
+        "rules that actors ignore": 1,
+        "expectations": 1,
+    }
+    root = ElementTree.parse(file).getroot()
+    events = {event.get("name"): event for event in root.iter("Event")}
+    slows, over = events["when_2_lead"], events["when_2_2_lead"]
+    conditions = [
+        next(iter(c)).find("EntityCondition") for c in slows.iterfind("StartTrigger/ConditionGroup/Condition")
+    ]
+    assert [next(iter(c)).tag for c in conditions] == ["RelativeDistanceCondition", "SpeedCondition"]
+    assert next(iter(conditions[1])).get("rule") == "greaterOrEqual"  # not slower than
+    waits = over.find("StartTrigger/ConditionGroup/Condition/ByValueCondition/StoryboardElementStateCondition")
+    assert (waits.get("storyboardElementRef"), waits.get("state")) == ("when_2_lead", "completeState")
+    assert over.find("Action/PrivateAction/LateralAction/LaneChangeAction") is not None
+    assert "ego_cruise" not in events  # its driver decides
+    starts = events["when_1_walker"].find(
+        "StartTrigger/ConditionGroup/Condition/ByValueCondition/SimulationTimeCondition"
+    )
+    assert 0 < float(starts.get("value")) < 7
+
+    back = openscenario_import.run(file, out=tmp_path / "back")
+    trace = run_test_case(load_test_case(tmp_path / "back" / "crossing.foresee"), "idm", 0).trace
+    assert back.cases == 1
+    walker = trace.states[:, trace.index("walker"), Y]
+    assert walker[0] == -8
+    assert walker[-1] > -7  # it has set off
+
+
+def test_a_file_cannot_name_a_program_to_run(scenario: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver that a mutant records is not started where it is a program."""
+    origin = Origin(driver="keeper 2 via external:python3 keeper.py")
+    mutant = Mutant(name="m", parent="c.foresee", pin="sha256:000000000000", body=(origin,))
+    recorded = replace(load_test_case(scenario), mutant=mutant)
+    monkeypatch.setattr(openscenario_export, "load_test_case", lambda _: recorded)
+    with pytest.raises(ExchangeError, match="name it with --driver"):
+        openscenario_export.run("m.foresee", out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
