@@ -17,9 +17,8 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.roads import Lane
 from foresee_dsl.compile.starts import lane_kind
-from foresee_dsl.simulate.state import Mobile
+from foresee_dsl.simulate.state import Mobile, VehicleState
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.world import VehicleState
 
 SIDEWAYS_MPS = 1.0
 """How fast a lane change moves sideways. Ours: 3.3 m in 3.3 s, within the 3 s to 5 s that lane changes take."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.simulate.collision import Box, Mover
@@ -81,3 +82,13 @@ class Mobile:
         self.x, self.y, self.heading = state.x, state.y, math.remainder(state.heading, math.tau)
         self.speed, self.acceleration = state.speed, state.acceleration
         self.yaw_rate, self.steer = state.yaw_rate, state.steer
+
+
+class VehicleState(NamedTuple):
+    """A vehicle as SUMO sees it; x, y: middle of the FRONT bumper, m; speed m/s; acceleration m/s^2."""
+
+    x: float
+    y: float
+    speed_mps: float
+    acceleration_mps2: float
+    lane: str

@@ -15,11 +15,12 @@ import math
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Phase, PlacedActor, Signal, SumoBundle
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.state import VehicleState
 from foresee_dsl.simulate.sumo_options import memory_folder, options
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -46,16 +47,6 @@ _ASKS = 8
 """Speed mode: drives what it is told, but asks at a junction whether it may."""
 
 _COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
-
-
-class VehicleState(NamedTuple):
-    """A vehicle as SUMO sees it; x, y: middle of the FRONT bumper, m; speed m/s; acceleration m/s^2."""
-
-    x: float
-    y: float
-    speed_mps: float
-    acceleration_mps2: float
-    lane: str
 
 
 @dataclass(slots=True)
