@@ -21,7 +21,7 @@ FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.
 
 @dataclass(frozen=True)
 class SeedOutcome:
-    """One test case as it was run, unmutated."""
+    """One test case as it was run, unmutated. `preventability`: of a failure."""
 
     id: str
     family: str
@@ -34,6 +34,7 @@ class SeedOutcome:
     risky_points: int = 0
     impact: Impact | None = None
     near: NearMisses | None = None
+    preventability: Preventability | None = None
 
 
 @dataclass(frozen=True)
@@ -285,6 +286,7 @@ def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
         "risky_points": seed.risky_points,
         "impact": seed.impact.as_dict() if seed.impact else None,
         "near_misses": seed.near.as_dict() if seed.near else None,
+        "preventability": _preventability_dict(seed.preventability),
         "trace": seed.trace,
     }
 

@@ -17,6 +17,7 @@ from foresee_dsl.campaign.records import Draft, Forecast, Made, MutantDraft, Mut
 from foresee_dsl.campaign.results import ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps import children_of, clip_around, measure_clip, run_child, run_test_case
+from foresee_dsl.derive.preventability import assess
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.expand import expand_clip, expand_mutant
@@ -86,6 +87,7 @@ def run_seed(work: SeedWork) -> Iterator[Made]:
     if work.trace is None:
         result = run_test_case(case, settings.driver, work.seed)
         trace = result.trace
+        avoided = assess(case, result) if result.verdict.is_failure else None
         outcome = SeedOutcome(
             id=case.id,
             family=case.family,
@@ -96,6 +98,7 @@ def run_seed(work: SeedWork) -> Iterator[Made]:
             wall_s=time.perf_counter() - started,
             impact=result.impact,
             near=result.near_misses,
+            preventability=avoided,
         )
         yield Made(work.key, "seed", work.name, outcome, trace.packed(), settings.driver, outcome.wall_s)
         if result.verdict is not Verdict.PASS:

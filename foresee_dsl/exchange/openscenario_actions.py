@@ -213,4 +213,3 @@ def _over(dynamics: Element | None, was: float | None, to: float) -> float | Non
 
 def _from_the_start() -> Condition:
     return Comparison(left=Measure(what="time"), op=">=", right=_quantity(0.0, "time"))
-

@@ -28,6 +28,7 @@ from foresee_dsl.exchange.openscenario_motion import (
     thinned,
 )
 from foresee_dsl.exchange.openscenario_places import NotExpressed, Places
+from foresee_dsl.exchange.openscenario_source import Source
 from foresee_dsl.exchange.values import quantity as _quantity
 from foresee_dsl.language.model import (
     Action,
@@ -58,7 +59,7 @@ _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
 _GENTLE_MPS2 = 1.0
 _CRAWLS_MPS = 0.05
-"""Path-followers brake harder than that before their path's end, and are slower there than that when they stop (ours)."""
+"""Path-followers brake harder than that before their path's end; who stops there is slower than that (ours)."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,11 @@ class Made:
 class Actors:
     """Makes actors of entities on a network; what cannot be said is counted in `left_out`, and told in `notes`."""
 
+    source: Source
     network: RoadNetwork
     places: Places
     left_out: Counter[str]
-    notes: list[str] = field(default_factory=list)
+    notes: dict[str, None] = field(default_factory=dict)
 
     def actor(
         self, entity: Entity, player: Player, routing: Element | None, *, at_start: bool, acts: bool
@@ -88,21 +90,24 @@ class Actors:
             routing: its route, target or trajectory. at_start: that is its way from the beginning.
             acts: an event is about it; who does not act and does not move only stands there.
         """
-        track = self._track(entity, routing)
-        pose = self._pose(entity)
-        if pose is None:
-            return None
-        middle = _ahead(pose, entity.centre_m)
-        if self.network.far_from_lanes([(middle.x, middle.y)], _NEAR_M) is not None:
-            self.left_out["entities off the road network"] += 1
+        try:
+            middle = self._middle(entity)
+            track = self._track(entity, routing)
+            path = path_of(track) if track is not None else []
+            if self.network.far_from_lanes(path, _NEAR_M) is not None:
+                raise NotExpressed("entities whose trajectories leave the road network")
+        except NotExpressed as err:
+            self.left_out[str(err)] += 1
             return None
         if entity.name == "ego":
             return self._ego(entity, player, middle, routing, track)
-        if track is not None and (path := path_of(track)):
-            if self.network.far_from_lanes(path, _NEAR_M) is not None:
-                self.left_out["entities whose trajectories leave the road network"] += 1
-                return None
+        if track is not None and path:
             return self._on_track(entity, player, middle, track, path, at_start=at_start, routing=routing)
+        return self._without_track(entity, player, middle, routing, acts=acts)
+
+    def _without_track(
+        self, entity: Entity, player: Player, middle: Pose, routing: Element | None, *, acts: bool
+    ) -> Made:
         if entity.kind == "obstacle" or not (acts or routing is not None or player.speed_mps):
             return Made(self._actor(entity, middle, 0.0, ()))
         if entity.kind not in WHEELS:
@@ -112,23 +117,29 @@ class Actors:
     def _track(self, entity: Entity, routing: Element | None) -> Track | None:
         if routing is None or routing.tag != "FollowTrajectoryAction":
             return None
-        trajectory = routing.find("Trajectory")
-        trajectory = routing.find("TrajectoryRef/Trajectory") if trajectory is None else trajectory
+        found = self._meant(routing, "Trajectory") or self._meant(routing.find("TrajectoryRef"), "Trajectory")
         try:
-            if trajectory is None:
-                raise NotExpressed("trajectories from catalogues")
-            return read_track(trajectory, self.places, entity.centre_m)
+            if not found:
+                raise NotExpressed("trajectories: nothing")
+            return read_track(found[0], self.places, entity.centre_m)
         except NotExpressed as err:
             self.left_out[str(err)] += 1
             return None
 
-    def _pose(self, entity: Entity) -> Pose | None:
-        """Return the pose of the reference point at the beginning."""
-        try:
-            return self.places.initial(entity.ref)
-        except NotExpressed as err:
-            self.left_out[str(err)] += 1
-            return None
+    def _meant(self, holder: Element | None, tag: str) -> list[Element]:
+        """Return the element of a kind that stands in another, or in a catalogue that it refers to; none, or one."""
+        if holder is None:
+            return []
+        reference = holder.find("CatalogReference")
+        found = self.source.entry(reference) if reference is not None else holder.find(tag)
+        return [found] if found is not None and found.tag == tag else []
+
+    def _middle(self, entity: Entity) -> Pose:
+        """Return the pose of the middle of the footprint at the beginning."""
+        middle = _ahead(self.places.initial(entity.ref), entity.centre_m)
+        if self.network.far_from_lanes([(middle.x, middle.y)], _NEAR_M) is not None:
+            raise NotExpressed("entities off the road network")
+        return middle
 
     def _ego(
         self, entity: Entity, player: Player, middle: Pose, routing: Element | None, track: Track | None
@@ -170,6 +181,7 @@ class Actors:
         routing: Element | None,
     ) -> Made:
         """Return an actor that follows a trajectory."""
+        self.notes["who follows a trajectory looks out for nobody"] = None
         pace = _timed(pace_of(track), routing)
         speed = player.speed_mps or 0.0
         if pace is not None:
@@ -177,7 +189,7 @@ class Actors:
             if not at_start:
                 player.pace = pace
         body = (
-            Path(points=tuple(_point(Pose(x, y, 0.0)) for x, y in _beyond(path, track, pace))),
+            Path(points=tuple(_point(Pose(x, y, 0.0)) for x, y in _beyond(path, pace))),
             CruiseSpeed(speed=_quantity(speed, "speed")),
             *((IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()),
         )
@@ -197,6 +209,9 @@ class Actors:
                 route = route_through(self.network, [front], kind)
             else:
                 return self._straight(entity, player, middle, _OFF_ROAD_M)
+        self.notes[
+            "vehicles on lanes ignore signals and priority, as a default controller does; they follow others"
+        ] = None
         speed = player.speed_mps or 0.0
         body: list[ActorItem] = [EdgeRoute(edges=self._whole(route, kind, go_on=True))]
         if speed > 0:
@@ -232,10 +247,9 @@ class Actors:
         if routing is None:
             return []
         found: list[Pose] = []
-        positions = [*routing.iterfind("Route/Waypoint/Position"), *routing.iterfind("Position")]
-        if routing.find("CatalogReference") is not None:
-            self.left_out["routes from catalogues"] += 1
-        for position in positions:
+        routes = self._meant(routing, "Route")
+        positions = [p for route in routes for p in route.iterfind("Waypoint/Position")]
+        for position in (*positions, *routing.iterfind("Position")):
             try:
                 found.append(self.places.pose(position))
             except NotExpressed as err:
@@ -280,7 +294,7 @@ def _when_begins(actions: Sequence[Action]) -> When:
     return When(condition=begin, actions=tuple(actions))
 
 
-def _beyond(path: Sequence[tuple[float, float]], track: Track, pace: Pace | None) -> Sequence[tuple[float, float]]:
+def _beyond(path: Sequence[tuple[float, float]], pace: Pace | None) -> Sequence[tuple[float, float]]:
     """Return a path that goes on straight after its end for as long as stopping takes: nobody brakes for the end."""
     speed = pace.speed_mps[-1] if pace is not None else 0.0
     end = Pose(*path[-1], math.atan2(path[-1][1] - path[-2][1], path[-1][0] - path[-2][0]))
@@ -304,4 +318,3 @@ def _ahead(pose: Pose, by_m: float) -> Pose:
 
 def _point(pose: Pose) -> Point:
     return Point(x=_quantity(pose.x, "length"), y=_quantity(pose.y, "length"))
-

@@ -190,9 +190,7 @@ class _Board:
             took = _rate(actor.model.acceleration_mps2) if actor.model.acceleration_mps2 > 0 else at_once()
         return osc.AbsoluteSpeedAction(figure(speed_mps), took)
 
-    def _add(
-        self, actor: str, name: str, actions: list[Any], starts: list[list[Make]], *, every: bool = False
-    ) -> None:
+    def _add(self, actor: str, name: str, actions: list[Any], starts: list[list[Make]], *, every: bool = False) -> None:
         osc = library()
         event = osc.Event(name, osc.Priority.parallel, _EVERY if every else 1)
         for k, action in enumerate(actions):

@@ -188,4 +188,3 @@ def _rule(kind: Element, *, equal: bool = False) -> Op:
     if rule not in _RULES or (rule == "equalTo" and not equal):
         raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
     return _RULES[rule]
-

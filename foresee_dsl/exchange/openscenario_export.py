@@ -26,9 +26,7 @@ _DATE = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
 """The header asks for a date; a constant, so that the same test case gives the same bytes."""
 
 
-def run(
-    address: str, *, out: Path, behaviour: bool = False, driver: str = "", seed: int | None = None
-) -> Imported:
+def run(address: str, *, out: Path, behaviour: bool = False, driver: str = "", seed: int | None = None) -> Imported:
     """Write `NAME.xosc` and `NAME.xodr` for a test case, a clip or a mutant. It is run for that.
 
     Args:

@@ -91,7 +91,7 @@ def _scenario(
     places = Places(roads, inits.positions)
     reader = Reader(cast.entities, places)
     events = read_events(source, reader, left_out)
-    actors = Actors(RoadNetwork.from_net(foreign_net(network_file)), places, left_out)
+    actors = Actors(source, RoadNetwork.from_net(foreign_net(network_file)), places, left_out)
     players = {ref: Player(e, inits.speeds.get(ref, 0.0), _lane_of(inits, ref)) for ref, e in cast.entities.items()}
     routing = inits.routing | {ref: found for ref, found in _routing(events).items() if ref not in inits.routing}
     acting = {ref for event in _all(events) for ref in event.refs}
@@ -106,8 +106,7 @@ def _scenario(
             raise ExchangeError(f"{source.path}: the ego '{ref}' stands nowhere on the network")
         else:
             del players[ref]
-    there = {ref: player for ref, player in players.items()}
-    whens = Writer(there, left_out).whens(_known(events, there, left_out))
+    whens = Writer(players, left_out).whens(_known(events, players, left_out))
     header: list[ScenarioItem] = [
         Doc(text=_sentence(source)),
         Tags(names=("openscenario",)),
@@ -118,7 +117,7 @@ def _scenario(
     never = Expect(mode="never", condition=Predicate(what="collision", actor="ego"))
     end = End(after=quantity(_end_s(source, left_out), "time"))
     body = (*header, *statements, *first, *whens, never, end)
-    return Scenario(name=name, body=body), actors.notes
+    return Scenario(name=name, body=body), list(actors.notes)
 
 
 class _Inits:
@@ -200,10 +199,12 @@ def _known(events: list[Event], players: dict[str, Player], left_out: Counter[st
     names = {player.entity.name for player in players.values()}
     found = []
     for event in events:
-        if event.condition is not None and not {name for name in mentioned(event.condition)} <= names:
+        if event.condition is not None and not mentioned(event.condition) <= names:
             left_out["conditions about entities that were left out"] += 1
-        else:
-            found.append(event)
+            continue
+        event.at_start = _known(event.at_start, players, left_out)
+        event.at_end = _known(event.at_end, players, left_out)
+        found.append(event)
     return found
 
 

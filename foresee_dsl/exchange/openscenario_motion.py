@@ -161,7 +161,9 @@ def route_through(network: RoadNetwork, poses: Sequence[Pose], kind: LaneKind) -
     return tuple(edges)
 
 
-def straight_on(network: RoadNetwork, edges: Sequence[str], kind: LaneKind, ahead_m: float = AHEAD_M) -> tuple[str, ...]:
+def straight_on(
+    network: RoadNetwork, edges: Sequence[str], kind: LaneKind, ahead_m: float = AHEAD_M
+) -> tuple[str, ...]:
     """Return edges continued as straight as possible, until the way is long enough, ends or comes back to itself."""
     way = list(edges)
     while sum(network.edges[e].drivable[0].length_m for e in way) < ahead_m:

@@ -75,9 +75,7 @@ def _moves(trace: Trace, actor: int, span: tuple[int, int]) -> bool:
 
 def _trajectory(trace: Trace, actor: int, frames: list[int], spec: ModelSpec) -> Any:  # noqa: ANN401 - as above
     osc = library()
-    line = osc.Polyline(
-        [figure(trace.time_s[k]) for k in frames], [_position(trace, actor, k, spec) for k in frames]
-    )
+    line = osc.Polyline([figure(trace.time_s[k]) for k in frames], [_position(trace, actor, k, spec) for k in frames])
     made = osc.Trajectory(f"{trace.actors[actor].id}_trajectory", False)
     made.add_shape(line)
     return made

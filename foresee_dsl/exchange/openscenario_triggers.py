@@ -58,8 +58,7 @@ class Conditions:
             parts = [self._groups(part, negated=negated) for part in condition.conditions]
             if isinstance(condition, Either) != negated:
                 return [group for part in parts for group in part]
-            joined = [list(itertools.chain(*choice)) for choice in itertools.islice(itertools.product(*parts), 100)]
-            return joined
+            return [list(itertools.chain(*choice)) for choice in itertools.islice(itertools.product(*parts), 100)]
         if isinstance(condition, Comparison):
             return [[self._comparison(condition, negated=negated)]]
         if isinstance(condition, Within):

@@ -64,6 +64,8 @@ def run(file: Path, *, out: Path) -> Imported:
         raise ExchangeError(f"{file} has no nodes: export it with them")
     name = name_of(file.name.partition(".osm")[0], "map")
     net = _converted(root)
+    if b"<edge " not in net:
+        raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
     notes = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that OSM "
              "does not say are guessed",)  # fmt: skip
     doc = f"A first drive on {file.name.replace(chr(34), '')}, (c) OpenStreetMap contributors."

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree.ElementTree import tostring  # no parsing: that is foreign_xml's
 
 from foresee_dsl.compile.foreign import foreign_net
 from foresee_dsl.compile.netconvert import without_header
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
 
 NET = ".net.xml"
+_GREEN_S = 20.0
+"""A phase without a time of its own (ours)."""
 
 
 def run(file: Path, *, out: Path) -> Imported:
@@ -32,8 +35,9 @@ def run(file: Path, *, out: Path) -> Imported:
     name = name_of(file.name.removesuffix(NET).removesuffix(".xml"), "net")
     if root.find("edge") is None or root.find("location") is None:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")
-    left_out = Counter({"signal programs that react to traffic (driven with their fixed times)": _actuated(root)})
-    data = without_header(file.read_bytes())
+    reacting = _with_fixed_times(root)
+    left_out = Counter({"signal programs that react to traffic (driven with fixed times)": reacting})
+    data = tostring(root, encoding="utf-8", xml_declaration=True) if reacting else without_header(file.read_bytes())
     return with_starter(data, name, out, doc=f"A first drive on {file.name}.", left_out=left_out)
 
 
@@ -61,7 +65,9 @@ def with_starter(
 
     files = write_together(out, write)
     way, taken = found[0]
-    over = f" over the signal of {', '.join(way.signals)}" if way.signals else ", over no signal: there is none on a way"
+    over = (
+        f" over the signal of {', '.join(way.signals)}" if way.signals else ", over no signal: there is none on a way"
+    )
     said = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
     return Imported(files=files, cases=1, taken=taken, left_out=+left_out, notes=(said, *notes))
 
@@ -78,5 +84,16 @@ def _counts(file: Path) -> dict[str, int]:
     }
 
 
-def _actuated(root: Element) -> int:
-    return sum(logic.get("type", "static") != "static" for logic in root.iter("tlLogic"))
+def _with_fixed_times(root: Element) -> int:
+    """Make every signal's program one of fixed times, and return how many reacted to traffic.
+
+    What such a program has seen is not in the states that runs begin from (SUMO refuses to load them).
+    """
+    found = [logic for logic in root.iter("tlLogic") if logic.get("type", "static") != "static"]
+    for logic in found:
+        logic.set("type", "static")
+        for phase in logic.iterfind("phase"):
+            phase.set("duration", phase.get("duration") or phase.get("minDur") or f"{_GREEN_S:g}")
+            for name in ("minDur", "maxDur", "next"):
+                phase.attrib.pop(name, None)
+    return len(found)

@@ -69,6 +69,7 @@ def _headline(result: CampaignResult, total: FamilyRow) -> Text:
     text = Text()
     text.append(f"\n{total.failed} failures", style="bold red" if total.failed else "bold green")
     text.append(f" in {total.children} children of {total.clips} clips from {total.cases} test cases")
+    text.append(f", in {duration(result.wall_s)}")
     if total.failed:
         avoidable = result.avoidable()
         said = ", ".join(f"{count} {answer.value}" for answer, count in avoidable.items())
@@ -175,7 +176,10 @@ def _set_aside(result: CampaignResult) -> list[Text]:
     if not failed:
         return []
     lines = [Text("\nSet aside (the test case itself did not pass):", style="bold")]
-    lines += [Text(f"  {s.id}: {s.reason}") for s in failed]
+    for seed in failed:
+        lines.append(Text(f"  {seed.id}: {seed.reason}"))
+        if seed.preventability:
+            lines.append(Text(f"    {seed.preventability.verdict.value}: {seed.preventability.why}"))
     return lines
 
 

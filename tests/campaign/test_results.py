@@ -8,6 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.report.terminal import save_campaign
 from foresee_dsl.simulate.verdict import Verdict
 
@@ -95,3 +96,13 @@ def test_the_report_can_be_saved(tmp_path: Path) -> None:
         file = tmp_path / f"report{suffix}"
         save_campaign(file, result(), Path("out"))
         assert file.read_text().startswith(begins)
+
+
+def test_a_failing_test_case_says_whether_it_could_have_been_prevented(tmp_path: Path) -> None:
+    found = result()
+    why = Preventability(Preventable.NO, "the risk begins too late")
+    seeds = tuple(replace(s, preventability=why) if s.verdict is Verdict.F4 else s for s in found.seeds)
+    save_campaign(tmp_path / "r.txt", replace(found, seeds=seeds), Path("out"))
+    assert "  7b: F4\n    unavoidable: the risk begins too late" in (tmp_path / "r.txt").read_text()
+    told = {s["test_case"]: s["preventability"] for s in replace(found, seeds=seeds).as_dict()["test_cases"]}
+    assert told["7b"]["verdict"] == "unavoidable" and told["3a"] is None

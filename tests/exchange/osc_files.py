@@ -154,7 +154,8 @@ def speed(value: str) -> str:
 def speed_action(value: str, dynamics: str = 'dynamicsShape="step" value="0" dynamicsDimension="time"') -> str:
     """Return a speed action."""
     return f"""<LongitudinalAction><SpeedAction><SpeedActionDynamics {dynamics}/>
-      <SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget></SpeedAction></LongitudinalAction>"""
+      <SpeedActionTarget><AbsoluteTargetSpeed value="{value}"/></SpeedActionTarget>
+    </SpeedAction></LongitudinalAction>"""
 
 
 def lane_change(by: int) -> str:

@@ -80,5 +80,5 @@ def test_whoever_cannot_name_the_town_is_told(tmp_path: Path) -> None:
     arguments = ["export", "carla-route", str(file), "--out", str(tmp_path / "r.xml"), "--town", "Town09"]
     assert CliRunner().invoke(app, arguments).exit_code == 0
     assert 'town="Town09"' in (tmp_path / "r.xml").read_text()
-    with pytest.raises(ExchangeError, match="must end in .xml"):
+    with pytest.raises(ExchangeError, match=r"must end in \.xml"):
         carla_route.run([str(file)], out=tmp_path / "routes.json", town="Town09")

@@ -45,7 +45,7 @@ def test_a_town_has_its_signal_its_roundabout_and_its_one_way_street(town: tuple
     ring = [edge for edge in roads.edges if edge.startswith("202#")]
     assert len(ring) == 3
     assert "-205" not in roads.edges  # one way
-    assert {m.direction for m in roads.movements_from("204#0")}.isdisjoint({"l"})  # no left turn, says the relation
+    assert {m.direction for m in roads.movements_from("204")}.isdisjoint({"l"})  # no left turn, says the relation
     for movement in roads.movements:
         if movement.to_edge in ring and movement.from_edge not in ring:
             others = [m for m in roads.movements_at(movement.junction) if m.from_edge in ring]
@@ -86,8 +86,8 @@ def test_a_sumo_net_is_taken_as_it_is(town: tuple[Imported, Path], tmp_path: Pat
     copy = tmp_path / "in" / "My Net.net.xml"
     copy.write_bytes(net.read_bytes().replace(b'type="static"', b'type="actuated"'))
     done = sumo.run(copy, out=tmp_path / "out")
-    assert [file.name for file in done.files] == ["my_net.foresee", "my_net.net.xml"]
-    assert done.left_out == {"signal programs that react to traffic (driven with their fixed times)": 1}
+    assert [written.name for written in done.files] == ["my_net.foresee", "my_net.net.xml"]
+    assert done.left_out == {"signal programs that react to traffic (driven with fixed times)": 1}
     assert run_test_case(load_test_case(tmp_path / "out" / "my_net.foresee"), "idm", 0).verdict is Verdict.PASS
 
 
@@ -115,11 +115,25 @@ BAD_MAPS = {
         _text(lambda t: re.sub(r'k="highway" v="(secondary|tertiary|residential)"', 'k="highway" v="cycleway"', t)),
         "no lanes for cars",
     ),
-    "too small": (
-        _text(lambda t: re.sub(r'(lat="48\.\d{2})(\d+)"', r'\g<1>000\2"', re.sub(r'(lon="11\.\d{2})(\d+)"', r'\g<1>000\2"', t))),
-        "",
+    "nothing to drive on": (
+        _text(lambda t: re.sub(r"<way(?! id=.202)[^>]*>.*?</way>", "", t, flags=re.DOTALL)),
+        "no street that leads anywhere",
     ),
-}  # fmt: skip
+    "too small": (
+        _text(
+            lambda t: (
+                re.sub(r"<way(?! id=.20[149])[^>]*>.*?</way>", "", t, flags=re.DOTALL)
+                .replace('lon="11.4970000"', 'lon="11.4994000"')
+                .replace('lon="11.4985000"', 'lon="11.4997000"')
+                .replace('lat="48.0976000"', 'lat="48.0996000"')
+                .replace('lat="48.0995000"', 'lat="48.0998000"')
+                .replace('lat="48.1020000"', 'lat="48.1003000"')
+                .replace('lat="48.1029000"', 'lat="48.1004000"')
+            )
+        ),
+        "no way of 150 m",
+    ),
+}
 
 
 @pytest.mark.parametrize("name", BAD_MAPS)
