@@ -28,7 +28,7 @@ from foresee_dsl.exchange.carla_files import (
 from foresee_dsl.exchange.carla_journey import MISSED_M, Journey, is_well_placed, journey_of
 from foresee_dsl.exchange.carla_models import CATALOGUE, catalogue_of, ego_of, vehicles_of
 from foresee_dsl.exchange.carla_net import prepared_net
-from foresee_dsl.exchange.carla_text import FileOfCases, text_of
+from foresee_dsl.exchange.carla_text import FileOfCases, placed_wrongly, text_of
 from foresee_dsl.exchange.map_contents import left_out_of, notes_on
 from foresee_dsl.exchange.naming import distinct_name
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
@@ -162,7 +162,7 @@ def _tell_triggers(state: _Import, journeys: Sequence[Journey], triggers: Sequen
     moved = [journey.start_off_m for journey in journeys if journey.start_off_m > MISSED_M]
     if moved:
         state.notes.append(
-            f"{len(moved)} routes start up to {max(moved):.1f} m from CARLA's place: they were made for another map"
+            f"routes that start beside CARLA's place (at most {max(moved):.1f} m): {len(moved)}; their map was another"
         )
     without = sum(journey.trigger is None for journey in journeys)
     if without and triggers:
@@ -188,9 +188,10 @@ def _files(
         taken = names.setdefault(family, set())
         name = distinct_name(f"route_{journey.route.id}", "route", taken)
         taken.add(name)
-        row = row_of(state.network, state.signals, journey, name=name, number=count[family])
-        if family in STAGED and not _can_be_placed(state, row, net, catalogue):
-            row = row_of(state.network, state.signals, journey, name=name, number=count[family], staged=False)
+        row = _row(state, journey, name, count[family], net, catalogue)
+        if row is None:
+            state.left_out["routes that the compiler cannot place"] += 1
+            continue
         count[family] += 1
         rows.setdefault(_file_name(row), []).append(row)
         sources.setdefault(_file_name(row), {})[journey.route.file.name] = None
@@ -206,13 +207,14 @@ def _files(
     }
 
 
-def _can_be_placed(state: _Import, row: Row, net: str, catalogue: Catalogue | None) -> bool:
-    """Whether the compiler finds a place for everybody in a case."""
-    from foresee_dsl.exchange.carla_text import placed_wrongly
-
-    return row.variant == "open" or not placed_wrongly(
-        FileOfCases(_file_name(row), net, (row,), catalogue, (), ""), state.network, state.signals
-    )
+def _row(state: _Import, journey: Journey, name: str, number: int, net: str, catalogue: Catalogue | None) -> Row | None:
+    """The case of a route: staged where the compiler finds a place for everybody, else open; None for neither."""
+    for staged in (True, False):
+        row = row_of(state.network, state.signals, journey, name=name, number=number, staged=staged)
+        file = FileOfCases(_file_name(row), net, (row,), catalogue, (), "")
+        if not placed_wrongly(file, state.network, state.signals):
+            return row
+    return None
 
 
 def _file_name(row: Row) -> str:

@@ -85,7 +85,8 @@ def journey_of(
     )
     ego = Ego(model=spec.name, body=(EdgeRoute(edges=way.edges), StartAt(place=at)))
     placed = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
-    finish = length_to(placed.line, route.end, placed.s) - placed.s
+    goal_s = min(length_to(placed.line, route.end, placed.s), placed.line.end_s)
+    finish = math.floor((goal_s - placed.s) * 100) / 100  # a rounding must not put it behind the end
     drive = _Drive(placed.line, placed.s, placed.s + finish)
     trigger = _trigger_of(route, triggers, drive, in_order=in_order)
     return Journey(
@@ -94,7 +95,7 @@ def journey_of(
         named=through_of(network, way.edges),
         begin_m=round(begin, 2),
         beside_m=beside,
-        finish_m=round(finish, 2),
+        finish_m=finish,
         start_off_m=math.hypot(placed.x - route.start.x, placed.y - route.start.y),
         line=placed.line,
         s=placed.s,

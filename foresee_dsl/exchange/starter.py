@@ -41,7 +41,9 @@ APPROACH_M = 120.0
 """At most so much of the first and of the last edge is driven (ours: signals are seen from there)."""
 _ROOMY_M = 40.0
 """A first edge with so much ahead is a street to start in, and no piece of a roundabout (ours)."""
-_MOST_WAYS = 20_000
+_SLOW_STREET_MPS = 20 / 3.6
+"""A limit below that is a yard's, or a fault of the map's (ours; an edition of CARLA's Town03 has 1.39 m/s)."""
+_MOST_WAYS = 10_000
 """Ways looked at (ours: a district; more would take seconds)."""
 _MOST_EDGES = 30
 _VEHICLES, _WALKERS = 10, 6
@@ -60,7 +62,7 @@ class Way:
         edges: its route. start_m: where on the first edge it begins. goal_m: where on the last edge it ends.
         length_m: from there to there, without what lies inside junctions.
         signals: the junctions with a signal on it. turns: how often it does not go straight on.
-        free_s: what it takes at the limits, s.
+        free_s: what it takes at the limits, s. slowest_mps: the least of them.
     """
 
     edges: tuple[str, ...]
@@ -70,6 +72,7 @@ class Way:
     signals: tuple[str, ...]
     turns: int
     free_s: float
+    slowest_mps: float
 
 
 def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scenario, Way]:
@@ -110,9 +113,11 @@ def best_way(roads: RoadNetwork, signals: frozenset[str]) -> Way | None:
     """
     middle = (SHORTEST_M + LONGEST_M) / 2
     best: tuple[tuple[float, ...], Way] | None = None
-    for way in itertools.islice(_ways(roads, signals), _MOST_WAYS):
-        ahead_m = _length(roads, way.edges[0]) - way.start_m
+    streets = _Streets.of(roads, signals)
+    for way in itertools.islice(streets.ways(), _MOST_WAYS):
+        ahead_m = streets.lengths[way.edges[0]] - way.start_m
         rank = (
+            way.slowest_mps < _SLOW_STREET_MPS,
             -min(len(way.signals), 1),
             -min(ahead_m, _ROOMY_M),
             -min(way.turns, 1),
@@ -124,46 +129,60 @@ def best_way(roads: RoadNetwork, signals: frozenset[str]) -> Way | None:
     return best[1] if best is not None else None
 
 
-def _ways(roads: RoadNetwork, signals: frozenset[str]) -> Iterator[Way]:
-    """Yield ways of a fitting length from every edge on, none over the same edge twice."""
-    for start in sorted(edge.id for edge in roads.edges.values() if edge.for_kind("car")):
-        open_ways: list[tuple[str, ...]] = [(start,)]
-        while open_ways:
-            edges = open_ways.pop()
-            way = _way(roads, signals, edges)
-            if way is not None and SHORTEST_M <= way.length_m <= LONGEST_M:
-                yield way
-            between_m = sum(_length(roads, edge) for edge in edges[1:])
-            if len(edges) < _MOST_EDGES and between_m < LONGEST_M:
-                after = sorted({m.to_edge for m in roads.movements_from(edges[-1]) if m.turn != "back"})
-                open_ways += [(*edges, edge) for edge in after if edge not in edges]
+@dataclass(frozen=True)
+class _Streets:
+    """What the search needs of each edge for cars: m, m/s, and the movements onward by the edge that they lead to."""
 
+    lengths: dict[str, float]
+    limits: dict[str, float]
+    onward: dict[str, dict[str, Movement]]
+    signals: frozenset[str]
 
-def _way(roads: RoadNetwork, signals: frozenset[str], edges: tuple[str, ...]) -> Way | None:
-    """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
-    first_m, last_m = _length(roads, edges[0]), _length(roads, edges[-1])
-    if first_m < 2 * CLEAR_M or last_m < 2 * CLEAR_M:
-        return None
-    start_m, goal_m = max(CLEAR_M, first_m - APPROACH_M), min(last_m - CLEAR_M, APPROACH_M)
-    if len(edges) == 1:
-        start_m, goal_m = CLEAR_M, min(last_m - CLEAR_M, LONGEST_M)
-        length_m = goal_m - start_m
-    else:
-        length_m = first_m - start_m + goal_m + sum(_length(roads, edge) for edge in edges[1:-1])
-    taken = [_movement(roads, a, b) for a, b in itertools.pairwise(edges)]
-    return Way(
-        edges=edges,
-        start_m=math.floor(start_m),
-        goal_m=math.floor(goal_m),
-        length_m=length_m,
-        signals=tuple(m.junction for m in taken if m.tls is not None and m.junction in signals),
-        turns=sum(m.turn != "straight" for m in taken),
-        free_s=sum(_length(roads, e) / max(roads.edges[e].drivable[0].speed_mps, 1.0) for e in edges),
-    )
+    @classmethod
+    def of(cls, roads: RoadNetwork, signals: frozenset[str]) -> _Streets:
+        lanes = {edge.id: edge.drivable[0] for edge in roads.edges.values() if edge.for_kind("car")}
+        onward = {
+            edge: {m.to_edge: m for m in roads.movements_from(edge) if m.turn != "back" and m.to_edge in lanes}
+            for edge in lanes
+        }
+        lengths = {edge: lane.line.length_m for edge, lane in lanes.items()}
+        return cls(lengths, {edge: lane.speed_mps for edge, lane in lanes.items()}, onward, signals)
 
+    def ways(self) -> Iterator[Way]:
+        """Yield ways of a fitting length from every edge on, none over the same edge twice."""
+        for start in sorted(self.lengths):
+            open_ways: list[tuple[tuple[str, ...], float]] = [((start,), 0.0)]
+            while open_ways:
+                edges, after_first_m = open_ways.pop()
+                way = self.way(edges)
+                if way is not None and SHORTEST_M <= way.length_m <= LONGEST_M:
+                    yield way
+                if len(edges) < _MOST_EDGES and after_first_m < LONGEST_M:
+                    after = (edge for edge in sorted(self.onward[edges[-1]]) if edge not in edges)
+                    open_ways += [((*edges, edge), after_first_m + self.lengths[edge]) for edge in after]
 
-def _movement(roads: RoadNetwork, start: str, end: str) -> Movement:
-    return next(m for m in roads.movements_from(start) if m.to_edge == end)
+    def way(self, edges: tuple[str, ...]) -> Way | None:
+        """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
+        first_m, last_m = self.lengths[edges[0]], self.lengths[edges[-1]]
+        if first_m < 2 * CLEAR_M or last_m < 2 * CLEAR_M:
+            return None
+        if len(edges) == 1:
+            start_m, goal_m = CLEAR_M, min(last_m - CLEAR_M, LONGEST_M)
+            length_m = goal_m - start_m
+        else:
+            start_m, goal_m = max(CLEAR_M, first_m - APPROACH_M), min(last_m - CLEAR_M, APPROACH_M)
+            length_m = first_m - start_m + goal_m + sum(self.lengths[edge] for edge in edges[1:-1])
+        taken = [self.onward[a][b] for a, b in itertools.pairwise(edges)]
+        return Way(
+            edges=edges,
+            start_m=math.floor(start_m),
+            goal_m=math.floor(goal_m),
+            length_m=length_m,
+            signals=tuple(m.junction for m in taken if m.tls is not None and m.junction in self.signals),
+            turns=sum(m.turn != "straight" for m in taken),
+            free_s=sum(self.lengths[e] / max(self.limits[e], 1.0) for e in edges),
+            slowest_mps=min(self.limits[e] for e in edges),
+        )
 
 
 def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
@@ -173,10 +192,6 @@ def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
     except RouteError:
         return False
     return True
-
-
-def _length(roads: RoadNetwork, edge: str) -> float:
-    return roads.edges[edge].drivable[0].line.length_m
 
 
 def _end_s(way: Way) -> float:

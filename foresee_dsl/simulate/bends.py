@@ -36,7 +36,7 @@ _SLOWEST_MPS = 1.0
 
 AHEAD_M = 60.0
 """So far beyond its lane the bends are known. Ours: braking from 70 km/h with 3.2 m/s^2 takes 58 m."""
-GAINS_MPS = 0.25
+_GAINS_MPS = 0.25
 """Who gains less speed than this needs no new look. Ours."""
 _SURE_M = 2.0
 """A vehicle is looked up again so far before it is slowed. Ours: a step at 100 km/h, and the roundings."""
@@ -152,7 +152,7 @@ class LaneBends:
                 return inf
         s, _ = self._network.lanes[actor.lane].line.project(*actor.front, seen.s)
         # Whoever is far from the next bend need not be looked up at each step.
-        seen.s, seen.fastest_mps = s, fastest + GAINS_MPS
+        seen.s, seen.fastest_mps = s, fastest + _GAINS_MPS
         seen.free_m = bends.slower_from(s, seen.fastest_mps) - s - way_m
         seen.speed_mps = bends.at(s + way_m)
         seen.stands = (place, fastest) if speed == 0.0 else None

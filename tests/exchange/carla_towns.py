@@ -11,6 +11,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from rich.console import Console
+
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.routeline import Passage
@@ -77,8 +79,9 @@ def passages(bundle: SumoBundle) -> list[Passage]:
 
 def main() -> None:
     """Print for each town how many routes are driven to their goal, and how long they are."""
+    say = Console(highlight=False).print
     carla = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2].parent / "shared" / "data" / "carla"
-    for town in MAPS:
+    for town in sys.argv[2:] or MAPS:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             done = import_town(carla, town, folder / "out")
@@ -88,10 +91,10 @@ def main() -> None:
             off = with_signals_off(bundles[0].net_file, folder / "off.net.xml")
             results = [drive_alone(case, off) for case in cases]
             arrived = sum(result.verdict == "pass" for result in results)
-            print(f"{town}: {done.cases} cases, {arrived} arrive alone, {min(lengths):.0f} to {max(lengths):.0f} m")
+            say(f"{town}: {done.cases} cases, {arrived} arrive alone, {min(lengths):.0f} to {max(lengths):.0f} m")
             for case, result in zip(cases, results, strict=True):
                 if result.verdict != "pass":
-                    print(f"  {Path(case.id).name}: {result.verdict}")
+                    say(f"  {Path(case.id).name}: {result.verdict}")
 
 
 if __name__ == "__main__":

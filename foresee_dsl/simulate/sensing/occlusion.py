@@ -8,6 +8,7 @@ behind a parked car is hidden, an adult's head behind it is not, and a lorry hid
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,16 @@ def marks(boxes: FloatArray) -> FloatArray:
     return points
 
 
+@lru_cache(maxsize=8)
+def _sides(buildings: tuple[Points, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return where the sides of buildings begin, counter-clockwise, and how they go on, [M, 2] m: once a network."""
+    outlines = [np.array(outline, dtype=np.float64).reshape(-1, 2) for outline in buildings]
+    outlines = [outline[::-1] if _area(outline) < 0 else outline for outline in outlines if len(outline) > 2]
+    empty = np.empty((0, 2))
+    ways = [np.roll(outline, -1, axis=0) - outline for outline in outlines]
+    return np.concatenate([empty, *outlines]), np.concatenate([empty, *ways])
+
+
 class Walls:
     """The outlines of buildings. An eye inside one sees out of it, and through it."""
 
@@ -49,11 +60,8 @@ class Walls:
         Args:
             buildings: outlines, m. reach_m: how far lines of sight go at most.
         """
-        outlines = [np.array(outline, dtype=np.float64).reshape(-1, 2) for outline in buildings]
-        outlines = [outline[::-1] if _area(outline) < 0 else outline for outline in outlines if len(outline) > 2]
+        self._from, self._way = _sides(tuple(tuple(outline) for outline in buildings))
         empty = np.empty((0, 2))
-        self._from = np.concatenate([empty, *outlines])
-        self._way = np.concatenate([empty, *(np.roll(outline, -1, axis=0) - outline for outline in outlines)])
         self._reach_m = reach_m
         self._near_from, self._near_way, self._near_outer = empty, empty, empty
         self._looked_up: tuple[float, float] | None = None
