@@ -69,7 +69,8 @@ class _Commands(TyperGroup):
             panel, function = self._table[cmd_name]
             module, _, attribute = function.partition(".")
             call = getattr(import_module(f"foresee_dsl.cli.{module}"), attribute)
-            self.commands[cmd_name] = _group(call, panel) if isinstance(call, typer.Typer) else _alone(call, cmd_name, panel)
+            grouped = isinstance(call, typer.Typer)
+            self.commands[cmd_name] = _group(call, panel) if grouped else _alone(call, cmd_name, panel)
         return self.commands[cmd_name]
 
 

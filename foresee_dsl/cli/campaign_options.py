@@ -63,7 +63,8 @@ def asked(ctx: typer.Context, paths: list[str], **flags: Any) -> Asked:  # noqa:
     from foresee_dsl.campaign.file import is_campaign, read_campaign
     from foresee_dsl.errors import ForeseeError
 
-    drivers, rankers = (flags["driver"],), (flags["ranker"],)
+    drivers: tuple[str, ...] = (flags["driver"],)
+    rankers: tuple[str, ...] = (flags["ranker"],)
     budget = flags.get("budget")
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:

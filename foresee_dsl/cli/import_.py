@@ -40,7 +40,7 @@ def carla(
 ) -> None:
     """Turn CARLA's leaderboard routes into scenarios: a file a family, a case a route.
 
-    [dim]foresee import carla --map Town10HD.xodr --routes Scenario7/*.xml --triggers Scenario7/*.json --out town10[/dim]
+    [dim]foresee import carla --map Town10HD.xodr --routes S7/*.xml --triggers S7/*.json --out town10[/dim]
     """
     from foresee_dsl.exchange import carla as exchange
 

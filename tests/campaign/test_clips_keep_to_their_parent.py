@@ -45,7 +45,7 @@ def test_on_a_real_map(carla: Path, tmp_path: Path, frame: int) -> None:
     file = tmp_path / "town10hd.foresee"
     file.write_text(text.replace("Town10HD.xodr", str(carla / "maps" / "xodr" / "Town10HD.xodr")))
     _, found = cut(str(file), frame, tmp_path)
-    assert found.largest_m < WITHIN_M, found.actors
+    assert found.largest_others_m < WITHIN_M, found.actors  # the ego's driver starts afresh
 
 
 def test_who_keeps_its_speed_near_a_junction_does_so_in_the_clip(scenarios: Path, tmp_path: Path) -> None:
@@ -80,4 +80,4 @@ def test_nearly_all_of_a_busy_run(scenarios: Path, tmp_path: Path) -> None:
     found = [cut(address, frame, tmp_path)[1] for frame in range(0, trace.frames - 100, 60)]
     values = [value for one in found for value in one.actors.values()]
     assert sum(value <= WITHIN_M for value in values) / len(values) >= 0.995
-    assert sum(one.largest_m <= WITHIN_M for one in found) / len(found) >= 0.9
+    assert sum(one.largest_others_m <= WITHIN_M for one in found) / len(found) >= 0.9

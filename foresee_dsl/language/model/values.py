@@ -113,6 +113,7 @@ class Ref(Item):
 
 def has_dimension(dimension: Dimension) -> Callable[[Quantity | Ref], Quantity | Ref]:
     """Return a validator of values: they have this dimension, and a count is a whole number."""
+
     def check(value: Quantity | Ref) -> Quantity | Ref:
         if isinstance(value, Ref):
             return value
