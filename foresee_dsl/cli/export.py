@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.common import JsonOption
+from foresee_dsl.cli.common import AllowOutsideOption, JsonOption
 from foresee_dsl.cli.import_ import IntoOption, _say
 
 export = typer.Typer(
@@ -33,8 +33,11 @@ def openscenario(
     driver: Annotated[
         str, typer.Option("--driver", help="Who drives; by default whom a mutant records, else pdm.")
     ] = "",
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="By default what a mutant records, else 0.")] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, max=2**31 - 1, help="By default what a mutant records, else 0.")
+    ] = None,
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Write OpenSCENARIO XML 1.2 and an OpenDRIVE map, to replay a failure in another simulator.
 
@@ -42,7 +45,8 @@ def openscenario(
     """
     from foresee_dsl.exchange import openscenario_export as exchange
 
-    _say(exchange.run(address, out=out, behaviour=behaviour, driver=driver, seed=seed), json=json)
+    done = exchange.run(address, out=out, behaviour=behaviour, driver=driver, seed=seed, allow_outside=allow_outside)
+    _say(done, json=json)
 
 
 @export.command("carla-route")
@@ -53,6 +57,7 @@ def carla_route(
     out: Annotated[Path, typer.Option("--out", help="The file to write.")],
     town: Annotated[str, typer.Option("--town", help="CARLA's name of the map; by default that of its file.")] = "",
     json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Write where the ego starts and where it goes as a route file of CARLA's leaderboard, a route each.
 
@@ -60,4 +65,4 @@ def carla_route(
     """
     from foresee_dsl.exchange import carla_route as exchange
 
-    _say(exchange.run(addresses, out=out, town=town), json=json)
+    _say(exchange.run(addresses, out=out, town=town, allow_outside=allow_outside), json=json)

@@ -64,7 +64,7 @@ class Signal:
     """The fixed-time program of one junction's signal. `junction` is the language's name (or the imported id), `tls`
     SUMO's id.
 
-    Stages are named; in an imported network whose phases have no names, every phase is a stage called `phase_N`.
+    Stages are named; in a foreign network with programs of its own, every phase is a stage called `phase_N`.
     """
 
     junction: str

@@ -14,7 +14,7 @@ from foresee_dsl.compile.programs import give_programs
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
-_EDITION = "2"
+_EDITION = "4"
 """Raise it when an OpenDRIVE map becomes another net than before."""
 
 SUFFIXES = (".net.xml", ".xodr")
@@ -41,7 +41,7 @@ def foreign_net(path: Path) -> Path:
         CompileError: the file is missing, unreadable, of another kind than its name says, or refused by netconvert.
     """
     try:
-        check_size(path, "a network")
+        check_size(path)
         data = path.read_bytes()
     except OSError as err:
         raise CompileError(f"the network {path} cannot be read: {err.strerror or err}") from err
@@ -103,8 +103,28 @@ def _convert_map(path: Path, out: Path) -> None:
         files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
         run_netconvert([*files, *_OPTIONS], folder)
         net = parse_net(folder / "map.net.xml")
+        close_parking(net)
         give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
         write_net(net, out)
+
+
+def close_parking(root: Element) -> int:
+    """Close the parking lanes of a net that came from an OpenDRIVE map, and return how many there are.
+
+    netconvert lets vehicles drive on them with 5 km/h. It keeps the lanes' types in their edge's, from the right, as
+    in `sidewalk|parking|driving`; sidewalks that were added later stand in front of those.
+    """
+    closed = 0
+    for edge in root.iterfind("edge"):
+        types = edge.get("type", "").split("|")
+        lanes = edge.findall("lane")
+        for lane, kind in zip(lanes[len(lanes) - len(types) :], types, strict=False):
+            if kind == "parking" and len(types) <= len(lanes):
+                lane.attrib.pop("allow", None)
+                lane.set("disallow", "all")
+                lane.set("type", "parking")
+                closed += 1
+    return closed
 
 
 def write_net(root: Element, out: Path) -> None:

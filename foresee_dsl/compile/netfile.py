@@ -39,7 +39,7 @@ def parse_xml(path: Path, tag: str, what: str) -> Element:
         CompileError: it cannot be read, is too large or nested too deeply, is no XML, uses entities, or has another
             root.
     """
-    check_size(path, what)
+    check_size(path)
     from xml.etree.ElementTree import ParseError
 
     from defusedxml import DefusedXmlException  # here: a net that was read before needs no XML
@@ -60,7 +60,7 @@ def parse_xml(path: Path, tag: str, what: str) -> Element:
     return root
 
 
-def check_size(path: Path, what: str) -> None:
+def check_size(path: Path) -> None:
     """Make sure that a file may be read into memory.
 
     Raises:
@@ -71,7 +71,7 @@ def check_size(path: Path, what: str) -> None:
     except OSError as err:
         raise CompileError(f"{path} cannot be read: {err.strerror or err}") from err
     if not path.is_file():
-        raise CompileError(f"{path} is not {what}: it is no file")
+        raise CompileError(f"{path} cannot be read: it is no file")
     if size > MOST_BYTES:
         most = MOST_BYTES // 1_000_000
         raise CompileError(

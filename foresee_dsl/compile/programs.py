@@ -10,7 +10,7 @@ from xml.etree.ElementTree import SubElement  # no parsing: that is netfile's
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.polyline import wrap
-from foresee_dsl.compile.signals import program, read_links
+from foresee_dsl.compile.signals import NAMED_STAGES, program, read_links
 from foresee_dsl.compile.templates import number
 from foresee_dsl.language.model import Junction, Point, Quantity, Stage
 
@@ -53,6 +53,7 @@ def give_programs(root: Element) -> int:
         for phase in made.phases:
             shown = {"duration": number(phase.duration_s), "state": phase.state, "name": made.stages[phase.stage]}
             SubElement(logic, "phase", shown)
+        SubElement(logic, "param", {"key": NAMED_STAGES, "value": "named"})
         logic.set("type", "static")
         replaced += 1
     return replaced
@@ -70,7 +71,8 @@ def stages_of(headings: Mapping[str, float]) -> list[tuple[str, tuple[str, ...]]
     )
     for apart, one, other in pairs:
         if -apart >= OPPOSITE_RAD and one in left and other in left:
-            found.append((_named(headings[one], headings[other]), (one, other)))
+            axis = headings[one] + wrap(headings[other] + math.pi - headings[one]) / 2
+            found.append((_named(axis, axis + math.pi), (one, other)))
             left = [edge for edge in left if edge not in (one, other)]
     found += [(_named(headings[edge]), (edge,)) for edge in left]
     return _told_apart(sorted(found))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +12,6 @@ from foresee_dsl.compile.netfile import parse_net
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Junction, Network, Quantity, Stage
-from foresee_dsl.language.model.values import NAME_PATTERN
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
@@ -26,6 +23,9 @@ ALL_RED_S = 2.0
 PEDESTRIAN_CLEARANCE_S = 5.0
 """Ours (SUMO's default for --tls.crossing-clearance.time too): with the amber and all red that follow, 10 s, enough for
 12 m at 1.2 m/s. A stage under 10 s gives half of itself."""
+
+NAMED_STAGES = "foresee.stages"
+"""A parameter of programs in foreign nets whose phases are called like the stages that they belong to."""
 
 _VEHICLE_GREEN = "Gg"
 
@@ -103,9 +103,9 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
 
     Args:
         net_file: a SUMO net.
-        network: what it was built from; None for a foreign one. Then a program whose phases are all named has the
-            stages that the names say, and of any other every phase is a stage of its own, `phase_N`. A program that
-            controls several junctions appears once for each.
+        network: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, but
+            for programs that we gave it (`programs.give_programs`), and a program that controls several junctions
+            appears once for each.
 
     Raises:
         CompileError: not a net, or not the net of `network`.
@@ -120,7 +120,8 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
             (e.get("name", ""), e.get("state", ""), float(e.get("duration", "0"))) for e in logic.iterfind("phase")
         ]
         names = tuple(dict.fromkeys(name for name, _, _ in phases))
-        if network is None and not _are_stages([name for name, _, _ in phases]):
+        ours = any(e.get("key") == NAMED_STAGES for e in logic.iterfind("param"))
+        if network is None and not ours:
             names = tuple(f"phase_{k}" for k in range(len(phases)))
             phases = [(f"phase_{k}", state, duration) for k, (_, state, duration) in enumerate(phases)]
         found[junction] = Signal(junction, tls, names, _grouped(names, phases))
@@ -231,12 +232,6 @@ def _grouped(names: tuple[str, ...], phases: Sequence[tuple[str, str, float]]) -
         result.append(Phase(names.index(name), state, duration, since[name]))
         since[name] += duration
     return tuple(result)
-
-
-def _are_stages(names: Sequence[str]) -> bool:
-    """Whether phases are named as stages are: by names of the language, those of a stage one after the other."""
-    runs = [name for name, _ in groupby(names)]
-    return bool(runs) and len(set(runs)) == len(runs) and all(re.fullmatch(NAME_PATTERN, name) for name in runs)
 
 
 def _check_stages(found: Mapping[str, Signal], network: Network) -> None:

@@ -25,7 +25,7 @@ from foresee_dsl.exchange.carla_files import (
     town_of,
     towns,
 )
-from foresee_dsl.exchange.carla_journey import MISSED_M, Journey, is_well_placed, journey_of
+from foresee_dsl.exchange.carla_journey import MISSED_M, Journey, is_well_placed, journey_of, turns_back
 from foresee_dsl.exchange.carla_models import CATALOGUE, catalogue_of, ego_of, vehicles_of
 from foresee_dsl.exchange.carla_net import prepared_net
 from foresee_dsl.exchange.carla_text import FileOfCases, placed_wrongly, text_of
@@ -164,10 +164,16 @@ def _tell_triggers(state: _Import, journeys: Sequence[Journey], triggers: Sequen
         state.notes.append(
             f"routes that start beside CARLA's place (at most {max(moved):.1f} m): {len(moved)}; their map was another"
         )
+    broken = [journey.route.key for journey in journeys if turns_back(journey)]
+    if broken:
+        state.notes.append(
+            f"routes over lanes of the map that run backwards, which nobody can follow: {len(broken)}, the first is "
+            f"{broken[0]}"
+        )
     without = sum(journey.trigger is None for journey in journeys)
     if without and triggers:
         state.notes.append(
-            f"{without} routes have no trigger within 5 m: what happens on them is placed from their start"
+            f"routes without a trigger within 5 m, where what happens is placed from the start: {without}"
         )
     state.left_out["goals beside the lane that the ego comes on (the goal is a length along its route)"] += sum(
         abs(j.line.at(j.goal_s)[0] - j.route.end.x) + abs(j.line.at(j.goal_s)[1] - j.route.end.y) > 1.0

@@ -7,6 +7,7 @@ family is no repetition of one situation; they are ours.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -30,6 +31,8 @@ AHEAD_M = 12.0
 checked)."""
 PACE_MPS = 8.0
 """What the ego drives on average before a junction (ours: 29 km/h): only for guesses of when it arrives."""
+LEAST_S, SLOW_MPS, RED_S = 90, 4.0, 45.0
+"""A run may take 90 s, or the time at 14 km/h and two red lights (ours: who takes longer is stuck)."""
 _NEAREST_M = 22.0
 """The least way before somebody crosses: 25 km/h, a reaction of 1 s and braking with 4 m/s^2 take 13 m (ours)."""
 _BEFORE_GOAL_M = 4.0
@@ -68,7 +71,6 @@ class Param:
 
 PARAMS: Mapping[str, Param] = {
     "first": Param("arm"),
-    "through": Param("arm"),
     "last": Param("arm"),
     "begin": Param("length"),
     "beside": Param("length"),
@@ -78,6 +80,7 @@ PARAMS: Mapping[str, Param] = {
     "shown": Param("stage"),
     "since": Param("time"),
     "traffic_seed": Param("count", "0..9999 step 1"),
+    "limit": Param("time"),
     "gap": Param("time", "0 s..5 s step 0.1 s"),
     "notice": Param("length", "6 m..50 m step 1 m"),
     "pace": Param("speed", "0.4 m/s..4 m/s step 0.1 m/s"),
@@ -87,14 +90,20 @@ PARAMS: Mapping[str, Param] = {
     "crossing_speed": Param("speed", "20 km/h..80 km/h step 1 km/h"),
 }
 """What is said of each parameter; those that are not here are lengths, or what their name's ending says."""
-ROUTE_PARAMS = ("first", "through", "last", "begin", "beside", "finish", "start_speed", "traffic_seed")
+ROUTE_PARAMS = ("first", "last", "begin", "beside", "finish", "start_speed", "traffic_seed", "limit")
 
 
 def param(name: str) -> Param:
     """Return what is said of a parameter."""
     if name in PARAMS:
         return PARAMS[name]
-    return Param("model" if name.endswith("_model") else "arm" if name.endswith(("_first", "_last")) else "length")
+    edge = name.endswith(("_first", "_last")) or name.startswith("through")
+    return Param("model" if name.endswith("_model") else "arm" if edge else "length")
+
+
+def is_of_route(name: str) -> bool:
+    """Say whether a parameter is about the ego's route, and not about what happens on it."""
+    return name in ROUTE_PARAMS or name.startswith("through")
 
 
 @dataclass(frozen=True)
@@ -145,13 +154,14 @@ def _route_values(journey: Journey, number: int) -> dict[str, str]:
     first, *between, last = journey.named if len(journey.named) > 1 else (journey.named[0], journey.named[0])
     return {
         "first": _word(first),
-        "through": _word(between[0] if between else last),
+        **{through(k): _word(edge) for k, edge in enumerate(between)},
         "last": _word(last),
         "begin": _m(journey.begin_m),
         "beside": _m(journey.beside_m),
         "finish": _m(journey.finish_m),
         "start_speed": "20 km/h",
         "traffic_seed": str(number + 1),
+        "limit": f"{max(LEAST_S, math.ceil((journey.finish_m / SLOW_MPS + RED_S) / 10) * 10)} s",
     }
 
 
@@ -314,7 +324,17 @@ def _word(name: str) -> str:
     return f'"{name}"'
 
 
+def through(k: int) -> str:
+    """Return what the k-th edge between the first and the last is called: `through`, `through_2`, ..."""
+    return "through" if k == 0 else f"through_{k + 1}"
+
+
 def common(rows: Sequence[Row], name: str) -> str:
     """Return the value that most rows have: the default of the parameter."""
-    found = [row.values[name] for row in rows]
+    found = [value_of(row, name) for row in rows]
     return max(dict.fromkeys(found), key=found.count)
+
+
+def value_of(row: Row, name: str) -> str:
+    """Return a case's value: a route without so many edges between goes through its last one."""
+    return row.values.get(name, row.values["last"]) if name.startswith("through") else row.values[name]

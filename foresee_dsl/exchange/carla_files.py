@@ -191,7 +191,7 @@ def _transform(values: dict[str, Any]) -> Pose:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    check_size(path, "a CARLA trigger file")
+    check_size(path)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as err:

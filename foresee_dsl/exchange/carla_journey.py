@@ -18,6 +18,8 @@ from foresee_dsl.language.model import AlongRoute, EdgeRoute, Ego, Quantity, Sta
 TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
 """A trigger belongs to a route that comes within 2 m of it (CARLA's leaderboard, with 10 degrees); where none does,
 within 5 m, which finds one for each of Town10HD's routes (measured)."""
+_BACK_RAD = math.radians(100)
+"""No road turns so much within a metre (ours: the tightest corner of CARLA's towns has a radius of 4 m)."""
 _SAME_WAY_RAD = math.radians(60)
 _BESIDE_M = 0.05
 """A start that is hardly beside the middle of its lane is on it (ours: no place of Town10HD is farther off)."""
@@ -75,8 +77,7 @@ def journey_of(
     """
     way = way_between(network, route.start, route.end)
     first = network.line(way.edges)
-    begin = length_to(first, route.start, 0.0)
-    beside = first.project(route.start.x, route.start.y, begin)[1]
+    begin, beside = _said_on(first, route.start)
     beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
     at = AlongRoute(
         actor="ego",
@@ -104,9 +105,33 @@ def journey_of(
     )
 
 
+def _said_on(line: RouteLine, place: Pose) -> tuple[float, float]:
+    """Return the length along a line and the offset at which the line has a place.
+
+    The nearest point of a line is not quite it in a bend: offsets turn with the line, segment by segment.
+    """
+    s = length_to(line, place, 0.0)
+    beside = line.project(place.x, place.y, s)[1]
+    for _ in range(5):  # each round leaves about a tenth of the error
+        x, y, heading = line.at(s, beside)
+        dx, dy = place.x - x, place.y - y
+        s = min(max(s + dx * math.cos(heading) + dy * math.sin(heading), 0.0), line.length_m)
+        beside += dy * math.cos(heading) - dx * math.sin(heading)
+    return s, beside
+
+
 def is_well_placed(journey: Journey) -> bool:
     """Say whether the ego starts where CARLA puts it, as far as the map has it, and has a way to go."""
     return journey.start_off_m <= NEAR_M and journey.finish_m > 1.0
+
+
+def turns_back(journey: Journey) -> bool:
+    """Say whether the way turns back on itself from one point to the next: lanes of the net that overlap wrongly."""
+    marks, angles = journey.line.marks, journey.line.angles
+    return any(
+        journey.s <= at <= journey.goal_s and abs(wrap(b - a)) > _BACK_RAD
+        for at, a, b in zip(marks[1:], angles, angles[1:], strict=False)
+    )
 
 
 def passages_of(network: RoadNetwork, journey: Journey) -> list[Passage]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from foresee_dsl.compile.foreign import write_net
+from foresee_dsl.compile.foreign import close_parking, write_net
 from foresee_dsl.compile.netconvert import run_netconvert
 from foresee_dsl.compile.netfile import parse_net
 from foresee_dsl.compile.programs import give_programs
@@ -41,5 +41,6 @@ def prepared_net(source: Path, out: Path) -> None:
         folder = Path(name)
         run_netconvert(["-s", str(source.resolve()), *options, "-o", "net.net.xml"], folder)
         net = parse_net(folder / "net.net.xml")
+        close_parking(net)
         give_programs(net)
         write_net(net, out)

@@ -19,13 +19,14 @@ _DIGITS = 6
 """Decimals of metres and degrees, as CARLA's own route files have them."""
 
 
-def run(addresses: Sequence[str], *, out: Path, town: str = "") -> Imported:
+def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: bool = True) -> Imported:
     """Write a route file with a route for each test case, in the order named; their ids count from 0.
 
     Args:
         addresses: clips, mutants or test cases, whose networks are CARLA's maps.
         out: the file, `.xml`.
         town: CARLA's name of the map; by default what stands before the first dot of the network's file name.
+        allow_outside: see `project.load_test_case`.
 
     Raises:
         ExchangeError: `out` cannot be written, or there is no telling which town it is.
@@ -33,7 +34,7 @@ def run(addresses: Sequence[str], *, out: Path, town: str = "") -> Imported:
     """
     if out.suffix != ".xml":
         raise ExchangeError(f"{out} is no name of a route file: it must end in .xml")
-    project = Project()
+    project = Project(allow_outside=allow_outside)
     left_out: Counter[str] = Counter()
     routes = Element("routes")
     for number, address in enumerate(addresses):

@@ -12,7 +12,7 @@ from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.scene import check_scene
-from foresee_dsl.exchange.carla_families import ROUTE_PARAMS, Row, common, param
+from foresee_dsl.exchange.carla_families import Row, common, is_of_route, param, value_of
 from foresee_dsl.exchange.carla_models import CATALOGUE, ego_of, mix_of, vehicles_of
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.language.catalogues import bundled_models
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _NO_LENGTH = "0.00 m"
-END_S = 90
-"""Ours: 190 m, the longest of Town10HD, at 15 km/h, and two red lights."""
 _TITLES = {
     "open": "routes through traffic",
     "crossing": "where there is no room behind a turn: somebody crosses in front of the ego",
@@ -66,12 +64,10 @@ def text_of(file: FileOfCases) -> str:
 
 
 def _names(rows: tuple[Row, ...]) -> list[str]:
-    """The parameters that the cases need: nobody starts beside its lane, or needs a third edge, in most files."""
+    """The parameters that the cases need: in most files nobody starts beside its lane."""
     names = dict.fromkeys(name for row in rows for name in row.values)
     if all(row.values["beside"] == _NO_LENGTH for row in rows):
         del names["beside"]
-    if all(row.values["through"] == row.values["last"] for row in rows):
-        del names["through"]
     return list(names)
 
 
@@ -89,21 +85,21 @@ def _rendered(file: FileOfCases, defaults: Mapping[str, str]) -> str:
         tags=[family, "carla", name_of(town.lower(), "town")],
         network=file.network,
         models_file=CATALOGUE if file.catalogue else "",
-        route_params=[text for name, text in declared.items() if name in ROUTE_PARAMS],
-        family_params=[text for name, text in declared.items() if name not in ROUTE_PARAMS],
+        route_params=[text for name, text in declared.items() if is_of_route(name)],
+        family_params=[text for name, text in declared.items() if not is_of_route(name)],
         ego_model=ego_of(vehicles_of(file.catalogue) if file.catalogue else ()),
-        through="through" in defaults,
+        through=[name for name in defaults if name.startswith("through")],
         beside="beside" in defaults,
         signal=row.signal,
         vehicles=mix_of(file.catalogue),
-        end_s=END_S,
         rows=[{"name": one.name, "assignments": _assigned(one, defaults)} for one in file.rows],
     )
 
 
 def _assigned(row: Row, defaults: Mapping[str, str]) -> list[str]:
     """What a case says: the values that are not the defaults."""
-    return [f"{name} = {row.values[name]}" for name, default in defaults.items() if row.values[name] != default]
+    values = {name: value_of(row, name) for name in defaults}
+    return [f"{name} = {value}" for name, value in values.items() if value != defaults[name]]
 
 
 def placed_wrongly(file: FileOfCases, network: RoadNetwork, signals: Mapping[str, Signal]) -> bool:

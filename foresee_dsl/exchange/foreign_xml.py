@@ -16,6 +16,8 @@ MOST_BYTES = 100_000_000
 """Ours: an extract of a town's centre has 5 to 30 MB; more is a district that nobody tests in one scenario."""
 MOST_ELEMENTS = 2_000_000
 """Ours: an element takes some 300 bytes in memory, so about 600 MB; an extract of 100 MB has some 1.5 million."""
+_LARGEST = 1e12
+"""Far beyond any coordinate, mass or time (ours); cubes of it are still numbers."""
 DEEPEST = 100
 """Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OSM 3."""
 
@@ -58,7 +60,7 @@ def number(element: Element, name: str, default: float | None = None) -> float:
     """Return an attribute as a number.
 
     Raises:
-        ExchangeError: it is missing (and there is no default), no number, or not finite.
+        ExchangeError: it is missing (and there is no default), no number, or larger than anything that is meant.
     """
     text = element.get(name)
     if text is None and default is not None:
@@ -67,8 +69,8 @@ def number(element: Element, name: str, default: float | None = None) -> float:
         value = float(text or "")
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        said = "is missing" if text is None else f"is '{text[:50]}', which is no number"
+    if not abs(value) <= _LARGEST:  # NaN neither
+        said = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
         raise ExchangeError(f"the attribute {name} of <{element.tag}> {said}")
     return value
 

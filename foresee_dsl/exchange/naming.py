@@ -10,6 +10,8 @@ from foresee_dsl.language.keywords import KEYWORDS
 
 _LONGEST = 40
 """Ours: half of what the language allows, so that campaigns can add to it."""
+_LONGEST_SENTENCE = 300
+"""Ours: what is read at a glance."""
 
 
 def name_of(text: str, otherwise: str) -> str:
@@ -25,6 +27,11 @@ def name_of(text: str, otherwise: str) -> str:
     if not name or not name[0].isalpha():
         name = f"{otherwise}_{name}".strip("_")
     return f"{name}_{otherwise}" if name in KEYWORDS else name
+
+
+def sentence(text: str) -> str:
+    """Return a text as a `doc` can hold it: on one line, without double quotes, not too long."""
+    return " ".join(text.replace('"', "'").split())[:_LONGEST_SENTENCE]
 
 
 def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:

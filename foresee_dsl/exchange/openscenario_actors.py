@@ -57,9 +57,8 @@ _OFF_ROAD_M = 200.0
 """The same for a vehicle off the lanes."""
 _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
-_GENTLE_MPS2 = 1.0
 _CRAWLS_MPS = 0.05
-"""Path-followers brake harder than that before their path's end; who stops there is slower than that (ours)."""
+"""Who is slower at the end of a trajectory stops there (ours)."""
 
 
 @dataclass(frozen=True)
@@ -148,9 +147,8 @@ class Actors:
         front = _ahead(middle, entity.spec.length_m / 2)
         goal: Pose | None = None
         if track is not None:
-            way = track.poses()
-            goal = way[-1]
-            through = [front, *thinned(way)[1:]]
+            # Its way goes on: who ends his run where the recorded one crashed cannot crash there.
+            through = [front, *thinned(track.poses())[1:]]
         else:
             through = [front, *self._waypoints(routing)]
             goal = through[-1] if len(through) > 1 else None
@@ -189,7 +187,7 @@ class Actors:
             if not at_start:
                 player.pace = pace
         body = (
-            Path(points=tuple(_point(Pose(x, y, 0.0)) for x, y in _beyond(path, pace))),
+            Path(points=tuple(_point(Pose(x, y, 0.0)) for x, y in self._beyond(path, pace, entity))),
             CruiseSpeed(speed=_quantity(speed, "speed")),
             *((IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()),
         )
@@ -230,6 +228,17 @@ class Actors:
             *((IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()),
         )
         return Made(self._actor(entity, middle, speed, body))
+
+    def _beyond(
+        self, path: Sequence[tuple[float, float]], pace: Pace | None, entity: Entity
+    ) -> Sequence[tuple[float, float]]:
+        """Return a path that goes on straight for as long as stopping takes: nobody brakes for the end."""
+        speed = pace.speed_mps[-1] if pace is not None else 0.0
+        if speed < _CRAWLS_MPS:
+            return path
+        end = Pose(*path[-1], math.atan2(path[-1][1] - path[-2][1], path[-1][0] - path[-2][0]))
+        further = self._before_the_wild(end, speed * speed / entity.spec.braking_mps2 + 1.0)
+        return [*path, (further.x, further.y)]
 
     def _before_the_wild(self, start: Pose, length_m: float) -> Pose:
         """Return the end of a straight way that stays as near to the roads as the language asks."""
@@ -292,14 +301,6 @@ def _timed(pace: Pace | None, routing: Element | None) -> Pace | None:
 def _when_begins(actions: Sequence[Action]) -> When:
     begin = Comparison(left=Measure(what="time"), op=">=", right=_quantity(0.0, "time"))
     return When(condition=begin, actions=tuple(actions))
-
-
-def _beyond(path: Sequence[tuple[float, float]], pace: Pace | None) -> Sequence[tuple[float, float]]:
-    """Return a path that goes on straight after its end for as long as stopping takes: nobody brakes for the end."""
-    speed = pace.speed_mps[-1] if pace is not None else 0.0
-    end = Pose(*path[-1], math.atan2(path[-1][1] - path[-2][1], path[-1][0] - path[-2][0]))
-    further = _ahead(end, speed * speed / 2 / _GENTLE_MPS2)
-    return [*path, (further.x, further.y)] if speed > _CRAWLS_MPS else path
 
 
 def _state(place: Pose, speed: float, entity: Entity) -> State:

@@ -13,7 +13,7 @@ from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
 from foresee_dsl.compile.starts import WHEELS
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import distinct_name, name_of
+from foresee_dsl.exchange.naming import distinct_name, name_of, sentence
 from foresee_dsl.exchange.openscenario_cast import BRAKING, CRUISE, MODEL, STEER_RATE, WALKS
 from foresee_dsl.exchange.openscenario_source import Source
 from foresee_dsl.exchange.values import quantity as _quantity
@@ -106,7 +106,7 @@ def read_cast(source: Source, left_out: Counter[str], *, name: str, ego: str = "
         taken.add(ours)
         model = _model(found, models, left_out)
         entities[ref] = Entity(ref, ours, model.name, spec_of(model), _centre(found))
-    doc = Doc(text=f"What takes part in {source.path.name.replace(chr(34), '')}.")
+    doc = Doc(text=sentence(f"What takes part in {source.path.name}."))
     return Cast(entities, Catalogue(name=name, body=(doc, *models.values())) if models else None)
 
 

@@ -15,18 +15,30 @@ from foresee_dsl.exchange import openscenario_behaviour, openscenario_trajectori
 from foresee_dsl.exchange.opendrive_out import opendrive_of
 from foresee_dsl.exchange.openscenario_cast import entities, init
 from foresee_dsl.exchange.openscenario_library import MINOR_VERSION, at_time, library
+from foresee_dsl.exchange.openscenario_signals import add_signals
 from foresee_dsl.exchange.openscenario_weather import environment
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.simulate.verdict import RunResult
 
 _DATE = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
 """The header asks for a date; a constant, so that the same test case gives the same bytes."""
 
+_LATER_S = 2.0
+"""A failure's file ends so much later than the run, which ended with it: driven by somebody else it may take longer
+(ours)."""
 
-def run(address: str, *, out: Path, behaviour: bool = False, driver: str = "", seed: int | None = None) -> Imported:
+
+def run(
+    address: str,
+    *,
+    out: Path,
+    behaviour: bool = False,
+    driver: str = "",
+    seed: int | None = None,
+    allow_outside: bool = True,
+) -> Imported:
     """Write `NAME.xosc` and `NAME.xodr` for a test case, a clip or a mutant. It is run for that.
 
     Args:
@@ -34,21 +46,25 @@ def run(address: str, *, out: Path, behaviour: bool = False, driver: str = "", s
         out: the folder.
         behaviour: what actors do and when, as far as it can be expressed; otherwise where they went.
         driver, seed: of the run; by default what a mutant records, else `pdm` and 0.
+        allow_outside: see `project.load_test_case`.
 
     Raises:
         ExchangeError: the package scenariogeneration is missing, or `out` cannot be written.
         InputError, CompileError, DriverError: the test case cannot be run.
     """
     library()
-    case = load_test_case(address)
+    case = load_test_case(address, allow_outside=allow_outside)
     driver, seed = _as_recorded(case, driver, seed)
     bundle = compile_test_case(case)
     result = run_test_case(case, driver, seed)
     trace = result.trace
     name = case_name(case)
     left_out: Counter[str] = Counter()
-    document = _document(case, bundle, result, f"{name}.xodr", behaviour=behaviour, left_out=left_out)
     road = opendrive_of(case.network, bundle.net_file)
+    end_s = trace.duration_s + (_LATER_S if result.verdict.is_failure else 0.0)
+    network = library().RoadNetwork(f"{name}.xodr")
+    left_out["signals (the map has no heads for them)"] += add_signals(network, bundle, road, end_s)
+    document = _document(case, bundle, result, network, end_s, behaviour=behaviour, left_out=left_out)
 
     def write(folder: Path) -> None:
         (folder / f"{name}.xodr").write_bytes(road)
@@ -74,26 +90,33 @@ def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, in
 
 
 def _document(
-    case: TestCase, bundle: SumoBundle, result: RunResult, road: str, *, behaviour: bool, left_out: Counter[str]
+    case: TestCase,
+    bundle: SumoBundle,
+    result: RunResult,
+    network: Any,  # noqa: ANN401 - the library has no types
+    end_s: float,
+    *,
+    behaviour: bool,
+    left_out: Counter[str],
 ) -> Any:  # noqa: ANN401 - the library has no types
     osc = library()
     trace = result.trace
     specs = {actor.id: actor.model for actor in bundle.scene.actors}
-    board = osc.StoryBoard(init(trace, specs, environment(bundle.scene)), at_time("end", trace.duration_s, "stop"))
+    board = osc.StoryBoard(init(trace, specs, environment(bundle.scene)), at_time("end", end_s, "stop"))
     if behaviour:
         groups = openscenario_behaviour.groups(bundle, trace, left_out)
     else:
         groups = openscenario_trajectories.groups(trace, specs)
     if groups:
         board.add_story(_story(groups))
-    _count(case, bundle, trace, left_out)
+    _count(bundle, left_out)
     return osc.Scenario(
         f"{case.scenario.name}: {result.reason}",
         "foresee-dsl",
         osc.ParameterDeclarations(),
         entities(trace, specs),
         board,
-        osc.RoadNetwork(road),
+        network,
         osc.Catalog(),
         osc_minor_version=MINOR_VERSION,
         creation_date=_DATE,
@@ -110,10 +133,7 @@ def _story(groups: list[Any]) -> Any:  # noqa: ANN401 - as above
     return story
 
 
-def _count(case: TestCase, bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> None:
+def _count(bundle: SumoBundle, left_out: Counter[str]) -> None:
     """Count what a file of OpenSCENARIO has no place for."""
-    left_out["signals (the map shows where they are, not what they show)"] += len(trace.signals)
     left_out["expectations"] += len(bundle.scene.expects)
     left_out["buildings (they only hide things)"] += len(bundle.network.buildings)
-    if bundle.scene.friction < 0.9 - 1e-9 and not case.scenario.body:
-        left_out["wetness"] += 1

@@ -12,7 +12,7 @@ from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign import SUFFIXES, foreign_net
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import name_of
+from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.opendrive_geometry import RoadMap
 from foresee_dsl.exchange.openscenario_actions import ROUTING, Player, Writer
 from foresee_dsl.exchange.openscenario_actors import Actors
@@ -38,6 +38,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.simulate.sensing.weather import RAIN_MM_H
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
@@ -65,10 +66,11 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
     left_out: Counter[str] = Counter()
     name = name_of(file.name.partition(".")[0], "scenario")
     cast = read_cast(source, left_out, name=f"{name}_models", ego=ego)
-    scenario, notes = _scenario(source, cast, network_file, name, left_out)
+    network_name = name_of(network_file.name.partition(".")[0], "map") + _suffix(network_file)
+    scenario, notes = _scenario(source, cast, network_file, name, left_out, network_name)
 
     def write(folder: Path) -> None:
-        shutil.copyfile(network_file, folder / network_file.name)
+        shutil.copyfile(network_file, folder / network_name)
         if cast.catalogue is not None:
             _write(folder / f"{name}_models.foresee", print_model(cast.catalogue))
         _write(folder / f"{name}.foresee", print_model(scenario))
@@ -84,8 +86,9 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
 
 
 def _scenario(
-    source: Source, cast: Cast, network_file: Path, name: str, left_out: Counter[str]
+    source: Source, cast: Cast, network_file: Path, name: str, left_out: Counter[str], network_name: str
 ) -> tuple[Scenario, list[str]]:
+    left_out["programs of signals"] += len(source.root.findall("RoadNetwork/TrafficSignals/TrafficSignalController"))
     inits = _Inits(source, left_out)
     roads = RoadMap.read(network_file) if network_file.name.endswith(".xodr") else None
     places = Places(roads, inits.positions)
@@ -110,7 +113,7 @@ def _scenario(
     header: list[ScenarioItem] = [
         Doc(text=_sentence(source)),
         Tags(names=("openscenario",)),
-        UseNetwork(path=network_file.name),
+        UseNetwork(path=network_name),
         *([UseModels(path=f"{name}_models.foresee")] if cast.catalogue is not None else []),
         *inits.weather(),
     ]
@@ -125,6 +128,7 @@ class _Inits:
 
     def __init__(self, source: Source, left_out: Counter[str]) -> None:
         """Read it; actions that we do not have are counted."""
+        self._source = source
         self.positions: dict[str, Element] = {}
         self.speeds: dict[str, float] = {}
         self.routing: dict[str, Element] = {}
@@ -145,15 +149,16 @@ class _Inits:
         fog, rain, road = (found.find(p) for p in ("Weather/Fog", "Weather/Precipitation", "RoadCondition"))
         said = ratios(
             number(fog, "visualRange", 0.0) if fog is not None else None,
-            number(rain, "precipitationIntensity", 0.0) if rain is not None else None,
+            _rain_mm_h(rain) if rain is not None else None,
             number(road, "frictionScaleFactor", 1.0) if road is not None else None,
         )
         return [Weather.model_validate({key: quantity(value, "ratio") for key, value in said.items()})] if said else []
 
     def _global(self, action: Element, left_out: Counter[str]) -> None:
         kind = next(iter(action), action)
-        if kind.tag == "EnvironmentAction" and (found := kind.find("Environment")) is not None:
-            self._environment = found
+        if kind.tag == "EnvironmentAction":
+            reference = kind.find("CatalogReference")
+            self._environment = kind.find("Environment") if reference is None else self._source.entry(reference)
         else:
             left_out[f"actions at the beginning: {kind.tag}"] += 1
 
@@ -170,6 +175,11 @@ class _Inits:
             self.routing[ref] = inner
         else:
             left_out[f"actions at the beginning: {inner.tag}"] += 1
+
+
+def _rain_mm_h(rain: Element) -> float:
+    """Return how much it rains; version 1.0 says it as a share."""
+    return number(rain, "precipitationIntensity", number(rain, "intensity", 0.0) * RAIN_MM_H)
 
 
 def _routing(events: list[Event]) -> dict[str, Element]:
@@ -220,6 +230,10 @@ def _network_file(source: Source, road: Path | None) -> Path:
     return road
 
 
+def _suffix(network_file: Path) -> str:
+    return next(suffix for suffix in SUFFIXES if network_file.name.endswith(suffix))
+
+
 def _lane_of(inits: _Inits, ref: str) -> int | None:
     position = inits.positions.get(ref)
     lane = position.find("LanePosition") if position is not None else None
@@ -241,8 +255,7 @@ def _end_s(source: Source, left_out: Counter[str]) -> float:
 
 def _sentence(source: Source) -> str:
     header = source.root.find("FileHeader")
-    said = (header.get("description", "") if header is not None else "").strip() or source.path.name
-    return " ".join(said.replace('"', "'").split())[:300]
+    return sentence((header.get("description", "") if header is not None else "").strip() or source.path.name)
 
 
 def _write(file: Path, text: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile.netconvert import run_netconvert, sumo_home, without_header
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.foreign_xml import read_xml
-from foresee_dsl.exchange.naming import name_of
+from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.exchange.sumo import NET, with_starter
 
@@ -68,7 +68,7 @@ def run(file: Path, *, out: Path) -> Imported:
         raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
     notes = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that OSM "
              "does not say are guessed",)  # fmt: skip
-    doc = f"A first drive on {file.name.replace(chr(34), '')}, (c) OpenStreetMap contributors."
+    doc = sentence(f"A first drive on {file.name}, (c) OpenStreetMap contributors.")
     return with_starter(net, name, out, doc=doc, left_out=_left_out(root), notes=notes)
 
 

@@ -11,7 +11,7 @@ from foresee_dsl.compile.foreign import foreign_net
 from foresee_dsl.compile.netconvert import without_header
 from foresee_dsl.compile.netparts import read_net
 from foresee_dsl.exchange.foreign_xml import read_xml
-from foresee_dsl.exchange.naming import name_of
+from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.exchange.starter import Way, starter
 from foresee_dsl.language.printer import print_model
@@ -38,7 +38,7 @@ def run(file: Path, *, out: Path) -> Imported:
     reacting = _with_fixed_times(root)
     left_out = Counter({"signal programs that react to traffic (driven with fixed times)": reacting})
     data = tostring(root, encoding="utf-8", xml_declaration=True) if reacting else without_header(file.read_bytes())
-    return with_starter(data, name, out, doc=f"A first drive on {file.name}.", left_out=left_out)
+    return with_starter(data, name, out, doc=sentence(f"A first drive on {file.name}."), left_out=left_out)
 
 
 def with_starter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,8 +12,10 @@ from osc_files import XODR
 from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
+from foresee_dsl.exchange import carla as carla_import
 from foresee_dsl.exchange import carla_route
 from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.language.project import load_test_cases
 
 SCENARIO = """foresee 1
 
@@ -82,3 +85,22 @@ def test_whoever_cannot_name_the_town_is_told(tmp_path: Path) -> None:
     assert 'town="Town09"' in (tmp_path / "r.xml").read_text()
     with pytest.raises(ExchangeError, match=r"must end in \.xml"):
         carla_route.run([str(file)], out=tmp_path / "routes.json", town="Town09")
+
+
+def test_routes_of_carla_come_back(carla: Path, tmp_path: Path) -> None:
+    """What was imported from CARLA goes back to it: the same goals, and starts that are half a vehicle off at most."""
+    file = carla / "routes" / "Scenario7" / "Town10HD_Scenario7.xml"
+    carla_import.run(carla / "maps" / "xodr" / "Town10HD.xodr", [file], [], out=tmp_path / "in")
+    cases = {re.sub(r".*_(\d+)$", r"\1", case.id): case.id for case in load_test_cases([tmp_path / "in"])}
+    routes = ElementTree.parse(file).getroot().findall("route")[:6]
+    out = tmp_path / "out.xml"
+    carla_route.run([cases[route.get("id")] for route in routes], out=out)
+    for was, now in zip(routes, ElementTree.parse(out).getroot(), strict=True):
+        assert now.get("town") == was.get("town") == "Town10HD"
+        off = [
+            math.hypot(*(float(a.get(key)) - float(b.get(key)) for key in "xy")) for a, b in zip(was, now, strict=True)
+        ]
+        assert off[0] < 2.5
+        assert off[1] < 0.05
+        for a, b in zip(was, now, strict=True):
+            assert abs(math.remainder(float(a.get("yaw")) - float(b.get("yaw")), 360)) < 2

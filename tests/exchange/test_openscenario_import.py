@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
+from xml.etree import ElementTree
 
 import osc_files as osc
 import pytest
@@ -12,6 +14,7 @@ from typer.testing import CliRunner
 from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange import openscenario_import
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language.model import When
@@ -135,6 +138,101 @@ def test_a_timed_trajectory_is_followed_in_its_times(tmp_path: Path) -> None:
         assert math.dist(trace.states[trace.frame_at(time_s), k, :2], (x, y)) < 0.1
 
 
+@pytest.mark.parametrize(
+    ("position", "pose"),
+    [
+        ('<WorldPosition x="80" y="-1.75"/>', (80, -1.75, 0)),
+        ('<LanePosition roadId="1" laneId="-1" s="80"/>', (80, -1.75, 0)),
+        ('<LanePosition roadId="1" laneId="1" s="80" offset="0.2"/>', (80, 1.95, 180)),
+        ('<RoadPosition roadId="1" s="80" t="-2"/>', (80, -2, 0)),
+        ('<RelativeObjectPosition entityRef="Ego" dx="30" dy="3.5"/>', (80, -1.75, 0)),
+        ('<RelativeWorldPosition entityRef="Ego" dx="30" dy="3.5"/>', (80, -1.75, 0)),
+        ('<RelativeRoadPosition entityRef="Ego" ds="30" dt="3.5"/>', (80, -1.75, 0)),
+        ('<RelativeLanePosition entityRef="Ego" dLane="2" ds="30"/>', (80, 1.75, 0)),
+        (
+            '<LanePosition roadId="1" laneId="-1" s="80"><Orientation type="relative" h="0.1"/></LanePosition>',
+            (80, -1.75, math.degrees(0.1)),
+        ),
+    ],
+)
+def test_every_kind_of_place(tmp_path: Path, position: str, pose: tuple[float, float, float]) -> None:
+    text = osc.scenario()
+    start = text.index("<RelativeLanePosition")
+    text = text[:start] + position + text[text.index("/>", start) + 2 :]
+    _, file = imported(tmp_path, text)
+    target = load_test_case(file).scenario.actors[1]
+    assert target.state is not None
+    front, heading = 1.4 + 2.3, math.radians(pose[2])
+    at = pose[0] + front * math.cos(heading), pose[1] + front * math.sin(heading)
+    assert (target.state.at.x.si, target.state.at.y.si) == pytest.approx(at, abs=1e-3)
+    assert abs(math.remainder(target.state.heading.si - heading, math.tau)) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("inner", "said"),
+    [
+        ('<SpeedCondition value="5" rule="greaterThan"/>', "ego.speed > 5 m/s"),
+        ('<AccelerationCondition value="-2" rule="lessThan"/>', "ego.acceleration < -2 m/s^2"),
+        ('<StandStillCondition duration="2"/>', "ego.speed < 0.1 m/s for 2 s"),
+        (
+            '<TimeHeadwayCondition entityRef="walker" value="3" rule="lessOrEqual" freespace="true"/>',
+            "headway(ego, walker) <= 3 s",
+        ),
+        (
+            '<TimeToCollisionCondition value="2" rule="lessThan" freespace="true"><TimeToCollisionConditionTarget>'
+            '<EntityRef entityRef="walker"/></TimeToCollisionConditionTarget></TimeToCollisionCondition>',
+            "ttc(ego, walker) < 2 s",
+        ),
+        (
+            '<DistanceCondition value="9" rule="greaterThan" freespace="true"><Position>'
+            '<WorldPosition x="1" y="2"/></Position></DistanceCondition>',
+            "not ego within 9 m of (1 m, 2 m)",
+        ),
+        ('<CollisionCondition><EntityRef entityRef="walker"/></CollisionCondition>', "ego within 0 m of walker"),
+    ],
+)
+def test_every_kind_of_condition(tmp_path: Path, inner: str, said: str) -> None:
+    text = osc.scenario(
+        events=osc.group("Target-1", osc.event("e", osc.speed_action("3"), osc.of_entity("Ego", inner)))
+    )
+    _, file = imported(tmp_path, text)
+    (when,) = load_test_case(file).scenario.all(When)
+    assert print_item(when).startswith(f"when {said} {{")
+
+
+def test_routes_of_catalogues_and_speed_profiles(tmp_path: Path) -> None:
+    """A route from a catalogue makes the car turn; entries of a profile follow each other."""
+    profile = """<LongitudinalAction><SpeedProfileAction followingMode="follow">
+      <SpeedProfileEntry speed="5" time="2"/><SpeedProfileEntry speed="9" time="3"/>
+    </SpeedProfileAction></LongitudinalAction>"""
+    route = '<PrivateAction><RoutingAction><AssignRouteAction><CatalogReference catalogName="Ways" entryName="on"/>' \
+            "</AssignRouteAction></RoutingAction></PrivateAction>"  # fmt: skip
+    init = f'<Private entityRef="Target-1">{route}</Private>'
+    ways = """<OpenSCENARIO><FileHeader revMajor="1" revMinor="1" date="2024-01-01T00:00:00" description="" author=""/>
+      <Catalog name="Ways"><Route name="on" closed="false">
+        <Waypoint><Position><LanePosition roadId="1" laneId="-1" s="100"/></Position></Waypoint>
+        <Waypoint><Position><LanePosition roadId="1" laneId="-2" s="500"/></Position></Waypoint>
+      </Route></Catalog></OpenSCENARIO>"""
+    after = osc.condition(
+        '<ByValueCondition><SimulationTimeCondition value="2" rule="greaterThan"/></ByValueCondition>'
+    )
+    text = osc.scenario(init=init, events=osc.group("Target-1", osc.event("e", profile, after)))
+    file = osc.write(tmp_path / "in", text)
+    (tmp_path / "in" / "catalogues" / "ways.xosc").write_text(ways)
+    done = openscenario_import.run(file, out=tmp_path / "out")
+    assert not done.left_out
+    scenario = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario
+    (when,) = scenario.all(When)
+    assert print_item(when) == (
+        "when time > 2 s {\n"
+        "  target_1 changes speed to 5 m/s over 2 s\n"
+        "  then {\n"
+        "    target_1 changes speed to 9 m/s over 3 s\n"
+        "  }\n"
+        "}"
+    )
+
+
 def test_what_is_not_expressed_is_counted(tmp_path: Path) -> None:
     friction = osc.of_entity("Ego", '<TraveledDistanceCondition value="100"/>')
     train = osc.scenario(
@@ -164,6 +262,30 @@ def test_what_is_not_expressed_is_counted(tmp_path: Path) -> None:
     assert scene.friction == pytest.approx(0.9 * 0.75, abs=1e-3)
 
 
+def test_whatever_is_missing_or_odd_it_is_a_scenario_or_an_error_in_words(tmp_path: Path) -> None:
+    """Every seventh element left out, and every seventh attribute with something else in it."""
+    elements = len(list(ElementTree.fromstring(CUT_IN).iter()))
+    tries = [(k, None, "") for k in range(1, elements, 7)]
+    odd = itertools.cycle(["", "x", "-5", "1e400", "nan", "$", "${1/0}", "99999999", "0"])
+    attributes = [(k, a) for k, e in enumerate(ElementTree.fromstring(CUT_IN).iter()) for a in e.attrib if k]
+    tries += [(k, name, next(odd)) for k, name in attributes[::7]]
+    refused = 0
+    for k, name, value in tries:
+        root = ElementTree.fromstring(CUT_IN)
+        element = list(root.iter())[k]
+        if name is None:
+            next(parent for parent in root.iter() if element in parent).remove(element)
+        else:
+            element.set(name, value)
+        file = osc.write(tmp_path / "in", ElementTree.tostring(root, encoding="unicode"))
+        try:
+            openscenario_import.run(file, out=tmp_path / f"out{k}")
+        except ForeseeError as err:
+            refused += 1
+            assert str(err)
+    assert 10 < refused < len(tries)
+
+
 BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]>' \
        "<OpenSCENARIO>&b;</OpenSCENARIO>"  # fmt: skip
 
@@ -185,7 +307,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a
         (CUT_IN.replace("$pace", "$speed"), "the parameter $speed is not declared"),
         (CUT_IN.replace("$gap * 2", "__import__('os').getpid()"), "cannot be worked out"),
         (CUT_IN.replace('s="50"', 's="5000"'), "there is no 5000 m along it"),
-        (CUT_IN.replace('value="$pace"', 'value="fast"'), "is no number"),
+        (CUT_IN.replace('value="$pace"', 'value="fast"'), "is no number that"),
     ],
 )
 def test_bad_files_are_refused_in_words_and_nothing_is_written(tmp_path: Path, text: str, said: str) -> None:

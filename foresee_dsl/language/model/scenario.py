@@ -167,8 +167,8 @@ class SignalState(Item):
     """`signal j4 stage ns_go elapsed 11.35 s`: what a junction's signal shows at the beginning.
 
     For a signal that the language wrote, and of an OpenDRIVE map, the stage's name, and time since its green began
-    (amber and all red follow the green and belong to the stage); for one of a SUMO net whose phases have no names, the
-    phase's index as `phase_N`, with time since it began.
+    (amber and all red follow the green and belong to the stage); for one of a SUMO net, the phase's index as `phase_N`,
+    with time since it began.
     """
 
     kind: Literal["signal"] = "signal"
