@@ -152,11 +152,11 @@ def _journeys(state: _Import, routes: Sequence[CarlaRoute], triggers: Sequence[T
         raise ExchangeError(f"{len(lost)} of {len(routes)} routes are not on this map; is it another town's? {lost[0]}")
     state.left_out["routes that are not on the map"] += len(lost)
     state.notes += lost
-    _tell_triggers(state, found, triggers)
+    _tell_places(state, found, triggers)
     return found
 
 
-def _tell_triggers(state: _Import, journeys: Sequence[Journey], triggers: Sequence[Trigger]) -> None:
+def _tell_places(state: _Import, journeys: Sequence[Journey], triggers: Sequence[Trigger]) -> None:
     used = {(j.trigger.file, j.trigger.order) for j in journeys if j.trigger is not None}
     state.left_out["triggers on no imported route"] += len(triggers) - len(used)
     moved = [journey.start_off_m for journey in journeys if journey.start_off_m > MISSED_M]
@@ -201,16 +201,21 @@ def _files(
         count[family] += 1
         rows.setdefault(_file_name(row), []).append(row)
         sources.setdefault(_file_name(row), {})[journey.route.file.name] = None
-    for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
-        state.taken[f"routes of family {family}" if family else "routes without a family"] += number
-        if family not in STAGED:
-            state.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
-    unstaged = sum(row.variant == "open" and row.family in STAGED for found in rows.values() for row in found)
-    state.left_out["routes on which there is no place for their family's behaviour"] += unstaged
+    _tell_families(state, [row for found in rows.values() for row in found])
     return {
         name: FileOfCases(name, net, tuple(found), catalogue, tuple(sources[name]), town_of(Path(net)))
         for name, found in sorted(rows.items())
     }
+
+
+def _tell_families(state: _Import, rows: Sequence[Row]) -> None:
+    count = Counter(row.family for row in rows)
+    for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
+        state.taken[f"routes of family {family}" if family else "routes without a family"] += number
+        if family not in STAGED:
+            state.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
+    unstaged = sum(row.variant == "open" and row.family in STAGED for row in rows)
+    state.left_out["routes on which there is no place for their family's behaviour"] += unstaged
 
 
 def _row(state: _Import, journey: Journey, name: str, number: int, net: str, catalogue: Catalogue | None) -> Row | None:

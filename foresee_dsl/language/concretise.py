@@ -186,7 +186,7 @@ def _walk(item: Item, replace: _Replace, refused: _Refused) -> Item:
         elif isinstance(before, Item):
             after = _walk(before, replace, refused)
         elif isinstance(before, tuple):
-            refs |= {name: part for part in before if isinstance(part, Ref)}
+            refs.update((name, part) for part in before if isinstance(part, Ref))
             parts = tuple(_part(item, name, part, replace, refused) for part in before)
             after = parts if any(a is not b for a, b in zip(parts, before, strict=True)) else before
         if after is not before:

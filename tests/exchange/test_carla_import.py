@@ -214,3 +214,15 @@ def test_the_command(town: tuple[Path, RoadNetwork], tmp_path: Path) -> None:
     )
     assert wrong.returncode == 1
     assert wrong.stderr.startswith("error: ")
+
+
+def test_blueprints_are_driven(town: tuple[Path, RoadNetwork], tmp_path: Path) -> None:
+    net, network = town
+    routes, triggers = sources(tmp_path, network, "3")
+    types = tmp_path / "types.rou.xml"
+    types.write_text('<routes><vType id="vehicle.tesla.model3" length="4.81" width="2.17" height="1.5"/></routes>')
+    done = carla_import.run(net, routes, triggers, out=tmp_path / "out", vtypes=types)
+    assert done.taken["blueprints"] == 1
+    cases = load_test_cases([tmp_path / "out"])
+    assert placement_mistakes(cases) == ()
+    assert cases[0].scenario.actors[0].model == "car.tesla_model3"

@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from carla_towns import MAPS, cases_of, drive_alone, import_town, passages, with_signals_off
+from carla_towns import MAPS, cases_of, drive_alone, import_town, passages, with_signals_off, without_traffic
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
@@ -61,7 +61,7 @@ def cases(town10: Path) -> dict[str, list[TestCase]]:
 
 @pytest.fixture(scope="module")
 def bundles(cases: dict[str, list[TestCase]]) -> dict[str, list[SumoBundle]]:
-    return {family: [compile_test_case(case) for case in group] for family, group in cases.items()}
+    return {family: [compile_test_case(without_traffic(case)) for case in group] for family, group in cases.items()}
 
 
 @pytest.mark.parametrize("town", ["Town10HD", "Town01", "Town02", pytest.param("Town03", marks=pytest.mark.slow)])
