@@ -88,6 +88,8 @@ def campaign(
     from foresee_dsl.campaign.settings import Limits
     from foresee_dsl.campaign.store import Store
     from foresee_dsl.cli.stopping import Stopping
+    from foresee_dsl.compile import placement_mistakes
+    from foresee_dsl.errors import InputError
     from foresee_dsl.language.project import load_test_cases
     from foresee_dsl.report.live import progress
     from foresee_dsl.report.terminal import print_campaign, save_campaign
@@ -108,6 +110,8 @@ def campaign(
         stop=stop,
     )
     cases = load_test_cases(wanted.paths, allow_outside=allow_outside)
+    if mistakes := placement_mistakes(cases):
+        raise InputError(mistakes)  # before there is a store
     with ExitStack() as stack:
         opened = stack.enter_context(Store(store or out / "store"))
         told, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
