@@ -78,8 +78,9 @@ def test_nearly_all_of_a_busy_run(scenarios: Path, tmp_path: Path) -> None:
     address = f"{scenarios}/scenario8.foresee::r02"
     _, trace = parent_of(address)
     found = [cut(address, frame, tmp_path)[1] for frame in range(0, trace.frames - 100, 60)]
-    # The ego is left out: its driver starts afresh. In one of nine clips it strays 0.45 m, and by 0.17 m a cyclist who
-    # meets it.
-    values = [value for one in found for actor, value in one.actors.items() if actor != "ego"]
-    assert sum(value <= WITHIN_M for value in values) / len(values) >= 0.99
-    assert sum(one.largest_others_m <= WITHIN_M for one in found) / len(found) >= 0.85
+    # Where the ego goes another way, as its driver starts afresh, the others rightly make room for it.
+    true = [one for one in found if one.ego_m <= WITHIN_M]
+    assert len(true) > len(found) / 2
+    values = [value for one in true for value in one.actors.values()]
+    assert sum(value <= WITHIN_M for value in values) / len(values) >= 0.995
+    assert sum(one.largest_m <= WITHIN_M for one in true) / len(true) >= 0.9

@@ -10,7 +10,7 @@ from foresee_dsl.language.syntax.grammar import parser
 from tests.fuzz.derivations import derivation
 from tests.fuzz.generators import GENERATORS, make
 from tests.fuzz.minimise import minimise
-from tests.fuzz.oracle import Judge
+from tests.fuzz.oracle import Judge, peak_mb
 from tests.fuzz.run import fuzz
 
 INPUTS = 200
@@ -18,7 +18,7 @@ INPUTS = 200
 
 @pytest.mark.parametrize("name", GENERATORS)
 def test_nothing_is_wrong_with_any_input(name: str, tmp_path: Path):
-    result = fuzz(Judge(tmp_path), [name], 20, range(INPUTS), set())
+    result = fuzz(Judge(tmp_path, others_mb=peak_mb()), [name], 20, range(INPUTS), set())
     assert result.inputs[name] == INPUTS
     assert not {key: (which, details, content) for key, (which, details, content) in result.findings.items()}
 
@@ -51,7 +51,7 @@ def test_an_oracle_that_can_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         return good(text, path)
 
     monkeypatch.setattr("tests.fuzz.oracle.parse", faulty)
-    judge = Judge(tmp_path)
+    judge = Judge(tmp_path, others_mb=peak_mb())
     content = b"foresee 1\n\nscenario a {\n  ego: car.sedan\n  end after 3 s\n}\n"
     found = judge.judge(content)
     assert found is not None and found.key.startswith("RuntimeError")

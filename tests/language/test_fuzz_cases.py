@@ -17,7 +17,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.diagnostics import render_concise
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.project import Project
-from tests.fuzz.oracle import Judge
+from tests.fuzz.oracle import Judge, peak_mb
 
 _SHOWN = 6
 CASES = sorted((Path(__file__).parents[1] / "cases" / "language" / "fuzz").glob("*.foresee"))
@@ -35,7 +35,7 @@ def test_mended(file: Path, monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize("file", CASES, ids=lambda file: file.stem)
 def test_nothing_is_wrong_any_more(file: Path, tmp_path: Path):
-    assert Judge(tmp_path).judge(file.read_bytes()) is None
+    assert Judge(tmp_path, others_mb=peak_mb()).judge(file.read_bytes()) is None
 
 
 def _said(name: str) -> str:
