@@ -90,6 +90,10 @@ class RoadNetwork:
         """Return the movements that end on a lane and are open to a kind."""
         return tuple(m for m in self._into_lane.get(lane, ()) if kind in m.kinds)
 
+    def movements_through(self, lane: str) -> Sequence[Movement]:
+        """Return the movements that a lane inside a junction is part of; none for other lanes."""
+        return self._through_lane.get(lane, ())
+
     def movements_at(self, junction: str) -> tuple[Movement, ...]:
         """Return all movements through a junction."""
         return tuple(m for m in self.movements if m.junction == junction)
@@ -266,6 +270,14 @@ class RoadNetwork:
         found: dict[str, list[Movement]] = {}
         for m in self.movements:
             found.setdefault(m.to_lane, []).append(m)
+        return found
+
+    @cached_property
+    def _through_lane(self) -> dict[str, list[Movement]]:
+        found: dict[str, list[Movement]] = {}
+        for m in self.movements:
+            for via in m.via:
+                found.setdefault(via, []).append(m)
         return found
 
     @cached_property

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.polyline import Points, Polyline
 from foresee_dsl.language.model import Turn
+
+if TYPE_CHECKING:
+    from shapely import LineString
 
 LaneKind = Literal["car", "bicycle", "pedestrian"]
 """Whom a lane is for, as far as we tell them apart; `car` stands for everything with an engine."""
@@ -38,6 +41,13 @@ class Lane:
     def line(self) -> Polyline:
         """The centreline, finely divided."""
         return Polyline.of(self.shape)
+
+    @cached_property
+    def centreline(self) -> LineString:
+        """The same as SUMO has it."""
+        import shapely  # here: it takes long to import, and placing actors does without
+
+        return shapely.LineString(self.shape)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,18 @@ imported, and kept beside the module (`__pycache__`): the first import in an env
 In the campaign's workers that is in the fork server, before any of them starts.
 
 Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
-the same bits. Two things to keep in mind: a kernel is compiled anew when its own file changes, but not when another one
-does, so it calls kernels of its own file only and is given the settings that it needs; and indices are not checked, so
-they are held within their array where they come from a measurement (the integer of a NaN may be anything).
+the same bits. Two things to keep in mind: a kernel is compiled anew when its own file changes, and those that are named
+in `made_of`, but not when another one does, so it takes functions and numbers from these files only; and indices are
+not checked, so they are held within their array where they come from a measurement (the integer of a NaN may be
+anything).
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from numba import njit, typeof, types
@@ -26,27 +30,44 @@ FLOATS, INTS, FLAGS = types.float64[::1], types.int64[::1], types.boolean[::1]
 """[N], in one piece."""
 TABLE, INT_TABLE, FLAG_TABLE = types.float64[:, ::1], types.int64[:, ::1], types.boolean[:, ::1]
 """[M, N], in one piece."""
+ANY_TABLE = types.float64[:, :]
+"""[M, N], a part of another one, perhaps."""
+BYTE_TABLE = types.uint8[:, ::1]
 CUBE = types.float64[:, :, ::1]
 HYPERCUBE = types.float64[:, :, :, ::1]
 
 
 def inner(function: F) -> F:
-    """Mark a function that only kernels of its own file call: it is compiled and kept as a part of each of them."""
+    """Mark a function that only kernels call: it is compiled and kept as a part of each of them."""
     return cast(F, njit(error_model="numpy")(function))
 
 
-def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
+def compiled(*signature: Any, made_of: str = "") -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
     """Compile a function for these types of arguments.
 
     Args:
         signature: of each argument, one of the types above, or a named tuple of numbers as an example.
+        made_of: the other files, beside its own, that it takes functions and numbers from: names or patterns such
+            as `pdm_*.py`, with spaces between them.
     """
     kinds = tuple(_type_of(kind) if isinstance(kind, tuple) else kind for kind in signature)
 
     def compile_it(function: F) -> F:
+        if made_of:  # it is kept under its name, so a name for each state of the files
+            function.__qualname__ += "_" + _state_of(Path(function.__code__.co_filename).parent, made_of)
         try:
             return cast(F, njit(kinds, cache=True, error_model="numpy")(function))
         except RuntimeError:  # nowhere to keep it: neither beside the module nor in a user's folder
             return cast(F, njit(kinds, error_model="numpy")(function))
 
     return compile_it
+
+
+@cache
+def _state_of(folder: Path, patterns: str) -> str:
+    """Return a short hash of files' contents."""
+    found = hashlib.sha256()
+    for pattern in patterns.split():
+        for file in sorted(folder.glob(pattern)):
+            found.update(file.read_bytes())
+    return found.hexdigest()[:12]

@@ -140,16 +140,15 @@ class Walker(Mobile):
         self.stops = actor.walk_stops
         self.road_at: dict[int, tuple[float, str] | None] = {}
         self.along = actor.along_m
-        self.speed = self.follower.speed_mps
         pose = self.follower.pose()
-        self.x, self.y, self.heading = pose.x, pose.y, pose.heading
+        self.move(pose.x, pose.y, pose.heading, self.follower.speed_mps, self.acceleration)
 
     def walk(self) -> None:
         """Move one step."""
         self.follower.stop_m = self._red_light()
         pose = self.follower.step(STEP_S)
-        self.x, self.y, self.heading = pose.x, pose.y, math.remainder(pose.heading, math.tau)
-        self.speed, self.acceleration, self.yaw_rate = pose.speed, pose.acceleration, pose.yaw_rate
+        heading = math.remainder(pose.heading, math.tau)
+        self.move(pose.x, pose.y, heading, pose.speed, pose.acceleration, pose.yaw_rate)
         self.along = self.follower.along_m
 
     def show(self) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import inf, remainder, sqrt, tau
+from math import remainder, sqrt, tau
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,8 +19,6 @@ from foresee_dsl.compile.polyline import lengths
 from foresee_dsl.compile.roads import Movement
 from foresee_dsl.compile.starts import lane_kind
 from foresee_dsl.simulate.dynamics import lateral_limit_mps2
-from foresee_dsl.simulate.state import Mobile
-from foresee_dsl.simulate.trace import STEP_S
 
 FloatArray = NDArray[np.float64]
 
@@ -36,10 +36,6 @@ _SLOWEST_MPS = 1.0
 
 AHEAD_M = 60.0
 """So far beyond its lane the bends are known. Ours: braking from 70 km/h with 3.2 m/s^2 takes 58 m."""
-_GAINS_MPS = 0.25
-"""Who gains less speed than this needs no new look. Ours."""
-_SURE_M = 2.0
-"""A vehicle is looked up again so far before it is slowed. Ours: a step at 100 km/h, and the roundings."""
 _EDGES = 4
 """Nor beyond so many edges of its route; ours, in a town they are more than `AHEAD_M`."""
 
@@ -52,6 +48,9 @@ class BendSpeeds:
         axle_m: how far the rear axle lies behind what follows the line: a bend that is shorter counts as this long.
         lateral_mps2: what the vehicle can hold; it uses `TURNS_WITH` of it.
         braking_mps2: how hard it brakes in comfort.
+
+    Attributes:
+        marks: [N] m. speeds: [N] m/s. slowest_mps: the least of these.
     """
 
     def __init__(
@@ -68,13 +67,13 @@ class BendSpeeds:
         turned = np.maximum(_turned(s, angle, 0.0, axle_m), _turned(s, angle, axle_m / 2, axle_m))
         bent = np.maximum(turned / axle_m, 1e-9)
         free = np.maximum(np.sqrt(TURNS_WITH * lateral_mps2 / bent), _SLOWEST_MPS)
-        self._marks = marks
-        self._speeds = approached(free.tolist(), marks, PLANNED_SHARE * braking_mps2)
-        self.slowest_mps = min(self._speeds)
+        self.marks = marks
+        self.speeds = approached(free.tolist(), marks, PLANNED_SHARE * braking_mps2)
+        self.slowest_mps = min(self.speeds)
 
     def at(self, s: float) -> float:
         """Return the speed at a length of the line, m/s."""
-        marks, speeds = self._marks, self._speeds
+        marks, speeds = self.marks, self.speeds
         k = bisect_right(marks, s) - 1
         if k < 0:
             return speeds[0]
@@ -83,35 +82,43 @@ class BendSpeeds:
         share = (s - marks[k]) / max(marks[k + 1] - marks[k], 1e-9)
         return speeds[k] + share * (speeds[k + 1] - speeds[k])
 
-    def slower_from(self, s: float, speed_mps: float) -> float:
-        """Return the first length from `s` on at which it may not drive this speed; infinite where there is none."""
-        k = max(bisect_right(self._marks, s) - 1, 0)
-        slower = (j for j in range(k, len(self._marks)) if self._speeds[j] < speed_mps)
-        return next((self._marks[max(j - 1, 0)] for j in slower), inf)
 
-
-_KNOWN: WeakKeyDictionary[RoadNetwork, dict[tuple[str, ModelSpec, tuple[str, ...], float], BendSpeeds]] = (
-    WeakKeyDictionary()
-)
-"""What was worked out for a network: the children of a clip drive on the same one."""
-
-
-class _Seen:
-    """Where a vehicle was when it was looked up last.
+class Stretch(NamedTuple):
+    """Where the bends of a lane and of those that follow it lie in the arrays of `LaneBends`.
 
     Attributes:
-        lane: that it is on. bends: of it. s: m along it.
-        free_m: way to where it may not drive `fastest_mps` any more.
-        speed_mps: what it may drive. stands: where it stood then, and how fast it could become.
+        begin, points: the first of them, and how many they are. slowest_mps: the least of their speeds.
     """
 
-    __slots__ = ("bends", "fastest_mps", "free_m", "lane", "s", "speed_mps", "stands")
+    begin: int
+    points: int
+    slowest_mps: float
 
-    def __init__(self, lane: str, bends: BendSpeeds | None) -> None:
-        self.lane, self.bends = lane, bends
-        self.s: float | None = None
-        self.free_m, self.fastest_mps, self.speed_mps = 0.0, 0.0, inf
-        self.stands: tuple[tuple[float, float], float] | None = None
+
+NO_BENDS = Stretch(0, 0, math.inf)
+"""Of who is on no lane."""
+
+
+class _Known:
+    """What was worked out for a network: the children of a clip drive on the same one.
+
+    Attributes:
+        stretches: by lane, model, next edges and friction. marks, speeds: of all of them, one after the other.
+    """
+
+    def __init__(self) -> None:
+        self.stretches: dict[tuple[str, ModelSpec, tuple[str, ...], float], Stretch] = {}
+        self.marks: FloatArray = np.empty(0)
+        self.speeds: FloatArray = np.empty(0)
+
+    def add(self, bends: BendSpeeds) -> Stretch:
+        begin = len(self.marks)
+        self.marks = np.concatenate([self.marks, bends.marks])
+        self.speeds = np.concatenate([self.speeds, bends.speeds])
+        return Stretch(begin, len(bends.marks), bends.slowest_mps)
+
+
+_KNOWN: WeakKeyDictionary[RoadNetwork, _Known] = WeakKeyDictionary()
 
 
 class LaneBends:
@@ -124,54 +131,34 @@ class LaneBends:
     def __init__(self, network: RoadNetwork, friction: float) -> None:
         """Know a network, and how wet it is."""
         self._network, self._friction = network, friction
-        self._known = _KNOWN.setdefault(network, {})
-        self._inside = {via: m for m in network.movements for via in m.via}
-        self._seen: dict[str, _Seen] = {}
+        self._known = _KNOWN.setdefault(network, _Known())
         self._done: dict[str, int] = {}
 
-    def speed(self, actor: Mobile, cruise_mps: float) -> float:
-        """Return what a vehicle may drive in the next step, m/s; infinite where nothing slows it or it is on no lane.
+    @property
+    def marks(self) -> FloatArray:
+        """[P] m along the lane of the stretch that a point belongs to."""
+        return self._known.marks
 
-        Args:
-            actor: it. cruise_mps: what it drives where nothing hinders it.
-        """
-        seen = self._seen.get(actor.id)
-        if seen is None or seen.lane != actor.lane:
-            seen = self._seen[actor.id] = _Seen(actor.lane, self._ahead(actor))
-        bends, speed = seen.bends, actor.speed
-        fastest = max(cruise_mps, speed + 1.0)  # it may be told to go faster than it did
-        if bends is None or bends.slowest_mps >= fastest:
-            return inf
-        place = actor.x, actor.y
-        if speed == 0.0 and seen.stands == (place, fastest):
-            return seen.speed_mps
-        way_m = speed * STEP_S
-        if fastest <= seen.fastest_mps:
-            seen.free_m -= way_m
-            if seen.free_m > _SURE_M:
-                return inf
-        s, _ = self._network.lanes[actor.lane].line.project(*actor.front, seen.s)
-        # Whoever is far from the next bend need not be looked up at each step.
-        seen.s, seen.fastest_mps = s, fastest + _GAINS_MPS
-        seen.free_m = bends.slower_from(s, seen.fastest_mps) - s - way_m
-        seen.speed_mps = bends.at(s + way_m)
-        seen.stands = (place, fastest) if speed == 0.0 else None
-        return seen.speed_mps
+    @property
+    def speeds(self) -> FloatArray:
+        """[P] m/s: what may be driven there."""
+        return self._known.speeds
 
-    def _ahead(self, actor: Mobile) -> BendSpeeds | None:
-        """Return the bends of the lane that a vehicle is on and of those that follow; None where it is on none."""
-        if actor.lane not in self._network.lanes:
-            return None
-        return self._of(actor.id, actor.placed.model, actor.lane, actor.placed.route)
+    def ahead(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> Stretch:
+        """Return the bends of the lane that a vehicle is on and of those that follow on its route."""
+        if lane not in self._network.lanes:
+            return NO_BENDS
+        return self._of(vehicle, model, lane, route)
 
-    def _of(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> BendSpeeds:
-        movement = self._inside.get(lane)
+    def _of(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> Stretch:
+        movement = next(reversed(self._network.movements_through(lane)), None)
         edge = movement.to_edge if movement is not None else self._network.lanes[lane].edge
         edges = self._left(vehicle, route, edge)
         key = (lane, model, edges, self._friction)
-        if key not in self._known:
-            self._known[key] = self._bends(lane, movement, edges, model)
-        return self._known[key]
+        found = self._known.stretches.get(key)
+        if found is None:
+            found = self._known.stretches[key] = self._known.add(self._bends(lane, movement, edges, model))
+        return found
 
     def _left(self, vehicle: str, route: Sequence[str], edge: str) -> tuple[str, ...]:
         """Return the next edges of a route, which may pass an edge twice."""

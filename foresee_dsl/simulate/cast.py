@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors import STANDS_MPS, Block, Ego, Ghost, Steered, Walker, sped
-from foresee_dsl.simulate.bends import LaneBends
 from foresee_dsl.simulate.bodies import Body
 from foresee_dsl.simulate.entering import since_entry_s
 from foresee_dsl.simulate.progress import Progress
-from foresee_dsl.simulate.state import Mobile
+from foresee_dsl.simulate.state import Crowd, Mobile
 from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.traffic import Traffic
 from foresee_dsl.simulate.world import World
 
 OFF_LANE_M = 1.8
@@ -60,15 +60,14 @@ class Cast:
         self.ignored: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
-        self._bends = LaneBends(self.network, self.scene.friction)
-        self._bend_mps: dict[str, float] = {}
+        self.crowd = Crowd(self.actors)
+        rows = {actor.id: number for number, actor in enumerate(self.actors)}
+        self._traffic = Traffic(
+            tuple(self.bodies.values()), self.crowd, rows, world, self.network, scene.friction, self.cruise
+        )
         self.frame = 0
+        self.time_s = 0.0
         self._enter(bundle)
-
-    @property
-    def time_s(self) -> float:
-        """Time of the frame that everybody is at."""
-        return round(self.frame * STEP_S, 6)
 
     def step(self, control: Control) -> tuple[str, ...]:
         """Go on by one frame.
@@ -79,17 +78,18 @@ class Cast:
         Returns:
             Ids of those who have left the world.
         """
-        self._slow_for_bends()
+        self._traffic.slow_for_bends()
         self.ego.drive(control)
         for walker in self.walkers:
             walker.walk()
         self._recover()
         self.frame += 1
+        self.time_s = round(self.frame * STEP_S, 6)
         self._show()
         self.world.step()
         self.world.mend_order()
         self._settle()
-        left = self._follow()
+        left = self._traffic.follow()
         self._ego_lane()
         self._take_over()
         return left
@@ -108,6 +108,7 @@ class Cast:
                 self._held.add(actor.id)
                 return
             self.world.set_cruise(actor.id, speed_mps)
+            self._traffic.cruises(actor.id, speed_mps)
             if actor.id in self._held:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
@@ -168,7 +169,7 @@ class Cast:
         self._hold([body for body in self.bodies.values() if not body.rolls], before)
         for body in rolling:
             world.roll(body.id, body.speed, free=body.acceleration > 0)
-        self._slow_for_bends()
+        self._traffic.slow_for_bends()
         self._show()
         self._pass_step()
         for body in rolling:
@@ -183,29 +184,31 @@ class Cast:
         others came as long ago as their way inside takes at their speed.
         """
         vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
-        since = {actor.id: self._since_entry(actor) for actor in vehicles}
+        bends = self._traffic.may_drive_mps()
+        at_speed = {
+            body.id: body.speed >= min(self.cruise[body.id], bends[body.id]) - MAY_DRIVE_MPS
+            for body in self.bodies.values()
+        }
+        since = {actor.id: self._since_entry(actor, at_speed.get(actor.id, False)) for actor in vehicles}
         inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
-        going = [a for a in inside if a is self.ego or self._goes(a)]
+        going = [a for a in inside if a is self.ego or _goes(a, at_speed[a.id])]
         letting_go = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
         none: list[Mobile] = []
         waves = [*([a] for a in going), none, *([a] for a in letting_go), rest, *([none] * KNOWN_AFTER)]
         return waves, len(going)
 
-    def _goes(self, actor: Mobile) -> bool:
-        """Say whether a vehicle inside a junction seems to have nobody to wait for."""
-        return actor.speed >= STANDS_MPS and (_as_much_as_it_can(actor) or self._as_fast_as_it_may(actor))
+    def _since_entry(self, actor: Mobile, at_speed: bool) -> float:
+        """Return how long ago an actor's front seems to have come to the junction that it is on, s; 0 on none.
 
-    def _as_fast_as_it_may(self, actor: Mobile) -> bool:
-        return actor.speed >= min(self.cruise[actor.id], self._bend_speed(actor)) - MAY_DRIVE_MPS
-
-    def _since_entry(self, actor: Mobile) -> float:
-        """Return how long ago an actor's front seems to have come to the junction that it is on, s; 0 on none."""
+        Args:
+            actor: who. at_speed: it drives as fast as it may.
+        """
         inside_m = self.progress.inside(actor, self.frame)
         if inside_m <= 0.0:
             return 0.0
         # Who has come out of a bend gains speed as well, but has not waited.
-        waited = actor is not self.ego and _as_much_as_it_can(actor) and not self._as_fast_as_it_may(actor)
+        waited = actor is not self.ego and _as_much_as_it_can(actor) and not at_speed
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
     def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
@@ -278,18 +281,6 @@ class Cast:
         yield from (walker.ghost for walker in self.walkers)
         yield from (block.ghost for block in self.blocks)
 
-    def _follow(self) -> tuple[str, ...]:
-        states = self.world.vehicles()
-        left = []
-        for name, body in self.bodies.items():
-            state = states.get(name)
-            if state is not None:
-                body.follow(state)
-            elif body.present and not (isinstance(body, Steered) and body.taken is not None):
-                body.present = False
-                left.append(name)
-        return tuple(left)
-
     def _recover(self) -> None:
         taken = [a for a in self.steered if a.taken is not None and a.present]
         if not taken:
@@ -316,20 +307,7 @@ class Cast:
             if actor.present and actor.due(self.time_s):
                 actor.take_over(self.network, self.cruise[actor.id])
                 self.world.take_over(actor.placed)
-
-    def _slow_for_bends(self) -> None:
-        """SUMO knows the bends inside junctions only, and neither who tips nor how wet the road is."""
-        bends, cruise, told = self._bends, self.cruise, self._bend_mps
-        for name, body in self.bodies.items():
-            if not body.present or (isinstance(body, Steered) and body.taken is not None):
-                continue
-            speed = bends.speed(body, cruise[name])
-            if speed != told.get(name):
-                told[name] = speed
-                self.world.slow_for_bend(name, speed)
-
-    def _bend_speed(self, actor: Mobile) -> float:
-        return self._bends.speed(actor, self.cruise[actor.id])
+                self._traffic.drop(actor.id)
 
     def _ego_lane(self) -> None:
         line = self.ego.placed.line
@@ -341,3 +319,8 @@ class Cast:
 def _as_much_as_it_can(actor: Mobile) -> bool:
     """Whether a vehicle gains speed as if nothing were in its way."""
     return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
+
+
+def _goes(actor: Mobile, at_speed: bool) -> bool:
+    """Say whether a vehicle inside a junction seems to have nobody to wait for."""
+    return actor.speed >= STANDS_MPS and (_as_much_as_it_can(actor) or at_speed)

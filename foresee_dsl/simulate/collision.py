@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.simulate.footprint_kernels import hits, overlap
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
@@ -80,16 +82,7 @@ def corner_points(box: Box) -> list[tuple[float, float]]:
 
 def overlaps(a: Box, b: Box) -> bool:
     """Whether two boxes share a point; False where a value is NaN."""
-    dx, dy = b.x - a.x, b.y - a.y
-    ca, sa, cb, sb = cos(a.heading), sin(a.heading), cos(b.heading), sin(b.heading)
-    c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
-    # Written as a chain of "<=" so that NaN answers False.
-    return (
-        abs(dx * ca + dy * sa) <= (a.length + c * b.length + s * b.width) / 2
-        and abs(dy * ca - dx * sa) <= (a.width + s * b.length + c * b.width) / 2
-        and abs(dx * cb + dy * sb) <= (b.length + c * a.length + s * a.width) / 2
-        and abs(dy * cb - dx * sb) <= (b.width + s * a.length + c * a.width) / 2
-    )
+    return bool(overlap(b.x - a.x, b.y - a.y, a.heading, a.length, a.width, b.heading, b.length, b.width))
 
 
 def ego_hits(
@@ -109,15 +102,7 @@ def ego_hits(
     """
     x, y, heading = (float(v) for v in ego_pose)
     length, width = (float(v) for v in ego_size)
-    # Circles around the boxes first: hardly anyone is this near, and the exact test runs on those only.
-    offsets = poses[:, :2] - (x, y)
-    most = (hypot(length, width) + float(sizes.sum(axis=1).max(initial=0.0))) / 2
-    near: IntArray = ((offsets * offsets).sum(axis=1) <= most * most).nonzero()[0]
-    if not near.size:
-        return near
-    ego = Box(x, y, heading, length, width)
-    hit = [overlaps(ego, Box(*poses[k].tolist(), *sizes[k].tolist())) for k in near.tolist()]
-    return near[hit]
+    return hits(x, y, heading, length, width, poses, sizes)
 
 
 def box_distance(a: Box, b: Box) -> float:

@@ -71,6 +71,8 @@ class Director:
 
     def step(self) -> None:
         """Look at the frame that the cast is at; what follows takes effect in the next step."""
+        if not (self._triggers or self._commands or self._starts or self._bound):
+            return
         time_s = self._cast.time_s
         self._new.clear()
         for trigger in self._triggers:

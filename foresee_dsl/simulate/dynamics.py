@@ -12,8 +12,15 @@ from dataclasses import dataclass
 from math import atan, cos, exp, inf, isnan, sin, sqrt, tan
 from types import MappingProxyType
 
+import numpy as np
+from numpy.typing import NDArray
+
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled, inner
 from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
+from foresee_dsl.simulate.footprint_kernels import wheels
+
+FloatArray = NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.81
 """Standard gravity, to the figures that `VehicleLimits` is defined with."""
@@ -115,6 +122,12 @@ class Bicycle:
         """How far the rear axle lies behind the centre of the footprint."""
         self.grip_mps2 = limits.friction * GRAVITY_MPS2
         self.lateral_mps2 = lateral_limit_mps2(limits.model, limits.friction)
+        self._numbers = np.array(
+            (
+                limits.steer_max_rad, limits.steer_rate_rad_s, limits.max_speed_mps, limits.acceleration_mps2,
+                limits.emergency_braking_mps2, limits.wheelbase_m, self.rear_axle_m, self.grip_mps2, self.lateral_mps2,
+            )
+        )  # fmt: skip
 
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
@@ -127,11 +140,11 @@ class Bicycle:
         Raises:
             ValueError: the control holds a NaN or something that is no number.
         """
-        wheel, throttle, brake = checked(control)
-        steer = self._turn_wheels(state.steer, wheel, dt)
-        wanted = self._drive(state, throttle, brake, dt)
-        acceleration, curvature = self._within_grip(state.speed, wanted, steer, dt)
-        return self._move(state, acceleration, curvature, steer, dt)
+        moved = _step(
+            state.x, state.y, state.heading, state.speed, state.acceleration, state.steer, *checked(control), dt,
+            self._numbers,
+        )  # fmt: skip
+        return BicycleState(*moved)
 
     def steer_for(self, curvature: float) -> float:
         """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
@@ -145,79 +158,85 @@ class Bicycle:
             state.y - self.rear_axle_m * sin(state.heading),
         )
 
-    def wheels(self, state: BicycleState, inset_m: float) -> tuple[tuple[float, float], ...]:
-        """Return one point (m) per wheel: on its axle, `inset_m` inside the vehicle's side.
+    def wheels(self, state: BicycleState, inset_m: float) -> FloatArray:
+        """Return [4, 2] m, a point for each wheel: on its axle, `inset_m` inside the vehicle's side.
 
         The order is front left, rear left, rear right, front right.
         """
-        c, s = cos(state.heading), sin(state.heading)
-        left = max(self.limits.width_m / 2 - inset_m, 0.0)
-        rear, front = -self.rear_axle_m, self.limits.wheelbase_m - self.rear_axle_m
-        return tuple(
-            (state.x + c * along - s * across, state.y + s * along + c * across)
-            for along, across in ((front, left), (rear, left), (rear, -left), (front, -left))
-        )
+        points: FloatArray = wheels(state.x, state.y, state.heading, *self.axles(inset_m))
+        return points
 
-    def _turn_wheels(self, steer: float, wheel: float, dt: float) -> float:
-        change = wheel * self.limits.steer_max_rad - steer
-        most = self.limits.steer_rate_rad_s * dt
-        return steer + max(-most, min(most, change))
+    def axles(self, inset_m: float) -> tuple[float, float, float]:
+        """Return how far ahead of the centre the front and the rear axle are, and how far beside it such a point, m."""
+        rear = -self.rear_axle_m
+        return self.limits.wheelbase_m + rear, rear, max(self.limits.width_m / 2 - inset_m, 0.0)
 
-    def _drive(self, state: BicycleState, throttle: float, brake: float, dt: float) -> float:
-        """Acceleration that motor and brakes give, before the tyres have their say."""
-        limits = self.limits
-        fade = max(0.0, 1.0 - state.speed / limits.max_speed_mps)
-        target = throttle * limits.acceleration_mps2 * fade - brake * limits.emergency_braking_mps2
-        lag = BRAKE_LAG_S if brake > 0 else THROTTLE_LAG_S
-        return target + (state.acceleration - target) * exp(-dt / lag)
 
-    def _within_grip(self, speed: float, acceleration: float, steer: float, dt: float) -> tuple[float, float]:
-        """Acceleration and curvature that the tyres can hold together.
+@inner
+def _within_grip(
+    speed: float, acceleration: float, steer: float, dt: float, wheelbase: float, grip: float, side: float
+) -> tuple[float, float]:
+    """Acceleration and curvature that the tyres can hold together.
 
-        The wheels stay where the driver turned them; the vehicle runs wider than they point (understeer).
-        """
-        grip, side = self.grip_mps2, self.lateral_mps2
-        acceleration = max(-grip, min(grip, acceleration))
-        curvature = tan(steer) / self.limits.wheelbase_m
-        fastest = speed + max(0.0, acceleration) * dt
-        demand = fastest * fastest * abs(curvature)
-        left_over = side * sqrt(1.0 - (acceleration / grip) ** 2)
-        lateral = max(left_over, STEERABLE_SHARE * side)
-        if demand <= left_over:
-            return acceleration, curvature
-        if demand > lateral:
-            curvature *= lateral / demand
-            demand = lateral
-        most = grip * sqrt(max(0.0, 1.0 - (demand / side) ** 2))
-        return max(-most, min(most, acceleration)), curvature
+    The wheels stay where the driver turned them; the vehicle runs wider than they point (understeer).
+    """
+    acceleration = max(-grip, min(grip, acceleration))
+    curvature = tan(steer) / wheelbase
+    fastest = speed + max(0.0, acceleration) * dt
+    demand = fastest * fastest * abs(curvature)
+    left_over = side * sqrt(1.0 - (acceleration / grip) ** 2)
+    lateral = max(left_over, STEERABLE_SHARE * side)
+    if demand <= left_over:
+        return acceleration, curvature
+    if demand > lateral:
+        curvature *= lateral / demand
+        demand = lateral
+    most = grip * sqrt(max(0.0, 1.0 - (demand / side) ** 2))
+    return max(-most, min(most, acceleration)), curvature
 
-    def _move(
-        self, state: BicycleState, acceleration: float, curvature: float, steer: float, dt: float
-    ) -> BicycleState:
-        speed = state.speed + acceleration * dt
-        if speed <= 0.0:  # it comes to rest within the step, and there is no reverse
-            distance = state.speed * state.speed / (-2.0 * acceleration) if acceleration < 0 else 0.0
-            speed = acceleration = 0.0
-        else:
-            if acceleration > 0.0 and speed > (top := max(state.speed, self.limits.max_speed_mps)):
-                speed, acceleration = top, (top - state.speed) / dt  # the drivetrain's lag would push it over
-            distance = (state.speed + speed) / 2 * dt
-        if distance == 0.0:  # standing still is exact: no rounding may creep into the position
-            return BicycleState(state.x, state.y, state.heading, speed, acceleration, 0.0, steer)
-        half_turn = distance * curvature / 2
-        # The rear axle runs on an arc: its chord lies at the mean heading.
-        chord = distance * (sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
-        mean, heading = state.heading + half_turn, state.heading + 2 * half_turn
-        behind = self.rear_axle_m
-        return BicycleState(
-            x=state.x + chord * cos(mean) + behind * (cos(heading) - cos(state.heading)),
-            y=state.y + chord * sin(mean) + behind * (sin(heading) - sin(state.heading)),
-            heading=heading,
-            speed=speed,
-            acceleration=acceleration,
-            yaw_rate=speed * curvature,
-            steer=steer,
-        )
+
+@compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS)
+def _step(
+    x: float,
+    y: float,
+    heading: float,
+    speed: float,
+    acceleration: float,
+    steer: float,
+    wheel: float,
+    throttle: float,
+    brake: float,
+    dt: float,
+    numbers: FloatArray,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the columns of `BicycleState` after a step; `numbers` as `Bicycle` has them."""
+    steer_max, steer_rate, top, gains, brakes, wheelbase, behind, grip, side = numbers
+    most = steer_rate * dt
+    steer += max(-most, min(most, wheel * steer_max - steer))
+    # What motor and brakes give, before the tyres have their say.
+    fade = max(0.0, 1.0 - speed / top)
+    target = throttle * gains * fade - brake * brakes
+    lag = BRAKE_LAG_S if brake > 0 else THROTTLE_LAG_S
+    wanted = target + (acceleration - target) * exp(-dt / lag)
+    acceleration, curvature = _within_grip(speed, wanted, steer, dt, wheelbase, grip, side)
+    before, speed = speed, speed + acceleration * dt
+    if speed <= 0.0:  # it comes to rest within the step, and there is no reverse
+        distance = before * before / (-2.0 * acceleration) if acceleration < 0 else 0.0
+        speed = acceleration = 0.0
+    else:
+        fastest = max(before, top)
+        if acceleration > 0.0 and speed > fastest:  # the drivetrain's lag would push it over
+            speed, acceleration = fastest, (fastest - before) / dt
+        distance = (before + speed) / 2 * dt
+    if distance == 0.0:  # standing still is exact: no rounding may creep into the position
+        return x, y, heading, speed, acceleration, 0.0, steer
+    half_turn = distance * curvature / 2
+    # The rear axle runs on an arc: its chord lies at the mean heading.
+    chord = distance * (sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
+    mean, after = heading + half_turn, heading + 2 * half_turn
+    x += chord * cos(mean) + behind * (cos(after) - cos(heading))
+    y += chord * sin(mean) + behind * (sin(after) - sin(heading))
+    return x, y, after, speed, acceleration, speed * curvature, steer
 
 
 def checked(control: Control) -> tuple[float, float, float]:

@@ -190,8 +190,8 @@ def _outermost(body: Mover, nx: float, ny: float, tangent: tuple[float, float]) 
     return min(along), max(along)
 
 
-def off_road_points(bicycle: Bicycle, state: BicycleState) -> tuple[tuple[float, float], ...]:
-    """Return the four points (m) that must all lie on the drivable area: the tyres' inner edges.
+def off_road_points(bicycle: Bicycle, state: BicycleState) -> FloatArray:
+    """Return the four points ([4, 2] m) that must all lie on the drivable area: the tyres' inner edges.
 
     The body may hang over the kerb, as it does in tight turns; a wheel may not stand beyond it.
     """
@@ -279,6 +279,10 @@ class Judge:
         if arrived:
             return Decision(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
         return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
+
+    def goes_on(self) -> None:
+        """Take note of a frame at which the ego moves, and of which is known that the run goes on."""
+        self._standing_since = None
 
     def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
         name, kind = self._ids[k], self._kinds[k]

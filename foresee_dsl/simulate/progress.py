@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from foresee_dsl.compile.geometry import Passage, RoadNetwork
 from foresee_dsl.compile.polyline import Polyline
 from foresee_dsl.simulate.actors import Walker
+from foresee_dsl.simulate.line_kernels import FloatArray, project
 from foresee_dsl.simulate.state import Mobile
 
 AROUND_M = 2.0
@@ -28,6 +29,7 @@ class Progress:
             line = actor.follower.line if isinstance(actor, Walker) else actor.placed.line
             if line is not None:
                 self._lines[actor.id] = line
+        self._points: dict[str, tuple[FloatArray, FloatArray, FloatArray]] = {}
         self._last: dict[str, tuple[int, float, float]] = {}
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
 
@@ -45,7 +47,10 @@ class Progress:
         if isinstance(actor, Walker):
             s, lateral = actor.along, 0.0
         else:
-            s, lateral = line.project(actor.x, actor.y, last[1] if last is not None else None)
+            points = self._points.get(actor.id)
+            if points is None:
+                points = self._points[actor.id] = (line.points[:, 0].copy(), line.points[:, 1].copy(), line.s)
+            s, lateral = project(actor.x, actor.y, last[1] if last is not None else math.nan, *points)
         self._last[actor.id] = (frame, s, lateral)
         return s, lateral
 

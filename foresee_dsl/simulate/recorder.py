@@ -10,32 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
-from foresee_dsl.simulate.state import Mobile
+from foresee_dsl.simulate.state import Crowd, IntArray
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.world import World
 
 FloatArray = NDArray[np.float64]
-
-_ABSENT = (math.nan,) * len(FIELDS)
 
 
 class Recorder:
     """Collects frames of one run; `frame` once a step, `trace` at the end.
 
     Args:
-        actors: in the scene's order, the ego first.
+        actors: in the scene's order, the ego first. crowd: the same, as tables.
         signals: the bundle's, by junction.
     """
 
-    def __init__(self, actors: Sequence[Mobile], signals: Mapping[str, Signal]) -> None:
-        self._actors = actors
+    def __init__(self, actors: Sequence[PlacedActor], crowd: Crowd, signals: Mapping[str, Signal]) -> None:
+        self._actors, self._crowd = actors, crowd
         self._signals = tuple(signals.values())
         self._rows: list[FloatArray] = []
-        self._lanes: list[int] = []
-        self._along: list[float] = []
-        self._lane_index: dict[str, int] = {}
-        self._stages: list[int] = []
-        self._elapsed: list[float] = []
+        self._lanes: list[IntArray] = []
+        self._along: list[FloatArray] = []
+        self._now_s: list[float] = []  # of each frame, in SUMO's time
+        self._until_s = -math.inf  # the next moment at which a signal may show something else
+        self._shown: list[tuple[int, list[int], list[float]]] = []  # from which frame on; stages; when they began
         self.events: list[Event] = []
 
     def event(self, time_s: float, actor: str, what: str, detail: dict[str, Any] | None = None) -> None:
@@ -48,38 +46,40 @@ class Recorder:
         Returns:
             [A, 7] the columns of `Trace.states`; not to be changed.
         """
-        values: list[float] = []
-        lanes, along, index = self._lanes, self._along, self._lane_index
-        for a in self._actors:
-            if not a.present:
-                values += _ABSENT
-                lanes.append(-1)
-                along.append(math.nan)
-                continue
-            values += (a.x, a.y, a.heading, a.speed, a.acceleration, a.yaw_rate, a.steer)
-            lanes.append(index.setdefault(a.lane, len(index)) if a.lane else -1)
-            along.append(a.along)
-        for signal in self._signals:
-            stage, elapsed = world.stage(signal.tls)
-            self._stages.append(stage)
-            self._elapsed.append(round(elapsed, 6))
-        row = np.array(values, dtype=np.float64).reshape(-1, len(FIELDS))
-        self._rows.append(row)
-        return row
+        now_s = world.now_s
+        if now_s >= self._until_s:
+            self._look_at_signals(world)
+        self._now_s.append(now_s)
+        states, lanes, along = self._crowd.frame()
+        self._rows.append(states)
+        self._lanes.append(lanes)
+        self._along.append(along)
+        return states
+
+    def _look_at_signals(self, world: World) -> None:
+        """Note the stages that are shown from this frame on, and when (in SUMO's time) they began."""
+        shown = [world.shown(signal.tls) for signal in self._signals]
+        self._until_s = min((until for *_, until in shown), default=math.inf)
+        self._shown.append((len(self._now_s), [stage for stage, *_ in shown], [since for _, since, _ in shown]))
 
     def trace(self, waypoints: FloatArray, meta: dict[str, Any]) -> Trace:
         """Return the run so far."""
         t, a, s = len(self._rows), len(self._actors), len(self._signals)
+        # For each frame, which of `_shown` holds.
+        at = np.searchsorted([first for first, *_ in self._shown], np.arange(t), side="right") - 1
+        shape = len(self._shown), s
+        stages = np.array([stages for _, stages, _ in self._shown], dtype=np.int16).reshape(shape)[at]
+        since_s = np.array([since for *_, since in self._shown], dtype=np.float64).reshape(shape)[at]
         return Trace(
             time_s=np.round(np.arange(t) * STEP_S, 6),
             states=np.array(self._rows, dtype=np.float64).reshape(t, a, len(FIELDS)),
             lanes=np.array(self._lanes, dtype=np.int32).reshape(t, a),
             along=np.array(self._along, dtype=np.float64).reshape(t, a),
-            stages=np.array(self._stages, dtype=np.int16).reshape(t, s),
-            elapsed=np.array(self._elapsed, dtype=np.float64).reshape(t, s),
+            stages=stages,
+            elapsed=np.round(np.array(self._now_s)[:, None] - since_s, 6),
             waypoints=np.asarray(waypoints, dtype=np.float64),
-            actors=tuple(_info(m.placed) for m in self._actors),
-            lane_ids=tuple(self._lane_index),
+            actors=tuple(_info(actor) for actor in self._actors),
+            lane_ids=tuple(self._crowd.lane_ids),
             signals=tuple(signal.junction for signal in self._signals),
             signal_stages=tuple(signal.stages for signal in self._signals),
             events=tuple(self.events),

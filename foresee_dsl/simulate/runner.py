@@ -17,14 +17,17 @@ from foresee_dsl.simulate.conditions import Conditions
 from foresee_dsl.simulate.director import Director
 from foresee_dsl.simulate.dynamics import checked
 from foresee_dsl.simulate.expectations import Expectations
+from foresee_dsl.simulate.footprint_kernels import drives_on
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.on_road import on_road
-from foresee_dsl.simulate.outcome import Decision, Judge, off_road_points
+from foresee_dsl.simulate.on_road import on_road, squares_of
+from foresee_dsl.simulate.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
-from foresee_dsl.simulate.trace import SPEED
+from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.verdict import RunResult, Verdict
 from foresee_dsl.simulate.world import World
+
+FloatArray = NDArray[np.float64]
 
 WAYPOINT_M = 2.0
 """Spacing of the trace's waypoints (asked for by the trace's layout)."""
@@ -74,7 +77,7 @@ class _Run:
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
         self._world = World.shared(bundle)
         self._cast = Cast(bundle, self._world)
-        self._recorder = Recorder(self._cast.actors, bundle.signals)
+        self._recorder = Recorder(bundle.scene.actors, self._cast.crowd, bundle.signals)
         self._conditions = Conditions(self._cast, bundle.signals)
         self._director = Director(self._cast, self._conditions, self._recorder)
         self._expectations = Expectations(bundle.scene.expects, self._conditions)
@@ -84,12 +87,16 @@ class _Run:
         self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
         others = self._cast.actors[1:]
         self._sensing = Sensing(self._cast, self._mission, seed, sensors)
+        self._sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
+        self._squares = squares_of(self._cast.network)
+        ego = self._cast.ego
+        self._footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
         self._judge = Judge(
             ids=[actor.id for actor in others],
             # Whatever stands for the whole run is a static object, a parked car too.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
-            sizes=np.array([(actor.length, actor.width) for actor in others], dtype=np.float64),
-            ego_size=(self._cast.ego.length, self._cast.ego.width),
+            sizes=self._sizes,
+            ego_size=(ego.length, ego.width),
             end_s=bundle.scene.end_s,
             must_arrive=bundle.scene.must_arrive,
         )
@@ -121,20 +128,36 @@ class _Run:
             for name in left:
                 self._recorder.event(self._cast.time_s, name, "arrived")
 
-    def _look(self, states: NDArray[np.float64]) -> Decision | None:
+    def _look(self, states: FloatArray) -> Decision | None:
         cast = self._cast
-        ego = cast.ego.bicycle()
-        decision = self._judge.look(
-            cast.time_s,
-            ego,
-            states[1:, :3],
-            states[1:, SPEED],
-            off_road=not on_road(cast.network, off_road_points(cast.ego.motion, ego)),
-            arrived=not self._began_at_goal and self._conditions.arrived("ego"),
-            may_wait=self._may_wait(),
-        )
+        arrived = not self._began_at_goal and self._conditions.arrived("ego")
+        decision = None
+        if not arrived and self._drives_on(states):
+            self._judge.goes_on()
+        else:
+            ego = cast.ego.bicycle()
+            decision = self._judge.look(
+                cast.time_s,
+                ego,
+                states[1:, :3],
+                states[1:, SPEED],
+                off_road=not on_road(cast.network, off_road_points(cast.ego.motion, ego)),
+                arrived=arrived,
+                may_wait=self._may_wait(),
+            )
         self._expectations.look(cast.time_s, ego_hit=decision is not None and bool(decision.with_))
         return decision
+
+    def _drives_on(self, states: FloatArray) -> bool:
+        """Whether it can be seen at a glance that nothing ends the run at this frame, as nearly always."""
+        squares = self._squares
+        return (
+            states.item(SPEED) >= STANDS_MPS
+            and self._cast.time_s < self._bundle.scene.end_s - STEP_S / 2
+            and drives_on(
+                states, self._sizes, self._footprint, squares.left, squares.bottom, squares.cell, squares.known
+            )
+        )
 
     def _may_wait(self) -> bool:
         """Whether there is something to wait for: a signal that is not green, or somebody (not something) in front.
@@ -198,10 +221,10 @@ def _answer(driver: Driver, observation: Observation) -> Control:
     return Control(steer, throttle, brake)
 
 
-def _waypoints(bundle: SumoBundle) -> NDArray[np.float64]:
+def _waypoints(bundle: SumoBundle) -> FloatArray:
     """The ego's route from its start to the route's end, a point each 2 m."""
     line = bundle.scene.ego.line
     if line is None:
         return np.empty((0, 2))
     marks = np.arange(bundle.scene.start_s, line.end_s + 1e-9, WAYPOINT_M)
-    return np.array([line.at(float(s))[:2] for s in marks], dtype=np.float64).reshape(-1, 2)
+    return np.stack([np.interp(marks, line.s, line.points[:, axis]) for axis in (0, 1)], axis=1)

@@ -11,16 +11,16 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import gc
 import math
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.bundle import Phase, PlacedActor, Signal, SumoBundle
+from foresee_dsl.compile.bundle import PlacedActor, Signal, SumoBundle
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.errors import SimulationError
-from foresee_dsl.simulate.state import VehicleState
 from foresee_dsl.simulate.sumo_options import memory_folder, options
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -43,6 +43,8 @@ of their last 10 s takes them, which no description holds (measured: a bus off b
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
 """Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
 without the red light."""
+_CRAWLS_MPS = 0.1
+"""The least that is set as a vehicle's top speed: SUMO refuses 0."""
 _ASKS = 8
 """Speed mode: drives what it is told, but asks at a junction whether it may."""
 
@@ -54,13 +56,25 @@ class _Known:
     """What the door remembers of a vehicle that is in SUMO."""
 
     cruise_mps: float = 0.0
-    bend_mps: float = math.inf  # what the bends ahead allow
     edge: str = ""  # the last one that is no junction's, with the underscore that lane ids have after it
+    lane: str = ""  # that it was on after the last step
     factor: float = 1.0
-    speed_mps: float = 0.0  # that it had last
     placed: bool = False
     ignores: set[str] = field(default_factory=set)
-    settled: tuple[float, float] | None = None  # speed, acceleration that were given after the last step
+
+
+class Seen(NamedTuple):
+    """The vehicles that SUMO drives, after a step.
+
+    Attributes:
+        names: N ids; the same object as after the step before where they are the same.
+        values: 3 N numbers: for each, x, y of the middle of its front bumper (m), and its speed (m/s).
+        changed: id and lane of those on another lane than after the step before.
+    """
+
+    names: tuple[str, ...]
+    values: list[float]
+    changed: list[tuple[str, str]]
 
 
 class World:
@@ -82,14 +96,21 @@ class World:
                 raise SimulationError(f"{file} is gone; compile the test case again")
         self._sumo = _import_libsumo()
         self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.libsumo.FatalTraCIError)
+        # What stands behind `vehicle.getPosition` and so on, without the Python around it (0.1 us a call).
+        inside = self._sumo.libsumo._libsumo
+        self._getters = inside.vehicle_getPosition, inside.vehicle_getSpeed, inside.vehicle_getLaneID
+        self._step, self._time = inside.simulation_step, inside.simulation_getTime
         self._now = 0.0
         self.key = bundle.key
         self._vehicles: dict[str, _Known] = {}
-        self._settled: list[_Known] = []
+        self._on_road: tuple[str, ...] = ()
+        self._names: tuple[str, ...] = ()
+        self._driving: list[tuple[str, _Known]] = []
         self._routes: dict[tuple[str, ...], str] = {}
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._signals: dict[str, Signal] = {}
-        self._shown: dict[str, tuple[Phase, float]] = {}
+        self._shown: dict[str, tuple[int, float, float]] = {}
+        self._states_shown: dict[str, str] = {}
         self._limits: dict[str, float] = {}
         self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
@@ -99,6 +120,8 @@ class World:
         except self._errors as err:
             self._states.cleanup()
             raise SimulationError(f"SUMO cannot load {bundle.net_file.name}: {err}") from err
+        # Networks and modules stay: looking for cycles in them again and again took 8 % of a run.
+        gc.freeze()
 
     @classmethod
     def shared(cls, bundle: SumoBundle) -> World:
@@ -131,7 +154,7 @@ class World:
         self._sumo.simulation.loadState(str(self._empty))
         self._now = self._sumo.simulation.getTime()
         self._vehicles.clear()
-        self._settled.clear()
+        self._on_road, self._names, self._driving = (), (), []
         self._routes.clear()
         self._bodies.clear()
         self._shown.clear()
@@ -152,12 +175,9 @@ class World:
         Raises:
             SimulationError: SUMO broke.
         """
-        for known in self._settled:
-            known.settled = None
-        self._settled.clear()
         try:
-            self._sumo.simulationStep()
-            self._now = self._sumo.simulation.getTime()
+            self._step(0)
+            self._now = self._time()
         except self._errors as err:
             raise SimulationError(f"SUMO stopped: {err}") from err
 
@@ -221,10 +241,6 @@ class World:
         """Say what speed a vehicle had during the last step; SUMO goes on from it."""
         with contextlib.suppress(*self._errors):  # a body may have come to the end of its route
             self._sumo.vehicle.setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
-        known = self._vehicles.get(vehicle)
-        if known is not None:
-            known.settled, known.speed_mps = (speed_mps, acceleration_mps2), speed_mps
-            self._settled.append(known)
 
     def add_body(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
         """Add a body that is moved from outside: `place` must follow before every step.
@@ -292,42 +308,55 @@ class World:
 
     def remove(self, vehicle: str) -> None:
         """Take a vehicle out, if it is in."""
-        self._vehicles.pop(vehicle, None)
+        self._forget(vehicle)
         self._bodies.pop(vehicle, None)
         with contextlib.suppress(*self._errors):  # it may have left by itself
             self._sumo.vehicle.remove(vehicle)
 
     def take_over(self, actor: PlacedActor) -> None:
         """From now on a vehicle that SUMO drove is moved from outside."""
-        self._vehicles.pop(actor.id, None)
+        self._forget(actor.id)
         self._bodies[actor.id] = (actor.model.name, actor.route[-1:], None)
         self._sumo.vehicle.setSpeedMode(actor.id, 0)
 
-    def vehicles(self) -> dict[str, VehicleState]:
-        """Return the state of every vehicle that is on the road now; those that have left are forgotten."""
-        read = self._sumo.vehicle  # asking for each value is cheaper than SUMO's subscriptions (14 us to 27 us)
-        position, speed_of, lane_of = read.getPosition, read.getSpeed, read.getLaneID
-        on_road = set(read.getIDList())
-        states: dict[str, VehicleState] = {}
-        for vehicle, known in list(self._vehicles.items()):
-            if vehicle not in on_road:
-                if known.placed:
-                    del self._vehicles[vehicle]
-                continue
-            known.placed = True
-            x, y = position(vehicle)
+    def vehicles(self) -> Seen:
+        """Return where every vehicle that SUMO drives is now; those that have left the road are forgotten."""
+        # Asking for each value is cheaper than SUMO's subscriptions (14 us to 27 us).
+        position, speed_of, lane_of = self._getters
+        on_road = self._sumo.vehicle.getIDList()
+        if on_road != self._on_road:
+            self._count(on_road)
+        values: list[float] = []
+        changed = []
+        for vehicle, known in self._driving:
+            values += position(vehicle)
+            values.append(speed_of(vehicle))
             lane = lane_of(vehicle)
-            if known.cruise_mps and not lane.startswith((":", known.edge)):
-                self._limit_speed(vehicle, known, lane)
-            if known.settled is None:
-                speed = speed_of(vehicle)
-                # as SUMO works it out; to ask for it takes longer than for all the rest
-                acceleration = (speed - known.speed_mps) / STEP_S
-                known.speed_mps = speed
-            else:
-                speed, acceleration = known.settled
-            states[vehicle] = VehicleState(x, y, speed, acceleration, lane)
-        return states
+            if lane != known.lane:
+                known.lane = lane
+                changed.append((vehicle, lane))
+                if known.cruise_mps and not lane.startswith((":", known.edge)):
+                    self._limit_speed(vehicle, known, lane)
+        return Seen(self._names, values, changed)
+
+    def _forget(self, vehicle: str) -> None:
+        """Do not count a vehicle among those that SUMO drives any more."""
+        if self._vehicles.pop(vehicle, None) is not None:
+            self._on_road = ()
+
+    def _count(self, on_road: tuple[str, ...]) -> None:
+        """Find out which vehicles are on the road, now that it is not the same any more."""
+        self._on_road = on_road
+        here = set(on_road)
+        for vehicle, known in list(self._vehicles.items()):
+            if vehicle in here:
+                known.placed = True
+            elif known.placed:
+                del self._vehicles[vehicle]
+        names = tuple(vehicle for vehicle in self._vehicles if vehicle in here)
+        if names != self._names:
+            self._names = names
+            self._driving = [(vehicle, self._vehicles[vehicle]) for vehicle in names]
 
     def __contains__(self, vehicle: str) -> bool:
         return vehicle in self._vehicles
@@ -339,18 +368,14 @@ class World:
     def set_cruise(self, vehicle: str, speed_mps: float) -> None:
         """Set what a vehicle drives where nothing hinders it, m/s; over the limit of its road if need be."""
         known = self._vehicles[vehicle]
-        known.cruise_mps = max(speed_mps, 0.1)  # SUMO refuses 0
-        self._sumo.vehicle.setMaxSpeed(vehicle, min(known.cruise_mps, known.bend_mps))
+        known.cruise_mps = max(speed_mps, _CRAWLS_MPS)
+        self._sumo.vehicle.setMaxSpeed(vehicle, known.cruise_mps)
         self._limit_speed(vehicle, known, known.edge)
 
-    def slow_for_bend(self, vehicle: str, speed_mps: float) -> None:
-        """Let a vehicle drive at most this in the next step, because of the bends ahead."""
-        known = self._vehicles.get(vehicle)
-        if known is None or not known.cruise_mps or known.bend_mps == speed_mps:
-            return
-        if min(speed_mps, known.bend_mps) < known.cruise_mps:
-            self._sumo.vehicle.setMaxSpeed(vehicle, min(known.cruise_mps, speed_mps))
-        known.bend_mps = speed_mps
+    def limit_speed(self, vehicle: str, speed_mps: float) -> None:
+        """Let a vehicle drive at most this, which is no more than its cruise speed, until that is set anew."""
+        if vehicle in self._vehicles:
+            self._sumo.vehicle.setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
 
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
         """Set how fast a vehicle gains speed at most."""
@@ -375,20 +400,30 @@ class World:
         self._sumo.trafficlight.setPhase(tls, phase)
         self._sumo.trafficlight.setPhaseDuration(tls, left_s)
 
+    @property
+    def now_s(self) -> float:
+        """SUMO's time."""
+        return self._now
+
     def stage(self, tls: str) -> tuple[int, float]:
         """Return the stage that a signal shows (index) and the time since it began."""
-        now = self._now
+        stage, since_s, _ = self.shown(tls)
+        return stage, self._now - since_s
+
+    def shown(self, tls: str) -> tuple[int, float, float]:
+        """Return the stage that a signal shows, when it began, and until when it goes on like that, in SUMO's time."""
         known = self._shown.get(tls)
-        if known is None or now >= known[1]:
+        if known is None or self._now >= known[2]:
             phase = self._signals[tls].phases[self._sumo.trafficlight.getPhase(tls)]
-            known = self._shown[tls] = phase, self._sumo.trafficlight.getNextSwitch(tls)
-        phase, switch = known
-        left = switch - now
-        return phase.stage, phase.since_stage_s + phase.duration_s - left
+            until = self._sumo.trafficlight.getNextSwitch(tls)
+            known = self._shown[tls] = phase.stage, until - phase.duration_s - phase.since_stage_s, until
+            self._states_shown[tls] = str(self._sumo.trafficlight.getRedYellowGreenState(tls))
+        return known
 
     def state(self, tls: str) -> str:
         """Return the state string that a signal shows now."""
-        return str(self._sumo.trafficlight.getRedYellowGreenState(tls))
+        self.shown(tls)
+        return self._states_shown[tls]
 
     def colour(self, tls: str, link: int) -> SignalColour:
         """Return what a signal shows to one of its links."""

@@ -73,8 +73,8 @@ def test_points_are_on_the_road_where_the_exact_area_says_so(town: Town) -> None
         line = rng.choice(lanes)
         x, y, _ = line.at(rng.uniform(0, line.length_m), rng.uniform(-6, 6))
         exact = bool(town.network.off_road_depth(np.array([(x, y)]))[0] == 0)
-        assert on_road(town.network, [(x, y)]) is exact
-        assert on_road(town.network, [(x, y)]) is exact  # from what it remembers
+        assert on_road(town.network, np.array([(x, y)])) is exact
+        assert on_road(town.network, np.array([(x, y)])) is exact  # from what it remembers
 
 
 def test_a_child_that_stands_goes_on_standing(town: Town) -> None:

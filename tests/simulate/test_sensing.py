@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from dataclasses import replace
+import pickle
+from dataclasses import FrozenInstanceError, fields, replace
 
 import numpy as np
 import pytest
@@ -15,7 +17,6 @@ from foresee_dsl.drivers.protocol import SeenActor
 from foresee_dsl.simulate.collision import corners
 from foresee_dsl.simulate.sensing import IDEAL, STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.objects import ObjectList
-from foresee_dsl.simulate.sensing.occlusion import Walls, cut_by_boxes
 from foresee_dsl.simulate.sensing.settings import NO_DROPOUTS, NO_NOISE
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
@@ -127,9 +128,11 @@ def test_boxes_hide_what_points_on_the_lines_say() -> None:
     for _ in range(800):
         box = np.array([[*rng.uniform(-15, 15, 2), rng.uniform(-4, 4), rng.uniform(1, 9), rng.uniform(0.5, 3)]])
         point, rise, top = rng.uniform(-25, 25, 2), rng.uniform(-1.6, 3), rng.uniform(-1.2, 2.5)
-        cut = cut_by_boxes(point.reshape(1, 1, 2), np.array([[rise]]), np.array([-1]), box, np.array([top]))[0, 0, 0]
+        sight = Sight(Bodies(("car",), box[:, 3:], np.array([STANDARD.eye_m + top])), ())
+        (clear,) = sight.clear(0.0, 0.0, box[:, :3], np.array([[*point, STANDARD.eye_m + rise]]))
         way = np.linspace(0, 1, 4001)[:, None]
         inside = shapely.contains_xy(shapely.Polygon(corners(box)[0]), way * point)
+        cut = not clear
         wrong += cut != bool((inside & (way[:, 0] * rise < top)).any())
         checked += int(cut)
     assert wrong <= 1, "a line through a corner falls between the points"
@@ -146,12 +149,12 @@ def test_walls_hide_what_shapely_says() -> None:
         eye, points = rng.uniform(-60, 60, 2), rng.uniform(-60, 60, (20, 2))
         if polygon.contains(shapely.Point(eye)):
             continue
-        cut = Walls([tuple(map(tuple, outline.tolist()))], 200.0).cut(*eye, points)
-        assert cut is not None
-        for way, hidden in zip(points, cut, strict=True):
+        sight = Sight(Bodies.of([]), [tuple(map(tuple, outline.tolist()))], replace(STANDARD, signal_range_m=200.0))
+        clear = sight.clear(*eye, np.empty((0, 3)), np.column_stack([eye + points, np.ones(len(points))]))
+        for way, free in zip(points, clear, strict=True):
             through = shapely.LineString([eye, eye + way]).intersection(polygon).length > 1e-9
-            assert hidden == through
-            counts[int(hidden)] += 1
+            assert free != through
+            counts[int(free)] += 1
     assert min(counts) > 100
 
 
@@ -307,3 +310,41 @@ def test_an_object_is_moved_and_turned_with_the_egos_own_error() -> None:
     objects = object_list(CAR, settings=QUIET)
     (actor,) = objects.measure(0, AT_ZERO, (1.0, 2.0, math.pi / 2), np.array([(10.0, 0.0, 0.0, 0.0)]))
     assert (actor.x, actor.y, actor.heading_rad) == pytest.approx((1.0, 12.0, math.pi / 2))
+
+
+def test_others_do_not_change_who_of_the_rest_is_missed() -> None:
+    # A clip has fewer actors than its parent.
+    far = np.array([(70.0 + k / 10, 0.0, 0.0, 0.0) for k in range(30)])
+    open_air = replace(STANDARD, seen_share=0.0)
+    many = object_list(*[CAR] * 30, settings=open_air)
+    few = object_list(*[CAR] * 10, settings=open_air, names=tuple(f"actor_{k}" for k in range(20, 30)))
+    for frame in range(0, 100, 7):
+        there = [replace(a, track=0) for a in many.measure(frame, AT_ZERO, AT_ZERO, far)]
+        again = [replace(a, track=0) for a in few.measure(frame, AT_ZERO, AT_ZERO, far[20:])]
+        assert again == there[len(there) - len(again) :]
+        assert 0 < len(again) < len(there)
+
+
+def test_what_is_seen_is_an_object_of_the_protocol() -> None:
+    (actor,) = object_list(CAR).measure(0, AT_ZERO, AT_ZERO, np.array([(10.0, 0.0, 0.0, 3.0)]))
+    values = [getattr(actor, field.name) for field in fields(SeenActor)]
+    assert [type(value) for value in values] == [int, str, *[float] * 6]
+    assert type(actor) is SeenActor
+    for twin in (SeenActor(*values), pickle.loads(pickle.dumps(actor)), copy.deepcopy(actor)):
+        assert twin == actor
+        assert hash(twin) == hash(actor)
+    with pytest.raises(FrozenInstanceError):
+        actor.x = 0.0  # type: ignore[misc]  # it must not work
+
+
+def test_settings_may_be_whole_numbers() -> None:
+    whole = replace(
+        STANDARD,
+        field_of_view_rad=6,
+        seen_share=0,
+        signal_range_m=50,
+        noise=replace(NO_NOISE, radial_m=1),
+        dropouts=replace(NO_DROPOUTS, steepness=4),
+    )
+    (actor,) = object_list(CAR, settings=whole).measure(0, (0, 0, 0), (0, 0, 0), np.array([(10.0, 0.0, 0.0, 3.0)]))
+    assert actor.x != 10.0

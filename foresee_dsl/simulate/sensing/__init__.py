@@ -1,8 +1,9 @@
 """What the driver perceives: only what its sensors' range, view, latency and noise leave, and what nothing hides.
 
-`Sensing` is made once a run and asked once a frame. Modules, in the order of a measurement: `weather` (ranges),
-`occlusion` and `sight` (who is in sight), `noise` and `objects` (the object list), `tracks`, `signals`; `settings` has
-the numbers.
+`Sensing` is made once a run and asked once a frame. Modules, in the order of a measurement: `weather` (ranges), `walls`
+and `sight` (who is in sight), `noise` and `objects` (the object list), `tracks`, `signals`; `settings` has the numbers.
+What is reckoned for each object in each scan stands in `sight_kernels`, `noise_kernels` and `object_kernels`, which are
+compiled.
 """
 
 from __future__ import annotations

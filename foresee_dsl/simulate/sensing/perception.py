@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.simulate.cast import Cast
-from foresee_dsl.simulate.dynamics import BicycleState
 from foresee_dsl.simulate.rasters import RunViews
 from foresee_dsl.simulate.rasters.layout import CAMERA_RANGE_M
 from foresee_dsl.simulate.sensing.noise import Streams
@@ -21,7 +20,7 @@ from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.signals import SignalHeads
 from foresee_dsl.simulate.sensing.weather import Air
-from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, X, Y
 
 FloatArray = NDArray[np.float64]
 
@@ -33,13 +32,15 @@ class _Scan:
     """What there was to measure at an absolute frame, and what was measured once somebody looks.
 
     Attributes:
-        pose, s: the ego's. states: [N, 4] x, y, heading, speed of the others. shown: each signal's colour.
+        measured_s: the frame's time in this run. pose: the ego's. states: [N, >=4] x, y, heading, speed of the others.
+        heads: of the signals near enough. shown: the colours of these signals.
     """
 
     frame: int
+    measured_s: float
     pose: Pose
-    s: float
     states: FloatArray
+    heads: list[int]
     shown: dict[str, SignalColour]
     measured: bool = False
     actors: tuple[SeenActor, ...] = ()
@@ -52,16 +53,18 @@ class _Told(Observation):
     It is the same whenever that is: noise is a function of time, and the scans are measured in their order.
     """
 
-    __slots__ = ("_now", "_scan", "_sensing")
-    _sensing: Sensing
-    _scan: _Scan
-    _now: tuple[int, BicycleState, FloatArray]
+    __slots__ = ("_late",)
+    _late: tuple[Sensing, _Scan, int, FloatArray]
 
     def __getattr__(self, name: str) -> object:
         """Fill in what has not been looked at yet (Python asks here for slots that are empty)."""
         if name not in _LATE:
             raise AttributeError(name)
-        self._sensing.tell(self, self._scan, self._now)
+        sensing, scan, frame, states = self._late
+        if name == "views":
+            sensing.picture(self, states)
+        else:
+            sensing.tell(self, scan, frame, states)
         return object.__getattribute__(self, name)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -102,7 +105,7 @@ class Sensing:
         }
         where = settings.localisation
         self._drifts = Streams(seed, (f"{scene.ego.id}'s pose",), (1.0, 1.0, 1.0), max(frames_of(where.drifts_s), 1))
-        self._spread = np.array((where.position_m, where.position_m, where.heading_rad))
+        self._position_m, self._heading_rad = where.position_m, where.heading_rad
         self._pipe: deque[_Scan] = deque()
         self._unseen: deque[_Scan] = deque()
         self._mission = mission
@@ -118,76 +121,83 @@ class Sensing:
         """Return what the driver learns at the frame that the cast is at.
 
         Args:
-            states: [1 + N, >=4] x, y, heading, speed of the ego and the others, NaN where absent; not to be changed
-                afterwards.
+            states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; not to be
+                changed afterwards.
         """
         cast = self._cast
-        ego, others = cast.ego, states[1:, :4]
-        s = cast.progress.of(ego, cast.frame)[0] + self._shift_s
-        now, pose = self._began + cast.frame, (ego.x, ego.y, ego.heading)
+        now = self._began + cast.frame
         ready = now - self._latency
         if not self._pipe:
             for frame in range(ready - ready % self._scan, now, self._scan):
-                self._take(self._before(frame, others, s))
+                self._take(self._before(frame, states))
         if now % self._scan == 0:
-            self._take(_Scan(now, pose, s, others, self._shown()))
+            x, y, heading = states[0, :3].tolist()
+            self._take(self._scan_of(now, (x, y, heading), self._s(), states[1:]))
         while len(self._pipe) > 1 and self._pipe[1].frame <= ready:
             self._pipe.popleft()
         got = self._pipe[0]
         told = _Told.__new__(_Told)
         put = object.__setattr__
         put(told, "time_s", cast.time_s)
-        put(told, "measured_s", round((got.frame - self._began) * STEP_S, 6))
-        put(told, "_sensing", self)
-        put(told, "_scan", got)
-        put(told, "_now", (now, ego.bicycle(), others))
+        put(told, "measured_s", got.measured_s)
+        put(told, "_late", (self, got, now, states))
         return told
 
-    def tell(self, told: Observation, scan: _Scan, now: tuple[int, BicycleState, FloatArray]) -> None:
-        """Fill in an observation.
+    def tell(self, told: Observation, scan: _Scan, frame: int, states: FloatArray) -> None:
+        """Fill in what an observation says.
 
         Args:
-            told: it. scan: what it is about. now: its absolute frame, where the ego is, and the others' states.
+            told: it. scan: what it is about. frame: when, absolute. states: of then, as in `observe`.
         """
         while not scan.measured:  # in their order, as track numbers are given out so
             self._measure(self._unseen.popleft())
-        frame, ego, states = now
+        x, y, heading, speed, acceleration, yaw_rate, steer = states[0].tolist()
+        x, y, heading = self._taken(frame, (x, y, heading))
         put = object.__setattr__
-        put(told, "ego", _moved(ego.as_ego(), self._taken(frame, ego.pose)))
+        # Speed, acceleration, yaw rate and steering are measured on board, exactly.
+        put(told, "ego", EgoState(x, y, heading, speed, acceleration, yaw_rate, steer))
         put(told, "actors", scan.actors)
         put(told, "signals", dict(scan.signals))
-        put(told, "views", self._views.at(told, ego.pose, states))
+
+    def picture(self, told: Observation, states: FloatArray) -> None:
+        """Fill in the pictures of an observation; `states` as in `observe`."""
+        x, y, heading = states[0, :3].tolist()
+        object.__setattr__(told, "views", self._views.at(told, (x, y, heading), states[1:]))
 
     def _take(self, scan: _Scan) -> None:
         self._pipe.append(scan)
         self._unseen.append(scan)
 
-    def _shown(self) -> dict[str, SignalColour]:
-        return {key: self._cast.world.colour(*link) for key, link in self._links.items()}
+    def _scan_of(self, frame: int, pose: Pose, s: float, states: FloatArray) -> _Scan:
+        heads = self._heads.near(pose, s, self._sight.signal_range_m)
+        shown = {key: self._cast.world.colour(*self._links[key]) for key in self._heads.signals(heads)}
+        return _Scan(frame, round((frame - self._began) * STEP_S, 6), pose, states, heads, shown)
+
+    def _s(self) -> float:
+        """The ego's length along the mission's line."""
+        return self._cast.progress.of(self._cast.ego, self._cast.frame)[0] + self._shift_s
 
     def _measure(self, scan: _Scan) -> None:
         scan.measured = True
         scan.actors = self._objects.measure(scan.frame, scan.pose, self._taken(scan.frame, scan.pose), scan.states)
-        scan.signals = {
-            key: scan.shown[key] for key in self._heads.in_view(self._sight, scan.pose, scan.s, scan.states)
-        }
+        in_view = self._heads.in_view(scan.heads, self._sight, scan.pose, scan.states)
+        scan.signals = {key: scan.shown[key] for key in in_view}
 
-    def _before(self, frame: int, states: FloatArray, s: float) -> _Scan:
+    def _before(self, frame: int, states: FloatArray) -> _Scan:
         """What there was at a frame before the first one."""
-        ego, back_s = self._cast.ego, (self._began - frame) * STEP_S
+        back_s = (self._began - frame) * STEP_S
         before = states.copy()
-        before[:, 0] -= states[:, 3] * np.cos(states[:, 2]) * back_s
-        before[:, 1] -= states[:, 3] * np.sin(states[:, 2]) * back_s
-        way = ego.speed * back_s
-        pose = (ego.x - way * math.cos(ego.heading), ego.y - way * math.sin(ego.heading), ego.heading)
-        return _Scan(frame, pose, s - way, before, self._shown())
+        before[:, X] -= states[:, SPEED] * np.cos(states[:, HEADING]) * back_s
+        before[:, Y] -= states[:, SPEED] * np.sin(states[:, HEADING]) * back_s
+        x, y, heading, speed = before[0, [X, Y, HEADING, SPEED]].tolist()
+        return self._scan_of(frame, (x, y, heading), self._s() - speed * back_s, before[1:])
 
     def _taken(self, frame: int, pose: Pose) -> Pose:
         """Where the ego's localisation has it."""
-        dx, dy, turned = (self._drifts.normals(frame)[0] * self._spread).tolist()
-        return pose[0] + dx, pose[1] + dy, math.remainder(pose[2] + turned, math.tau)
-
-
-def _moved(ego: EgoState, pose: Pose) -> EgoState:
-    """An ego's state at another pose; speed, acceleration, yaw rate and steering are measured on board, exactly."""
-    return replace(ego, x=pose[0], y=pose[1], heading_rad=pose[2])
+        x, y, heading = pose
+        dx, dy, turned = self._drifts.normals(frame)[0]
+        return (
+            x + dx * self._position_m,
+            y + dy * self._position_m,
+            math.remainder(heading + turned * self._heading_rad, math.tau),
+        )

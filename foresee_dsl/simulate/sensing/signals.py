@@ -7,6 +7,7 @@ the road straight on, behind the junction: what the ego sees when it waits at th
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from foresee_dsl.simulate.sensing.settings import SensorSettings
 from foresee_dsl.simulate.sensing.sight import Sight
 
 FloatArray = NDArray[np.float64]
+Pose = tuple[float, float, float]
 
 NEAR_AHEAD_M, NEAR_RIGHT_M, NEAR_HEIGHT_M = 2.0, 3.0, 2.6
 """The near head from where the ego's lane meets the stop line. Ours: behind the line, at the kerb of a lane of 3.3 m;
@@ -33,37 +35,51 @@ class SignalHeads:
         self._least_cos = math.cos(min(settings.signal_view_rad / 2, math.pi))
         passages = [passage for passage in mission.junctions if passage.signal is not None]
         self._signals = [passage.signal or "" for passage in passages for _ in range(2)]
-        self._places = np.array([_heads(mission, passage.stop_s) for passage in passages]).reshape(-1, 2)
-        self._heights = np.tile((NEAR_HEIGHT_M, FAR_HEIGHT_M), len(passages))
-        self._exits_s = np.repeat(np.array([passage.exit_s for passage in passages], dtype=np.float64), 2)
+        self._places = np.array([_heads(mission, passage.stop_s) for passage in passages]).reshape(-1, 3)
+        exits_s = [passage.exit_s for passage in passages for _ in range(2)]
+        self._heads = [
+            (k, x, y, s) for k, ((x, y, _), s) in enumerate(zip(self._places.tolist(), exits_s, strict=True))
+        ]
 
-    def in_view(self, sight: Sight, ego: tuple[float, float, float], s: float, poses: FloatArray) -> tuple[str, ...]:
-        """Return the keys of the signals in range and view that the ego has not left behind.
+    def near(self, ego: Pose, s: float, range_m: float) -> list[int]:
+        """Return the heads in range and ahead that the ego has not left behind.
 
         Args:
-            sight: lines of sight. ego: x, y, heading. s: its length along the mission's line.
+            ego: x, y, heading. s: its length along the mission's line. range_m: of signals, in this weather.
+        """
+        x, y, heading = ego
+        cos, sin = math.cos(heading), math.sin(heading)
+        near = []
+        for k, head_x, head_y, exit_s in self._heads:
+            dx, dy = head_x - x, head_y - y
+            gap = math.hypot(dx, dy)
+            if gap <= range_m and exit_s > s and dx * cos + dy * sin >= gap * self._least_cos:
+                near.append(k)
+        return near
+
+    def signals(self, heads: Iterable[int]) -> tuple[str, ...]:
+        """Return the keys of the signals that have these heads, each once."""
+        return tuple(dict.fromkeys([self._signals[k] for k in heads]))
+
+    def in_view(self, heads: list[int], sight: Sight, ego: Pose, poses: FloatArray) -> tuple[str, ...]:
+        """Return the keys of the signals of which nothing hides one of these heads.
+
+        Args:
+            heads: those that are near, in their order. sight: lines of sight. ego: x, y, heading.
             poses: [N, >=3] of the others.
         """
-        if not self._signals:
+        if not heads:
             return ()
-        x, y, heading = ego
-        offsets = self._places - (x, y)
-        gaps = np.hypot(offsets[:, 0], offsets[:, 1])
-        forward = offsets[:, 0] * math.cos(heading) + offsets[:, 1] * math.sin(heading)
-        near = np.flatnonzero(
-            (gaps <= sight.signal_range_m) & (forward >= gaps * self._least_cos) & (self._exits_s > s)
-        )
-        if not len(near):
-            return ()
-        clear = near[sight.clear(x, y, poses, self._places[near], self._heights[near])]
-        return tuple(dict.fromkeys(self._signals[k] for k in clear.tolist()))
+        first, last = heads[0], heads[-1]  # in one piece, mostly; the few between them that are not near cost little
+        clear = sight.clear(ego[0], ego[1], poses, self._places[first : last + 1]).tolist()
+        return self.signals([k for k in heads if clear[k - first]])
 
 
-def _heads(mission: Mission, stop_s: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the places of the near and the far head."""
+def _heads(mission: Mission, stop_s: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return x, y and height of the near and the far head at a stop line, m."""
     s = np.array((stop_s - 1.0, stop_s))
     (x0, x), (y0, y) = (np.interp(s, mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
     heading = math.atan2(y - y0, x - x0)
     cos, sin = math.cos(heading), math.sin(heading)
-    near = (x + NEAR_AHEAD_M * cos + NEAR_RIGHT_M * sin, y + NEAR_AHEAD_M * sin - NEAR_RIGHT_M * cos)
-    return near, (x + FAR_AHEAD_M * cos, y + FAR_AHEAD_M * sin)
+    near = (x + NEAR_AHEAD_M * cos + NEAR_RIGHT_M * sin, y + NEAR_AHEAD_M * sin - NEAR_RIGHT_M * cos, NEAR_HEIGHT_M)
+    return near, (x + FAR_AHEAD_M * cos, y + FAR_AHEAD_M * sin, FAR_HEIGHT_M)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from foresee_dsl.simulate.sensing.noise import key_of, mixed
+from foresee_dsl.simulate.sensing.noise import keys_of
 
 _AT_ONCE = 1024
 """Numbers are drawn in a random order from so many; then from the next so many. Ours: more than a run needs."""
+
+
+@lru_cache(maxsize=16)  # the runs of a campaign mostly have one seed
+def _order(seed: int) -> tuple[int, ...]:
+    return tuple(np.argsort(keys_of(seed, ("tracks",), _AT_ONCE)[0], kind="stable").tolist())
 
 
 class Tracks:
@@ -19,8 +26,7 @@ class Tracks:
         Args:
             seed: of the run. forgets_frames: an object unseen for more frames gets a new number.
         """
-        hashes = mixed(np.array([key_of(seed, "tracks")], dtype=np.uint64), np.arange(_AT_ONCE, dtype=np.int64))
-        self._order: list[int] = np.argsort(hashes, kind="stable").tolist()
+        self._order = _order(seed)
         self._forgets = forgets_frames
         self._given = 0
         self._last: dict[int, tuple[int, int]] = {}

@@ -1,0 +1,108 @@
+"""Noise from hashes, compiled (`foresee_dsl.drivers.compiled` says what that asks for); `noise` says what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from foresee_dsl.drivers.compiled import INT, INTS, TABLE, compiled, inner
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Hashes = NDArray[np.uint64]
+
+_KEYS, _KEY_TABLE = types.uint64[::1], types.uint64[:, ::1]
+
+GOLDEN = 0x9E3779B97F4A7C15
+MIX_1, MIX_2 = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+"""Constants of splitmix64 (Steele, Lea, Flood 2014)."""
+SPLINE_SD = 0.479**0.5
+"""Standard deviation of a B-spline through independent values of variance 1, over all places: the integral of the
+squared weights is 151/315."""
+NORMAL_SCALE = 3.0**0.5 / 65536.0
+"""Makes the sum of four whole numbers under 65536 one of variance 1."""
+
+
+@inner
+def mixed(key: np.uint64, counter: int | np.int64) -> np.uint64:
+    """Return a hash of a key and a counter, which may be negative."""
+    steps = np.uint64(counter) if counter >= 0 else np.uint64(0) - np.uint64(-counter)
+    z = key + steps * np.uint64(GOLDEN)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(MIX_1)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(MIX_2)
+    return z ^ (z >> np.uint64(31))
+
+
+@inner
+def normal(drawn: np.uint64) -> float:
+    """Return a number of mean 0 and standard deviation 1 from a hash."""
+    quarter = np.uint64(0xFFFF)
+    total = (drawn & quarter) + ((drawn >> np.uint64(16)) & quarter)
+    total += ((drawn >> np.uint64(32)) & quarter) + (drawn >> np.uint64(48))
+    return (float(total) - 2.0 * 65535.0) * NORMAL_SCALE
+
+
+@inner
+def uniform(drawn: np.uint64) -> float:
+    """Return a number from 0 (included) to 1 from a hash."""
+    return float(drawn >> np.uint64(11)) * 2.0**-53
+
+
+@inner
+def drift(key: np.uint64, frame: int, spacing: int) -> float:
+    """Return smooth noise of standard deviation 1, with a knot each `spacing` frames."""
+    knot = frame // spacing
+    u = (frame - knot * spacing) / spacing
+    v = 1 - u
+    whole = normal(mixed(key, knot - 1)) * (v * v * v) + normal(mixed(key, knot + 2)) * (u * u * u)
+    whole += normal(mixed(key, knot)) * (3 * (u * u * u) - 6 * (u * u) + 4)
+    whole += normal(mixed(key, knot + 1)) * (-3 * (u * u * u) + 3 * (u * u) + 3 * u + 1)
+    return whole / (6.0 * SPLINE_SD)
+
+
+@inner
+def error(keys: Hashes, scales: FloatArray, channel: int, frame: int, spacing: int) -> float:
+    """Return one channel of an object's noise, of standard deviation 1: the share that drifts and the one that does
+    not (arguments as in `normals_over`, keys of one object)."""
+    channels = scales.shape[1]
+    value = 0.0
+    if scales[0, channel] > 0.0:
+        value += drift(keys[channel], frame, spacing) * scales[0, channel]
+    if scales[1, channel] > 0.0:
+        value += normal(mixed(keys[channels + channel], frame)) * scales[1, channel]
+    return value
+
+
+@inner
+def chance(keys: Hashes, channels: int, frame: int, hold: int) -> float:
+    """Return a number from 0 to 1 that stays for `hold` frames; objects change theirs at different frames."""
+    phase = np.int64(keys[2 * channels + 1] >> np.uint64(11)) % hold
+    return uniform(mixed(keys[2 * channels], (frame + phase) // hold))
+
+
+@compiled(_KEYS, INTS)
+def hashes(keys: Hashes, counters: IntArray) -> Hashes:
+    """Return a hash of each key [K] with each counter [C], [K, C]."""
+    table = np.empty((len(keys), len(counters)), dtype=np.uint64)
+    for k in range(len(keys)):
+        for c in range(len(counters)):
+            table[k, c] = mixed(keys[k], counters[c])
+    return table
+
+
+@compiled(_KEY_TABLE, TABLE, INT, INT, INT)
+def normals_over(keys: Hashes, scales: FloatArray, spacing: int, first: int, frames: int) -> FloatArray:
+    """Return objects' noise over some frames, [F, N, C].
+
+    Args:
+        keys: [N, 2 C + 2] of the streams: what drifts, what does not, chances, and when these change.
+        scales: [2, C] standard deviations of what drifts and what does not. spacing: frames between the drift's knots.
+        first: frame, absolute. frames: how many.
+    """
+    values = np.empty((frames, len(keys), scales.shape[1]))
+    for f in range(frames):
+        for k in range(len(keys)):
+            for channel in range(scales.shape[1]):
+                values[f, k, channel] = error(keys[k], scales, channel, first + f, spacing)
+    return values
