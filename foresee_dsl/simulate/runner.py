@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation
+from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
 from foresee_dsl.errors import DriverError, SimulationError
 from foresee_dsl.simulate.actors import STANDS_MPS
 from foresee_dsl.simulate.cast import Cast
@@ -115,7 +115,7 @@ class _Run:
             if decision is not None:
                 return self._finish(decision, steps)
             try:
-                control = _answer(self._driver, observation)
+                control = Control(*checked(self._driver.step(observation)))
             except Exception as err:  # whatever it raises is a result
                 return self._finish(self._broken(err), steps)
             try:
@@ -214,11 +214,6 @@ class _Run:
             expectations=self._expectations.results(),
             impact=decision.impact,
         )
-
-
-def _answer(driver: Driver, observation: Observation) -> Control:
-    steer, throttle, brake = checked(driver.step(observation))
-    return Control(steer, throttle, brake)
 
 
 def _waypoints(bundle: SumoBundle) -> FloatArray:

@@ -195,6 +195,8 @@ class Crowd:
         others = self._absent[self._absent != number]
         self._absent = others if present else np.append(others, number)
         self.put_on(number, lane if present else "")
+        if not present:
+            self.along[number] = math.nan
 
     def frame(self) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return `states`, `lanes` and `along` as they are now, with NaN and -1 for those who are not there."""
@@ -202,5 +204,5 @@ class Crowd:
         if self._somebody_walks:
             along = along.copy()
         if self._absent.size:
-            states[self._absent] = along[self._absent] = math.nan
+            states[self._absent] = math.nan
         return states, lanes, along

@@ -62,8 +62,9 @@ class Traffic:
 
     def slow_for_bends(self) -> None:
         """Tell SUMO what each may drive in the next step: it knows only the bends inside junctions, not who tips."""
+        told = self._told
         for number in self._look():
-            self._world.limit_speed(self._bodies[number].id, float(self._told[number]))
+            self._world.limit_speed(self._bodies[number].id, told.item(number))
 
     def may_drive_mps(self) -> dict[str, float]:
         """Return what the bends allow each vehicle in the next step; infinite where they do not matter."""
@@ -82,7 +83,7 @@ class Traffic:
         Returns:
             The ids of those who have left the world.
         """
-        names, values, changed = self._world.vehicles()
+        names, places, speeds, changed = self._world.vehicles()
         left: tuple[str, ...] = ()
         if names is not self._names:
             left = self._gone(names)
@@ -93,7 +94,7 @@ class Traffic:
                 self._is_on(number, lane)
         table = self._table
         follow(
-            np.array(values, dtype=np.float64).reshape(-1, 3), self._who, self._rows, self._crowd.states, self._memory,
+            np.array(places), np.array(speeds), self._who, self._rows, self._crowd.states, self._memory,
             self._shape, self._lanes, table.first, table.x, table.y, table.marks, table.angles, STEP_S,
         )  # fmt: skip
         return left

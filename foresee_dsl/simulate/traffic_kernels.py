@@ -40,11 +40,12 @@ SLOWEST_TURN_MPS = 0.5
 
 
 @compiled(
-    TABLE, INTS, INTS, TABLE, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT,
+    FLOATS, FLOATS, INTS, INTS, TABLE, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT,
     made_of="line_kernels.py traffic_columns.py",
 )  # fmt: skip
 def follow(
-    seen: FloatArray,
+    places: FloatArray,
+    speeds: FloatArray,
     who: IntArray,
     rows: IntArray,
     states: FloatArray,
@@ -61,7 +62,7 @@ def follow(
     """Move bodies to where SUMO has their vehicles after a step.
 
     Args:
-        seen: [N, 3] x, y of the middle of the front bumper (m) and speed (m/s). who: [N] whose that is.
+        places: [2 N] x, y of the middle of each front bumper, m. speeds: [N] m/s. who: [N] whose that is.
         rows, states, memory, shape, lane: see above; `states` and `memory` are changed.
         first, xs, ys, marks, angles: of the `LaneTable`.
         dt: s.
@@ -69,7 +70,7 @@ def follow(
     for n in range(who.size):
         k = who[n]
         state, known = states[rows[k]], memory[k]
-        x, y, speed = seen[n, 0], seen[n, 1], seen[n, 2]
+        x, y, speed = places[2 * n], places[2 * n + 1], speeds[n]
         was, heading, line_m = state[3], state[2], shape[k, LINE]
         state[4] = (speed - was) / dt  # as SUMO works it out
         if (

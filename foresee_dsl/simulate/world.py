@@ -15,6 +15,7 @@ import gc
 import math
 import tempfile
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -68,12 +69,13 @@ class Seen(NamedTuple):
 
     Attributes:
         names: N ids; the same object as after the step before where they are the same.
-        values: 3 N numbers: for each, x, y of the middle of its front bumper (m), and its speed (m/s).
+        places: 2 N numbers: for each, x, y of the middle of its front bumper, m. speeds: N, m/s.
         changed: id and lane of those on another lane than after the step before.
     """
 
     names: tuple[str, ...]
-    values: list[float]
+    places: list[float]
+    speeds: list[float]
     changed: list[tuple[str, str]]
 
 
@@ -96,16 +98,14 @@ class World:
                 raise SimulationError(f"{file} is gone; compile the test case again")
         self._sumo = _import_libsumo()
         self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.libsumo.FatalTraCIError)
-        # What stands behind `vehicle.getPosition` and so on, without the Python around it (0.1 us a call).
-        inside = self._sumo.libsumo._libsumo
-        self._getters = inside.vehicle_getPosition, inside.vehicle_getSpeed, inside.vehicle_getLaneID
-        self._step, self._time = inside.simulation_step, inside.simulation_getTime
+        # What is asked or said at every step goes without the Python around it (0.1 us a call).
+        self._swig = self._sumo.libsumo._libsumo
         self._now = 0.0
         self.key = bundle.key
         self._vehicles: dict[str, _Known] = {}
         self._on_road: tuple[str, ...] = ()
         self._names: tuple[str, ...] = ()
-        self._driving: list[tuple[str, _Known]] = []
+        self._lanes: list[str] = []
         self._routes: dict[tuple[str, ...], str] = {}
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._signals: dict[str, Signal] = {}
@@ -154,7 +154,7 @@ class World:
         self._sumo.simulation.loadState(str(self._empty))
         self._now = self._sumo.simulation.getTime()
         self._vehicles.clear()
-        self._on_road, self._names, self._driving = (), (), []
+        self._on_road, self._names, self._lanes = (), (), []
         self._routes.clear()
         self._bodies.clear()
         self._shown.clear()
@@ -176,8 +176,8 @@ class World:
             SimulationError: SUMO broke.
         """
         try:
-            self._step(0)
-            self._now = self._time()
+            self._swig.simulation_step(0)
+            self._now = self._swig.simulation_getTime()
         except self._errors as err:
             raise SimulationError(f"SUMO stopped: {err}") from err
 
@@ -239,8 +239,10 @@ class World:
 
     def settle(self, vehicle: str, speed_mps: float, acceleration_mps2: float) -> None:
         """Say what speed a vehicle had during the last step; SUMO goes on from it."""
-        with contextlib.suppress(*self._errors):  # a body may have come to the end of its route
-            self._sumo.vehicle.setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
+        try:  # noqa: SIM105  at every step: `contextlib.suppress` costs as much as the call
+            self._swig.vehicle_setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
+        except self._errors:  # a body may have come to the end of its route
+            pass
 
     def add_body(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
         """Add a body that is moved from outside: `place` must follow before every step.
@@ -270,7 +272,7 @@ class World:
         edge, _, index = lane.rpartition("_")
         where = (edge, int(index or -1), x_front, y_front, _degrees(heading_rad), 2, MATCH_M)
         try:
-            self._sumo.vehicle.moveToXY(vehicle, *where)
+            self._swig.vehicle_moveToXY(vehicle, *where)
         except self._errors:
             # SUMO takes it out at the end of its route; it is still there.
             try:
@@ -288,11 +290,13 @@ class World:
         Bodies must be placed anew before the next step.
         """
         vehicle = self._sumo.vehicle
-        for lane in dict.fromkeys(self._lane_of(body) for body in self._bodies):
-            queue = self._sumo.lane.getLastStepVehicleIDs(lane) if lane else ()
+        for lane in dict.fromkeys(map(self._lane_of, self._bodies)):
+            queue = self._swig.lane_getLastStepVehicleIDs(lane) if lane else ()
             if len(queue) < 2:
                 continue
-            places = [vehicle.getLanePosition(name) for name in queue]
+            places = list(map(self._swig.vehicle_getLanePosition, queue))
+            if places == sorted(places):
+                continue
             for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
                 bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
                 # rather a stand-in than the ego, which would be a newcomer on a junction
@@ -302,7 +306,7 @@ class World:
 
     def _lane_of(self, vehicle: str) -> str:
         try:
-            return str(self._sumo.vehicle.getLaneID(vehicle))
+            return str(self._swig.vehicle_getLaneID(vehicle))
         except self._errors:
             return ""  # at the end of its route
 
@@ -322,22 +326,23 @@ class World:
     def vehicles(self) -> Seen:
         """Return where every vehicle that SUMO drives is now; those that have left the road are forgotten."""
         # Asking for each value is cheaper than SUMO's subscriptions (14 us to 27 us).
-        position, speed_of, lane_of = self._getters
-        on_road = self._sumo.vehicle.getIDList()
+        swig = self._swig
+        on_road = swig.vehicle_getIDList()
         if on_road != self._on_road:
             self._count(on_road)
-        values: list[float] = []
+        names = self._names
+        places = list(chain.from_iterable(map(swig.vehicle_getPosition, names)))
+        lanes = list(map(swig.vehicle_getLaneID, names))
         changed = []
-        for vehicle, known in self._driving:
-            values += position(vehicle)
-            values.append(speed_of(vehicle))
-            lane = lane_of(vehicle)
-            if lane != known.lane:
-                known.lane = lane
-                changed.append((vehicle, lane))
-                if known.cruise_mps and not lane.startswith((":", known.edge)):
-                    self._limit_speed(vehicle, known, lane)
-        return Seen(self._names, values, changed)
+        if lanes != self._lanes:
+            changed = [pair for pair in zip(names, lanes, strict=True) if self._vehicles[pair[0]].lane != pair[1]]
+            self._lanes = lanes
+        for vehicle, lane in changed:
+            known = self._vehicles[vehicle]
+            known.lane = lane
+            if known.cruise_mps and not lane.startswith((":", known.edge)):
+                self._limit_speed(vehicle, known, lane)
+        return Seen(names, places, list(map(swig.vehicle_getSpeed, names)), changed)
 
     def _forget(self, vehicle: str) -> None:
         """Do not count a vehicle among those that SUMO drives any more."""
@@ -356,7 +361,6 @@ class World:
         names = tuple(vehicle for vehicle in self._vehicles if vehicle in here)
         if names != self._names:
             self._names = names
-            self._driving = [(vehicle, self._vehicles[vehicle]) for vehicle in names]
 
     def __contains__(self, vehicle: str) -> bool:
         return vehicle in self._vehicles
@@ -375,7 +379,7 @@ class World:
     def limit_speed(self, vehicle: str, speed_mps: float) -> None:
         """Let a vehicle drive at most this, which is no more than its cruise speed, until that is set anew."""
         if vehicle in self._vehicles:
-            self._sumo.vehicle.setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
+            self._swig.vehicle_setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
 
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
         """Set how fast a vehicle gains speed at most."""

@@ -20,9 +20,9 @@ def _world(town: Town, *more, **scene):  # type: ignore[no-untyped-def]  # actor
 
 def _seen(world: World, vehicle: str) -> tuple[float, float, float]:
     """x, y of its front, and its speed."""
-    names, values, _ = world.vehicles()
-    k = 3 * names.index(vehicle)
-    return values[k], values[k + 1], values[k + 2]
+    seen = world.vehicles()
+    k = seen.names.index(vehicle)
+    return seen.places[2 * k], seen.places[2 * k + 1], seen.speeds[k]
 
 
 def test_a_vehicle_is_where_it_was_placed(town: Town) -> None:
