@@ -23,6 +23,7 @@ from foresee_dsl.language.model import (
     Ego,
     Item,
     Line,
+    PastJunction,
     Path,
     Point,
     Route,
@@ -271,7 +272,8 @@ class Starts:
             # the whole vehicle on its first edge, where that is long enough
             return line.at(min(line.origin_s + spec.length_m, (line.origin_s + line.end_s) / 2))
         place = self.spot(start.place)
-        if place.heading_rad is not None and not (isinstance(start.place, AlongRoute) and start.place.actor != name):
+        elsewhere = isinstance(start.place, AlongRoute | PastJunction) and start.place.actor != name
+        if place.heading_rad is not None and not elsewhere:
             return place.x, place.y, place.heading_rad
         s, lateral = line.project(place.x, place.y)  # coordinates, or a place on somebody else's route
         if isinstance(start.place, Point) and abs(lateral) < 1e-6:

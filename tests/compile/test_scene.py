@@ -56,6 +56,15 @@ def test_places_for_the_start(place, where):
     assert ego.heading_rad == pytest.approx(math.pi / 2)
 
 
+@pytest.mark.parametrize("place", ["20 m past j4 on ego.route", "150 m along ego.route"])
+def test_who_starts_beside_anothers_route_faces_along_its_own(place):
+    text = f"vehicle other: car.compact {{\n route from north straight over j4\n start at {place} offset {2 * LANE} m\n}}"
+    scene = scene_of(EGO + text)
+    other = next(actor for actor in scene.actors if actor.id == "other")
+    assert other.heading_rad == pytest.approx(-math.pi / 2)
+    assert scene.ego.heading_rad == pytest.approx(math.pi / 2)
+
+
 def test_places_on_the_egos_route_are_measured_from_its_start():
     scene = scene_of(
         EGO
