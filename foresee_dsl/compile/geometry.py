@@ -202,11 +202,15 @@ class RoadNetwork:
 
     def far_from_lanes(self, points: Sequence[XY], beyond_m: float) -> XY | None:
         """Return the first of some points that is farther than a distance from every lane's centreline, if any."""
-        return next((point for point in points if not self._all_lanes.within(*point, beyond_m)), None)
+        return next((point for point in points if not self._all_lanes.any_within(*point, beyond_m)), None)
 
     def wall_on_the_way(self, path: Sequence[XY]) -> XY | None:
         """Return a corner of the first building that a path (or a point) is in or goes through, if any."""
-        for outline in self.buildings:
+        left, right = min(x for x, _ in path), max(x for x, _ in path)
+        bottom, top = min(y for _, y in path), max(y for _, y in path)
+        for outline, (low_x, low_y, high_x, high_y) in zip(self.buildings, self._building_boxes, strict=True):
+            if low_x > right or high_x < left or low_y > top or high_y < bottom:
+                continue
             if any(inside(point, outline) for point in path[:1]) or crosses(path, (*outline, outline[0])):
                 return outline[0]
         return None
@@ -257,6 +261,12 @@ class RoadNetwork:
             outside = ~inside
             depth[outside] = shapely.distance(self.drivable, shapely.points(points[outside]))
         return depth
+
+    @cached_property
+    def _building_boxes(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Left, bottom, right and top of each building."""
+        corners = (tuple(zip(*outline, strict=True)) for outline in self.buildings)
+        return tuple((min(xs), min(ys), max(xs), max(ys)) for xs, ys in corners)
 
     @cached_property
     def _from_edge(self) -> dict[str, list[Movement]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 from foresee_dsl.compile.polyline import Points
@@ -22,17 +22,32 @@ class LaneIndex:
         """Take the lanes; answers keep their order."""
         self._lanes = tuple(lanes)
         self._cells: dict[tuple[int, int], list[int]] = {}
+        self._boxes: list[tuple[float, float, float, float]] = []
         for k, lane in enumerate(self._lanes):
             xs, ys = zip(*lane.shape, strict=True)
-            for cell in _cells(min(xs), min(ys), max(xs), max(ys)):
+            self._boxes.append((min(xs), min(ys), max(xs), max(ys)))
+            for cell in _cells(*self._boxes[-1]):
                 self._cells.setdefault(cell, []).append(k)
 
     def within(self, x: float, y: float, reach_m: float) -> list[tuple[float, Lane]]:
         """Return the lanes whose centreline comes so near to a point, with the distance."""
-        cells = _cells(x - reach_m, y - reach_m, x + reach_m, y + reach_m)
-        near = sorted({k for cell in cells for k in self._cells.get(cell, ())})
-        found = ((distance_to(x, y, self._lanes[k].shape), self._lanes[k]) for k in near)
+        found = ((distance_to(x, y, lane.shape), lane) for lane in self._may_be_within(x, y, reach_m))
         return [one for one in found if one[0] <= reach_m]
+
+    def any_within(self, x: float, y: float, reach_m: float) -> bool:
+        """Say whether a lane's centreline comes so near to a point."""
+        return any(distance_to(x, y, lane.shape) <= reach_m for lane in self._may_be_within(x, y, reach_m))
+
+    def _may_be_within(self, x: float, y: float, reach_m: float) -> Iterator[Lane]:
+        """Yield the lanes whose bounding box comes so near to a point, in their order."""
+        low_x, low_y, high_x, high_y = x - reach_m, y - reach_m, x + reach_m, y + reach_m
+        near = set()
+        for cell in _cells(low_x, low_y, high_x, high_y):
+            for k in self._cells.get(cell, ()):
+                left, bottom, right, top = self._boxes[k]
+                if left <= high_x and right >= low_x and bottom <= high_y and top >= low_y:
+                    near.add(k)
+        yield from (self._lanes[k] for k in sorted(near))
 
     def nearest(self, x: float, y: float) -> tuple[float, tuple[Lane, ...]]:
         """Return the distance of the nearest lane's centreline, and all that are so near; infinite for no lanes."""

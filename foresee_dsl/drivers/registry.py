@@ -10,6 +10,8 @@ import contextlib
 import difflib
 import re
 import shlex
+import sys
+from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 from urllib.parse import unquote
@@ -119,6 +121,12 @@ def _made_from_text(entry: EntryPoint) -> Any:  # noqa: ANN401  a driver's class
 
 
 def _find(name: str) -> EntryPoint:
+    return _found(name, tuple(sys.path))
+
+
+@lru_cache(maxsize=32)
+def _found(name: str, path: tuple[str, ...]) -> EntryPoint:  # noqa: ARG001  (it keys the cache)
+    """Find a driver; looking through all packages takes 5 ms, and a worker loads a driver for each run."""
     found = sorted(entry_points(group=GROUP, name=name), key=_package)
     if len(found) > 1 and len({e.value for e in found}) > 1:
         packages = ", ".join(_package(e) for e in found)

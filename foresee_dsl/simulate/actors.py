@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import shapely
 
@@ -145,11 +146,15 @@ class Walker(Mobile):
 
     def walk(self) -> None:
         """Move one step."""
-        self.follower.stop_m = self._red_light()
-        pose = self.follower.step(STEP_S)
+        follower = self.follower
+        halted = follower.arrived or follower.pace_mps == 0.0
+        if halted and follower.speed_mps == self.speed == self.acceleration == self.yaw_rate == 0.0:
+            return
+        follower.stop_m = self._red_light()
+        pose = follower.step(STEP_S)
         heading = math.remainder(pose.heading, math.tau)
         self.move(pose.x, pose.y, heading, pose.speed, pose.acceleration, pose.yaw_rate)
-        self.along = self.follower.along_m
+        self.along = follower.along_m
 
     def show(self) -> None:
         """Let SUMO's vehicles see it where it is on the road, or about to step on it."""
@@ -224,7 +229,20 @@ def sped(actor: PlacedActor) -> PlacedActor:
     return replace(actor, cruise_mps=min(actor.cruise_mps * k, top), speed_mps=min(actor.speed_mps * k, top))
 
 
+_HERE: WeakKeyDictionary[RoadNetwork, dict[tuple[float, float, float], tuple[float, str] | None]] = WeakKeyDictionary()
+"""What was looked up: the paths of a clip's children are the same."""
+
+
 def _lane_here(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
+    """Heading and id of the lane at a place, None where that is off the road; `fallback` where there is no lane."""
+    known = _HERE.setdefault(network, {})
+    where = x, y, fallback
+    if where not in known:
+        known[where] = _look_up_lane(network, *where)
+    return known[where]
+
+
+def _look_up_lane(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
     if not shapely.contains_xy(network.drivable, x, y):
         return None
     near = network.nearest_lane(x, y, None, "car", 5.0)
