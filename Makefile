@@ -10,13 +10,17 @@ JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help campaign test lint types imports unit bench format doctor clean
+.PHONY: help campaign study test lint types imports unit bench format doctor clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 22
 
 campaign: $(VENV)/.installed  ## run the bundled scenarios, find the failures near their near misses (SEEDS=, OUT=, JOBS=, ARGS=)
 	@$(BIN)/foresee campaign $(SEEDS) --jobs $(JOBS) --out $(OUT) $(ARGS)
+
+study: SEEDS = scenarios/study.foresee
+study: OUT = out/study
+study: campaign  ## the same with as many children as the paper's study had simulations, 34,416 (OUT=, JOBS=, ARGS=)
 
 test: lint unit  ## everything that must hold: lint, types, import contract, tests
 

@@ -8,6 +8,7 @@ import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class Figure:
         name: short and stable, such as `cold_check_over_python`.
         value: measured. unit: "ratio", "s", ...
         means: what it says, in a sentence.
-        target: the value is to be at most this; None where it is only for the reader.
+        target: what the value is to be at most; None where it is only for the reader.
+        more: more is better: the value is to be at least the target.
     """
 
     name: str
@@ -26,11 +28,14 @@ class Figure:
     unit: str
     means: str
     target: float | None = None
+    more: bool = False
 
     @property
     def met(self) -> bool:
         """Whether the target is met (a figure without one meets it)."""
-        return self.target is None or self.value <= self.target
+        if self.target is None:
+            return True
+        return self.value >= self.target if self.more else self.value <= self.target
 
 
 _Cost = float | tuple[float, ...]
@@ -81,6 +86,19 @@ def cpu_of(work: Callable[[], object]) -> float:
     spent = _cpu(resource.RUSAGE_SELF)
     work()
     return _cpu(resource.RUSAGE_SELF) - spent
+
+
+def peak_mb(pid: str = "self") -> float:
+    """Return how much memory a process has had at most, shared with others or not; 0 where the system does not say.
+
+    `getrusage` would tell a new process the size of the one that started it.
+    """
+    try:
+        status = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return 0.0
+    lines = (line.split() for line in status.splitlines() if line.startswith("VmHWM:"))
+    return next((int(words[1]) * 1024 / 1e6 for words in lines), 0.0)
 
 
 def _cpu(who: int) -> float:

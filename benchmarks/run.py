@@ -1,7 +1,8 @@
 """Runs every benchmark: `python -m benchmarks.run [NAME ...]`.
 
 A benchmark is a module `bench_NAME.py` beside this one with a function `figures()` that returns (or yields) `Figure`s.
-Prints one table; writes `latest.json` ({"schema": 1, "ratios": {...}}) and adds a line to `history.jsonl`.
+Prints one table; writes `latest.json` ({"schema": 1, "ratios": {...}}: all ratios, and what else is in `ASKED`) and
+adds a line with every figure to `history.jsonl`.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from rich.table import Table
 from benchmarks.figures import Figure
 
 _HERE = Path(__file__).parent
+ASKED = frozenset({"engine_ms_per_run", "resume_s"})
+"""Figures that are no ratios and that readers of `latest.json` look for there all the same."""
 _LIBRARIES = ("foresee-dsl", "lark", "pydantic", "typer", "numpy", "libsumo")
 
 
@@ -42,13 +45,14 @@ def main(wanted: list[str]) -> int:
 def _table(found: list[Figure]) -> Table:
     table = Table(box=None, pad_edge=False)
     table.add_column("figure")
-    for heading in ("measured", "at most"):
+    for heading in ("measured", "target"):
         table.add_column(heading, justify="right")
     table.add_column("met")
     table.add_column("what it says")
     for figure in found:
         unit = "" if figure.unit == "ratio" else f" {figure.unit}"
-        target = "" if figure.target is None else f"{figure.target:g}{unit}"
+        bound = "at least" if figure.more else "at most"
+        target = "" if figure.target is None else f"{bound} {figure.target:g}{unit}"
         met = "" if figure.target is None else ("yes" if figure.met else "[bold red]no[/]")
         table.add_row(figure.name, f"{figure.value:.3f}{unit}", target, met, figure.means)
     return table
@@ -56,7 +60,7 @@ def _table(found: list[Figure]) -> Table:
 
 def _write(found: list[Figure], *, whole: bool) -> None:
     """Write the ratios, which do not depend on the machine so much, and a line of history with everything."""
-    ratios = {figure.name: round(figure.value, 4) for figure in found if figure.unit == "ratio"}
+    ratios = ratios_of(found)
     latest = _HERE / "latest.json"
     if not whole and latest.exists():  # some were not run: keep theirs
         ratios = {**json.loads(latest.read_text())["ratios"], **ratios}
@@ -68,6 +72,11 @@ def _write(found: list[Figure], *, whole: bool) -> None:
     }
     with (_HERE / "history.jsonl").open("a") as history:
         history.write(json.dumps(line, sort_keys=True) + "\n")
+
+
+def ratios_of(found: list[Figure]) -> dict[str, float]:
+    """Return what goes into `latest.json`, by name."""
+    return {figure.name: round(figure.value, 4) for figure in found if figure.unit == "ratio" or figure.name in ASKED}
 
 
 def _machine() -> dict[str, object]:

@@ -35,6 +35,7 @@ def broken_row(key: str, node: Node, broken: Broken) -> Row | None:
         verdict=verdict.value,
         reason=reason,
         broken=True,
+        wall_s=(broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0,
     )
 
 

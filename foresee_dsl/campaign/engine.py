@@ -140,6 +140,9 @@ class _Run:
             node = ahead.pop()
             self._listener.planned(node.kind, 1)
             row = self._stages.row(node)
+            if row is not None and self._stages.has_more_time(node, row, self._options.limits):
+                self._store.drop(row.key)
+                row = None
             if row is None:
                 self._hand_out(node)
             else:

@@ -98,6 +98,10 @@ class Stages:
         """Return the result of a step, if there is one."""
         return self._store.get(node.key) if self._store is not None else None
 
+    def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
+        """Say whether a run was ended because it took too long, and would now be given more time."""
+        return row.broken and row.verdict == Verdict.TIMEOUT and row.wall_s < self._deadline_s(node, limits)
+
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
         follow = {"seed": self._forecast, "forecast": self._clips, "clip": self._mutants, "mutants": self._children}
@@ -130,9 +134,8 @@ class Stages:
             seed = node.over("seed")
             trace = self._trace(seed) if node.kind == "forecast" else None
             work = SeedWork(seed.key, self._forecast_key(seed), case, seed.name, seed.seed, settings, folder, trace)
-            return Task(node.case.id, run_seed, work, limits.for_run(_longest_s(node.case)), node.key)
-        draft = self._draft(node)
-        deadline_s = limits.for_run(settings.before_s + settings.after_s)
+            return Task(node.case.id, run_seed, work, self._deadline_s(node, limits), node.key)
+        draft, deadline_s = self._draft(node), self._deadline_s(node, limits)
         if node.kind == "child":
             if node.mutant is None:
                 raise ValueError(f"child {node.name} has no mutant")
@@ -209,6 +212,11 @@ class Stages:
             found = key("child", clip=pin, meaning=mutant.meaning, driver=self._driver, seed=node.seed)
             name = f"{node.name}{again}_m{mutant.number}"
             yield replace(node, kind="child", key=found, name=name, above=node, mutant=mutant)
+
+    def _deadline_s(self, node: Node, limits: Limits) -> float:
+        s = self.settings
+        seed = node.kind in ("seed", "forecast")
+        return limits.for_run(_longest_s(node.case) if seed else s.before_s + s.after_s)
 
     def _trace(self, node: Node) -> Ref | None:
         row = self.row(node)

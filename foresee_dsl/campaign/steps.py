@@ -84,19 +84,9 @@ def measure_clip(
     return with_fidelity(model, found), clip_case, result, found
 
 
-def children_of(
-    clip_case: TestCase, model: Clip, clip_trace: Trace, *, preset: str, count: int, driver: str, seed: int
-) -> tuple[Mutant, ...]:
-    """Mutate a clip; its own unmutated run tells which actors can be acted on, and which version drove."""
-    return mutate(
-        clip_case,
-        model,
-        clip_trace,
-        preset=preset,
-        count=count,
-        seed=seed,
-        driver=recorded_driver(driver, str(clip_trace.meta.get("driver_version", ""))),
-    )
+def driver_of(clip_trace: Trace, driver: str) -> str:
+    """Return how a mutant's file says what drove: the clip's own unmutated run tells the version."""
+    return recorded_driver(driver, str(clip_trace.meta.get("driver_version", "")))
 
 
 def run_child(
@@ -138,7 +128,8 @@ def mutate_file(
     if model is None or clip_case.mutant is not None:
         raise ForeseeError(f"{file} is no clip: `foresee clip` writes them")
     result = run_test_case(clip_case, driver, seed)
-    mutants = children_of(clip_case, model, result.trace, preset=preset, count=count, driver=driver, seed=seed)
+    drove = driver_of(result.trace, driver)
+    mutants = mutate(clip_case, model, result.trace, preset=preset, count=count, seed=seed, driver=drove)
     outcomes = []
     for mutant in mutants:
         child = file.parent / f"{mutant.name}.foresee"

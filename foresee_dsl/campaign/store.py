@@ -52,7 +52,8 @@ class Row:
     Attributes:
         key: see `keys`. kind: of step. name: for people. driver: its address ("" where none drove).
         verdict: of a run, else "". broken: no run gave it; its process died, hung or raised.
-        simulated_s, wall_s: what it took. trace: the blob's name, or "".
+        simulated_s, wall_s: what it took; of a run that was ended as it took too long, the time that it was given.
+        trace: the blob's name, or "".
         record: the result, as `records.encode` wrote it.
     """
 
@@ -134,6 +135,14 @@ class Store:
                     self._db.execute("DELETE FROM runs WHERE key = ?", (row.key,))
                 self._db.execute(_INSERT, tuple(getattr(row, column) for column in COLUMNS))
         return row
+
+    def drop(self, key: str) -> None:
+        """Forget the result of a key, so that it can be another one; its trace stays until `store gc`."""
+        self.execute("DELETE FROM runs WHERE key = ?", (key,))
+
+    def of_other_versions(self) -> int:
+        """Return how many results other versions of this tool made, which no campaign of this one takes."""
+        return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
 
     def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
         """Yield rows in the order of their keys; `records=False` leaves out what makes them large."""
@@ -222,7 +231,10 @@ def _check_schema(schema: int, folder: Path) -> None:
     if schema > SCHEMA:
         what = "a newer version of foresee-dsl made it: use that version"
     else:
-        what = "an older version of foresee-dsl, or something else, made it"
+        what = (
+            "an older version of foresee-dsl, whose results this one would not take, or something else made it: move "
+            "it away"
+        )
     raise StoreError(
         f"the store {folder} has schema {schema}, this version ({__version__}) reads {SCHEMA}: {what}, or name another "
         "folder with --store; nothing was changed"

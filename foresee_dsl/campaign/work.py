@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +16,8 @@ from foresee_dsl.campaign.attachments import CaseRef, Ref, load_case, load_trace
 from foresee_dsl.campaign.records import Draft, Forecast, Made, MutantDraft, Mutants
 from foresee_dsl.campaign.results import ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps import children_of, clip_around, measure_clip, run_child, run_test_case
+from foresee_dsl.campaign.steps import clip_around, driver_of, measure_clip, run_child, run_test_case
+from foresee_dsl.derive.mutate import Mutator
 from foresee_dsl.derive.preventability import assess
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.document import TestCase
@@ -151,9 +152,12 @@ def run_clip(work: ClipWork) -> Iterator[Made]:
     else:
         model, trace = _clip_of(draft.text), load_trace(work.trace)
         clip_case = expand_clip(model, parent, source=file)
+    if not work.mutants:
+        return
+    mutator, drove = Mutator(clip_case, model, trace, preset=settings.preset), driver_of(trace, settings.driver)
     for key, seed in work.mutants:
         started = time.perf_counter()
-        mutants = _mutants(work, seed, clip_case, model, trace)
+        mutants = _drafts(mutator.children(settings.children, seed=seed, driver=drove), clip_case, work.folder)
         yield Made(key, "mutants", draft.name, mutants, wall_s=time.perf_counter() - started)
 
 
@@ -200,20 +204,10 @@ def _draft(clip: Clip, rank: int) -> Draft:
     )
 
 
-def _mutants(work: ClipWork, seed: int, clip_case: TestCase, model: Clip, trace: Trace) -> Mutants:
-    settings = work.settings
-    made = children_of(
-        clip_case,
-        model,
-        trace,
-        preset=settings.preset,
-        count=settings.children,
-        driver=settings.driver,
-        seed=seed,
-    )
+def _drafts(made: Iterable[Mutant], clip_case: TestCase, folder: Path) -> Mutants:
     drafts = []
     for mutant in made:
-        meaning = expand_mutant(mutant, clip_case, source=work.folder / f"{mutant.name}.foresee").meaning
+        meaning = expand_mutant(mutant, clip_case, source=folder / f"{mutant.name}.foresee").meaning
         number = int(mutant.name.rpartition("_m")[2])
         drafts.append(MutantDraft(number, print_model(mutant), meaning))
     return Mutants(tuple(drafts))

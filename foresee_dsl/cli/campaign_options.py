@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
+from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
+
+from foresee_dsl.cli.common import (
+    AllowOutsideOption,
+    DriverOption,
+    HandoverOption,
+    OutOption,
+    PresetOption,
+    RankerOption,
+    SeedOption,
+    counted,
+)
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.engine import RunOptions
@@ -22,15 +35,61 @@ Paths = Annotated[
     list[str],
     typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE); or one campaign's file."),
 ]
-Before = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")]
-After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")]
-RiskyPoints = Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")]
-Children = Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")]
-Repeat = Annotated[int, typer.Option(min=1, max=10_000, help="Mutate the clips so often, each time with another seed.")]
-StoreOption = Annotated[
-    Path | None, typer.Option("--store", help="Where results are kept and looked up; OUT/store unless you say.")
-]
-ShardOption = Annotated[str, typer.Option("--shard", metavar="K/N", help="Only part K of N, for job arrays.")]
+
+
+@dataclass(frozen=True)
+class Flags:
+    """The options that all commands about campaigns have, in the order of their help."""
+
+    driver: DriverOption = "pdm"
+    ranker: RankerOption = "foresee"
+    preset: PresetOption = "focused"
+    before: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")] = 5.0
+    after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")] = 5.0
+    risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")] = 4
+    children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4
+    handover: HandoverOption = 0.0
+    repeat: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Mutate the clips so often, each time with another seed.")
+    ] = 1
+    jobs: Jobs = CPUS
+    seed: SeedOption = 0
+    out: OutOption = Path("out")
+    store: Annotated[
+        Path | None, typer.Option("--store", help="Where results are kept and looked up; OUT/store unless you say.")
+    ] = None
+    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Only part K of N, for job arrays.")] = ""
+    allow_outside: AllowOutsideOption = False
+
+    @property
+    def store_folder(self) -> Path:
+        """The store's folder."""
+        return self.store or self.out / "store"
+
+
+def with_flags(command: Callable[..., None]) -> Callable[..., None]:
+    """Make a command of a function that takes its paths and `flags`: it gets an option for each field of `Flags`.
+
+    Typer reads a function's signature, so this one's is written for it: `flags` is replaced by the fields.
+    """
+    own = inspect.signature(command, eval_str=True).parameters
+    kinds = get_type_hints(Flags, include_extras=True)
+    shared = [_option(field.name, kinds[field.name], field.default) for field in fields(Flags)]
+
+    def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
+        flags = Flags(**{option.name: values.pop(option.name) for option in shared})
+        command(**values, flags=flags)
+
+    update_wrapper(run, command)
+    every = [option for name in own for option in (shared if name == "flags" else [own[name]])]
+    every = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in every]
+    run.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]  # functions may have one
+    run.__annotations__ = {option.name: option.annotation for option in every}
+    return run
+
+
+def _option(name: str, kind: object, default: object) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
 
 
 @dataclass(frozen=True)
@@ -52,32 +111,32 @@ class Asked:
         return out / re.sub(r"[^\w.-]+", "_", f"{settings.driver}_{settings.ranker}").strip("_")
 
 
-def asked(ctx: typer.Context, paths: list[str], **flags: Any) -> Asked:  # noqa: ANN401 - as typer gives them
+def asked(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | None = None) -> Asked:
     """Return what to do, checked: unknown names are said before anything runs.
 
     A campaign's file stands for its settings; what is given on the command line goes before it.
 
     Args:
-        ctx: tells which options were given. paths: the arguments. flags: the options' values, by their names.
+        ctx: tells which options were given. paths: the arguments. flags: the options. budget: minutes, or None.
     """
     from foresee_dsl.campaign.file import is_campaign, read_campaign
     from foresee_dsl.errors import ForeseeError
 
-    drivers: tuple[str, ...] = (flags["driver"],)
-    rankers: tuple[str, ...] = (flags["ranker"],)
-    budget = flags.get("budget")
+    drivers: tuple[str, ...] = (flags.driver,)
+    rankers: tuple[str, ...] = (flags.ranker,)
+    values = asdict(flags)
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
             raise ForeseeError("a campaign's file says itself which test cases it runs: name it alone")
         file = read_campaign(Path(paths[0]))
-        given = {name for name in flags if _is_given(ctx, name)}
+        given = {name for name in (*values, "budget") if _is_given(ctx, name)}
         paths = list(file.paths)
         drivers = file.drivers if file.drivers and "driver" not in given else drivers
         rankers = file.rankers if file.rankers and "ranker" not in given else rankers
-        flags |= {name: value for name, value in file.given.items() if name not in given}
+        values |= {name: value for name, value in file.given.items() if name not in given}
         if "budget" not in given and file.budget_s is not None:
             budget = file.budget_s / 60
-    made = tuple(_settings(flags, driver, ranker) for driver in drivers for ranker in rankers)
+    made = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
     return Asked(paths, made, budget)
 
 
@@ -122,6 +181,14 @@ def shard_of(text: str) -> Shard:
         return Shard.parse(text) if text else Shard()
     except ValueError as err:
         raise typer.BadParameter(str(err), param_hint="--shard") from err
+
+
+def of_other_versions(store: Path, count: int) -> str:
+    """Return what is said of results that other versions of this tool made."""
+    return (
+        f"{counted(count, 'result')} in {store} {'is' if count == 1 else 'are'} of another version of foresee-dsl, "
+        f"which could give others: not taken (foresee store gc {store} --older throws them away)"
+    )
 
 
 def executor_of(name: str, scheduler: str) -> Callable[[RunOptions], Executor]:

@@ -3,58 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foresee_dsl.cli.campaign_options import (
     CPUS,
-    After,
-    Before,
-    Children,
+    Flags,
     Jobs,
     Paths,
-    Repeat,
-    RiskyPoints,
-    ShardOption,
-    StoreOption,
     asked,
     executor_of,
+    of_other_versions,
     shard_of,
+    with_flags,
 )
-from foresee_dsl.cli.common import (
-    FAILED,
-    OK,
-    AllowOutsideOption,
-    DriverOption,
-    HandoverOption,
-    JsonOption,
-    OutOption,
-    PresetOption,
-    RankerOption,
-    SeedOption,
-    console,
-    print_json,
-)
+from foresee_dsl.cli.common import FAILED, OK, JsonOption, console, print_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from foresee_dsl.campaign.results import CampaignResult
 
 
+@with_flags
 def campaign(
     ctx: typer.Context,
     paths: Paths,
-    driver: DriverOption = "pdm",
-    ranker: RankerOption = "foresee",
-    preset: PresetOption = "focused",
-    before: Before = 5.0,
-    after: After = 5.0,
-    risky_points: RiskyPoints = 4,
-    children: Children = 4,
-    handover: HandoverOption = 0.0,
-    repeat: Repeat = 1,
-    jobs: Jobs = CPUS,
-    seed: SeedOption = 0,
-    out: OutOption = Path("out"),
-    store: StoreOption = None,
-    shard: ShardOption = "",
+    flags: Flags,
     executor: Annotated[str, typer.Option(help="Who runs it: local (processes here), dask (a cluster).")] = "local",
     scheduler: Annotated[str, typer.Option(help="The Dask scheduler's address; a cluster here unless you say.")] = "",
     deadline: Annotated[
@@ -71,7 +47,6 @@ def campaign(
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     log_json: Annotated[Path | None, typer.Option(help="Write every event to this file, a JSON object a line.")] = None,
     json: JsonOption = False,
-    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
@@ -84,7 +59,6 @@ def campaign(
     from contextlib import ExitStack
 
     from foresee_dsl.campaign.engine import RunOptions, run_campaign
-    from foresee_dsl.campaign.folder import as_text
     from foresee_dsl.campaign.settings import Limits
     from foresee_dsl.campaign.store import Store
     from foresee_dsl.cli.stopping import Stopping
@@ -92,54 +66,61 @@ def campaign(
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project import load_test_cases
     from foresee_dsl.report.live import progress
-    from foresee_dsl.report.terminal import print_campaign, save_campaign
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    wanted = asked(
-        ctx, paths, driver=driver, ranker=ranker, preset=preset, before=before, after=after, risky_points=risky_points,
-        children=children, handover=handover, seed=seed, repeat=repeat, budget=budget,
-    )  # fmt: skip
+    wanted = asked(ctx, paths, flags, budget)
     stop = Stopping()
     options = RunOptions(
-        jobs=jobs,
+        jobs=flags.jobs,
         limits=Limits(deadline, memory, None if wanted.budget_min is None else wanted.budget_min * 60),
-        shard=shard_of(shard),
+        shard=shard_of(flags.shard),
         retry=retry,
         executor=executor_of(executor, scheduler),
         stop=stop,
     )
-    cases = load_test_cases(wanted.paths, allow_outside=allow_outside)
+    cases = load_test_cases(wanted.paths, allow_outside=flags.allow_outside)
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)  # before there is a store
     with ExitStack() as stack:
-        opened = stack.enter_context(Store(store or out / "store"))
+        opened = stack.enter_context(Store(flags.store_folder))
         told, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
         stack.enter_context(stop)
         results = []
         for settings in wanted.settings:
             if log is not None:
-                log.begin(test_cases=len(cases), settings=settings.as_dict(), jobs=jobs, store=str(opened.folder))
-            folder = wanted.folder(settings, out)
+                log.begin(test_cases=len(cases), settings=settings.as_dict(), jobs=flags.jobs, store=str(opened.folder))
+            folder = wanted.folder(settings, flags.out)
             result = run_campaign(cases, settings, out=folder, store=opened, listener=told, options=options)
             results.append((folder, result))
             if log is not None:
                 log.end(interrupted=result.interrupted, broken=len(result.broken), wall_s=round(result.wall_s, 2))
             if result.interrupted:
                 break
+        others = opened.of_other_versions()
     screen = console(error=json)
-    for folder, result in results:
-        if json:
-            typer.echo(as_text(result.as_dict()), nl=False)
-        else:
-            print_campaign(screen, result, folder)
-        if report is not None:
-            save_campaign(report, result, folder)
+    _report(screen, results, report, json=json)
+    if others:
+        screen.print(of_other_versions(flags.store_folder, others))
     if results[-1][1].interrupted:
         screen.print("The same command goes on from there." if stop() else "The time is up: the same command goes on.")
         raise typer.Exit(stop.exit_code if stop() else OK)
     if any(result.broken for _, result in results):
         raise typer.Exit(FAILED)
+
+
+def _report(screen: Console, results: list[tuple[Path, CampaignResult]], file: Path | None, *, json: bool) -> None:
+    """Say what each campaign found, with its folder: on the screen or as JSON, and in a file."""
+    from foresee_dsl.campaign.folder import as_text
+    from foresee_dsl.report.terminal import print_campaign, save_campaign
+
+    for folder, result in results:
+        if json:
+            typer.echo(as_text(result.as_dict()), nl=False)
+        else:
+            print_campaign(screen, result, folder)
+        if file is not None:
+            save_campaign(file, result, folder)
 
 
 def verify(

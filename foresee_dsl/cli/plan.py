@@ -7,55 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.campaign_options import (
-    CPUS,
-    After,
-    Before,
-    Children,
-    Jobs,
-    Paths,
-    Repeat,
-    RiskyPoints,
-    ShardOption,
-    StoreOption,
-    asked,
-    shard_of,
-)
-from foresee_dsl.cli.common import (
-    AllowOutsideOption,
-    DriverOption,
-    HandoverOption,
-    OutOption,
-    PresetOption,
-    RankerOption,
-    SeedOption,
-    console,
-    print_json,
-)
+from foresee_dsl.cli.campaign_options import Flags, Paths, asked, of_other_versions, shard_of, with_flags
+from foresee_dsl.cli.common import console, print_json
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.plan import CampaignPlan
 
 
+@with_flags
 def plan(
     ctx: typer.Context,
     paths: Paths,
-    driver: DriverOption = "pdm",
-    ranker: RankerOption = "foresee",
-    preset: PresetOption = "focused",
-    before: Before = 5.0,
-    after: After = 5.0,
-    risky_points: RiskyPoints = 4,
-    children: Children = 4,
-    handover: HandoverOption = 0.0,
-    repeat: Repeat = 1,
-    jobs: Jobs = CPUS,
-    seed: SeedOption = 0,
-    out: OutOption = Path("out"),
-    store: StoreOption = None,
-    shard: ShardOption = "",
+    flags: Flags,
     format: Annotated[str, typer.Option("--format", help="text, dot (for Graphviz), or json.")] = "text",
-    allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Show what a campaign with the same options would run, what is done already, and how long it takes.
 
@@ -69,19 +33,16 @@ def plan(
 
     if format not in ("text", "dot", "json"):
         raise typer.BadParameter(f"{format!r} is none: text, dot, json", param_hint="--format")
-    wanted = asked(
-        ctx, paths, driver=driver, ranker=ranker, preset=preset, before=before, after=after, risky_points=risky_points,
-        children=children, handover=handover, seed=seed, repeat=repeat,
-    )  # fmt: skip
-    cases = load_test_cases(wanted.paths, allow_outside=allow_outside)
-    folder = store or out / "store"
+    wanted = asked(ctx, paths, flags)
+    cases = load_test_cases(wanted.paths, allow_outside=flags.allow_outside)
+    folder, out, part = flags.store_folder, flags.out, shard_of(flags.shard)
     opened = Store(folder, write=False) if (folder / "runs.sqlite").is_file() else None
-    part = shard_of(shard)
     try:
         plans = [
-            plan_campaign(Stages(cases, settings, opened, wanted.folder(settings, out), part), opened, jobs=jobs)
+            plan_campaign(Stages(cases, settings, opened, wanted.folder(settings, out), part), opened, jobs=flags.jobs)
             for settings in wanted.settings
         ]
+        others = opened.of_other_versions() if opened is not None else 0
     finally:
         if opened is not None:
             opened.close()
@@ -89,6 +50,8 @@ def plan(
         if format == "text" and len(plans) > 1:
             console().print(f"{settings.driver}, {settings.ranker}", style="bold")
         _show(found, folder, format, stored=opened is not None)
+    if format == "text" and others:
+        console().print(of_other_versions(folder, others))
 
 
 def _show(found: CampaignPlan, folder: Path, format: str, *, stored: bool) -> None:

@@ -8,24 +8,36 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is netfile's
 
 from foresee_dsl.compile.cache import cached_net
+from foresee_dsl.compile.foreign_crosswalks import crosswalks_of, write_crossings
+from foresee_dsl.compile.foreign_mend import mend_overlaps
 from foresee_dsl.compile.netconvert import run_netconvert, sumo_home, without_header
 from foresee_dsl.compile.netfile import check_size, parse_net, parse_xml
-from foresee_dsl.compile.programs import give_programs
+from foresee_dsl.compile.netparts import NetParts, read_net
+from foresee_dsl.compile.programs import fix_times, give_programs
+from foresee_dsl.compile.signals import read_signals
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
-_EDITION = "4"
+_EDITION = "8"
 """Raise it when an OpenDRIVE map becomes another net than before."""
+
+_NET_EDITION = "3"
+"""The same for a SUMO net."""
+
+_LARGEST_M = 1e8
+"""Ours: more than UTM's northings (1e7 m), and far below where millimetres are lost."""
 
 SUFFIXES = (".net.xml", ".xodr")
 """The file names that are accepted."""
 
 _SPEED_UNITS = {word: UNITS[word] for word in ("m/s", "km/h", "mph")}
 """OpenDRIVE's e_unitSpeed; metres a second where none is given."""
+_DRIVEN = ("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop")
+"""OpenDRIVE's types of lanes that their road's limit holds for; SUMO's table has 80 km/h for entries and exits."""
 _TYPEMAPS = ("opendriveNetconvert.typ.xml", "opendriveNetconvertPedestrians.typ.xml")
 _OPTIONS = (
     *("--opendrive.internal-shapes", "true"),
-    *("--crossings.guess", "true"),  # the import ignores OpenDRIVE's crosswalk objects
+    *("--crossings.guess", "true"),
     *("--offset.disable-normalization", "true"),
     *("--no-turnarounds.except-deadend", "true"),
     *("--no-warnings", "true"),
@@ -33,9 +45,10 @@ _OPTIONS = (
 
 
 def foreign_net(path: Path) -> Path:
-    """Return a net, in the cache, for a `.net.xml` (as it is, without the comments in front) or an `.xodr` map.
+    """Return a net, in the cache, for a `.net.xml` (without the comments in front) or an `.xodr` map.
 
-    Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates.
+    Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates. A net is taken as it is, but for
+    signals that react to traffic: the copy's have the same stages with fixed times.
 
     Raises:
         CompileError: the file is missing, unreadable, of another kind than its name says, or refused by netconvert.
@@ -46,7 +59,7 @@ def foreign_net(path: Path) -> Path:
     except OSError as err:
         raise CompileError(f"the network {path} cannot be read: {err.strerror or err}") from err
     if path.name.endswith(".net.xml"):
-        return cached_net(("net.xml", data), lambda out: _copy_net(path, data, out))
+        return cached_net(("net.xml", _NET_EDITION, data), lambda out: _copy_net(path, data, out))
     if path.name.endswith(".xodr"):
         return cached_net(("xodr", _EDITION, data), lambda out: _convert_map(path, out))
     raise CompileError(f"the network {path} is of no known kind: its name must end in {' or '.join(SUFFIXES)}")
@@ -76,15 +89,39 @@ def _give_lanes_their_limits(root: Element) -> None:
         for section in road.iterfind("lanes/laneSection"):
             limit = limit_of(road, float(section.get("s", "0")))
             for lane in section.iter("lane"):
-                if limit is not None and lane.get("type") == "driving" and lane.find("speed") is None:
+                if limit is not None and lane.get("type") in _DRIVEN and lane.find("speed") is None:
                     SubElement(lane, "speed", {"sOffset": "0", "max": f"{limit:.3f}", "unit": "m/s"})
 
 
 def _copy_net(path: Path, data: bytes, out: Path) -> None:
-    out.write_bytes(without_header(data))
     root = parse_net(path)
     if root.find("edge") is None or root.find("location") is None:
         raise CompileError(f"{path} is not a complete SUMO network: it has no edges or no location")
+    if fix_times(root):
+        write_net(root, out)
+    else:
+        out.write_bytes(without_header(data))
+    try:
+        _check_sound(read_net(out))
+        read_signals(out, None)
+    except TypeError as err:  # rows of one number cannot be put in order
+        raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
+    except (KeyError, ValueError, IndexError) as err:
+        said = f"there is no {err}" if isinstance(err, KeyError) else str(err)
+        raise CompileError(f"{path} is no sound SUMO network: {said}") from err
+
+
+def _check_sound(parts: NetParts) -> None:
+    """Raise a `ValueError` for what no network has: edges without lanes, lanes without a place."""
+    for edge in parts.edges.values():
+        if not edge.lanes or [lane.index for lane in edge.lanes] != list(range(len(edge.lanes))):
+            raise ValueError(f"the lanes of edge {edge.id} are not numbered from 0 on")
+    for lane in parts.lanes.values():
+        figures = (lane.length_m, lane.speed_mps, lane.width_m, *(value for point in lane.shape for value in point))
+        if len(lane.shape) < 2 or not all(abs(figure) < _LARGEST_M for figure in figures):  # NaN neither
+            raise ValueError(f"lane {lane.id} has no shape, length, speed or width that can be meant")
+        if min(lane.length_m, lane.speed_mps, lane.width_m) < 0:
+            raise ValueError(f"the length, speed or width of lane {lane.id} is negative")
 
 
 def _convert_map(path: Path, out: Path) -> None:
@@ -103,7 +140,11 @@ def _convert_map(path: Path, out: Path) -> None:
         files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
         run_netconvert([*files, *_OPTIONS], folder)
         net = parse_net(folder / "map.net.xml")
+        if write_crossings(net, crosswalks_of(root), folder / "crossings.con.xml"):
+            run_netconvert([*files, *_OPTIONS, "--connection-files", "crossings.con.xml"], folder)
+            net = parse_net(folder / "map.net.xml")
         close_parking(net)
+        mend_overlaps(net)
         give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
         write_net(net, out)
 

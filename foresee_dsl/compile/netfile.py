@@ -50,7 +50,7 @@ def parse_xml(path: Path, tag: str, what: str) -> Element:
     except OSError as err:
         raise CompileError(f"{path} cannot be read: {err.strerror or err}") from err
     except (ParseError, ValueError, LookupError) as err:  # LookupError: an unknown encoding
-        detail = "it declares entities" if isinstance(err, DefusedXmlException) else str(err)
+        detail = "it declares entities" if isinstance(err, DefusedXmlException) else what_is_wrong(err)
         raise CompileError(f"{path} is not {what}: {detail}") from err
     if root is None or root.tag != tag:
         found = "empty" if root is None else f"<{root.tag}>"
@@ -58,6 +58,12 @@ def parse_xml(path: Path, tag: str, what: str) -> Element:
     if _depth(root) > MOST_DEPTH:
         raise CompileError(f"{path} is not {what}: its elements are nested more than {MOST_DEPTH} deep")
     return root
+
+
+def what_is_wrong(err: Exception) -> str:
+    """Return what an XML parser says of a file, in words: a file that was cut off has `no element found` at its end."""
+    line = getattr(err, "position", (0, 0))[0]
+    return f"it is cut off at line {line}" if str(err).startswith("no element found") and line else str(err)
 
 
 def check_size(path: Path) -> None:

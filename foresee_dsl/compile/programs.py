@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import SubElement  # no parsing: that is netfile's
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 GREEN_S = 20.0
 """Ours: as long as the shorter stages of the bundled town; who comes with 30 km/h from 160 m away still sees it."""
+_FIXED = ("static", "rail_signal", "rail_crossing")
+"""SUMO's types of programs that no road traffic changes."""
 OPPOSITE_RAD = math.radians(135)
 """Approaches whose directions differ by this much or more share a stage (ours: within 45 degrees of opposite)."""
 _COMPASS = ("n", "ne", "e", "se", "s", "sw", "w", "nw")
@@ -57,6 +60,46 @@ def give_programs(root: Element) -> int:
         logic.set("type", "static")
         replaced += 1
     return replaced
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """What `fix_times` changed: programs that reacted to traffic, and further programs of a signal, left out."""
+
+    reacting: int
+    others: int
+
+    def __bool__(self) -> bool:
+        """Whether anything was changed."""
+        return bool(self.reacting or self.others)
+
+
+def fix_times(root: Element) -> Fixed:
+    """Give every signal for road traffic one program of fixed times, with the stages that it has.
+
+    What a program that reacts to traffic has seen is not in the states that runs begin from (SUMO refuses to load
+    them), and a run switches through its phases in their order.
+
+    Args:
+        root: of a SUMO net; changed in place.
+    """
+    last: dict[str, Element] = {}
+    reacting = others = 0
+    for logic in root.findall("tlLogic"):
+        if logic.get("id", "") in last:  # SUMO begins with the program that it has read last
+            root.remove(last[logic.get("id", "")])
+            others += 1
+        last[logic.get("id", "")] = logic
+    for logic in last.values():
+        if logic.get("type", "static") in _FIXED:
+            continue
+        logic.set("type", "static")
+        for phase in logic.iterfind("phase"):
+            phase.set("duration", phase.get("duration") or phase.get("minDur") or f"{GREEN_S:g}")
+            for name in ("minDur", "maxDur", "next"):
+                phase.attrib.pop(name, None)
+        reacting += 1
+    return Fixed(reacting, others)
 
 
 def stages_of(headings: Mapping[str, float]) -> list[tuple[str, tuple[str, ...]]]:

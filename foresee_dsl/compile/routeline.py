@@ -149,8 +149,7 @@ def build_line(
 ) -> RouteLine:
     """Make the line; see `RoadNetwork.line`. Equal calls share one line: children of a parent mostly repeat them."""
     plan = _choose_lanes(network, edges, start_lane, kind)
-    ahead = _ahead(network, plan[-1], beyond_m, kind)
-    plan = [*plan[:-1], *ahead]
+    plan = _ahead(network, plan, beyond_m, kind)
     lead = _behind(network, edges[0], plan[0].entry, behind_m, kind)
     return _assemble(network, lead, plan, count=len(edges), after_m=after_m, kind=kind)
 
@@ -200,15 +199,20 @@ def _advance(
     return found
 
 
-def _ahead(network: RoadNetwork, last: _Stretch, length_m: float, kind: LaneKind) -> list[_Stretch]:
-    """Go on after the route's end from its last lane, straight where possible."""
-    stretches = [last]
+def _ahead(network: RoadNetwork, plan: Sequence[_Stretch], length_m: float, kind: LaneKind) -> list[_Stretch]:
+    """Go on after the route's end from its last lane, straight where possible.
+
+    Not over an edge again, as in a roundabout: whoever looks for the nearest point of the line would find that pass.
+    """
+    stretches = list(plan)
+    known = {stretch.edge for stretch in plan}
     while length_m > 0:
         here = stretches[-1]
         lane = network.edges[here.edge].lanes[here.exit]
         way = next((m for m in _ways(network, here.edge, kind) if m.from_lane == lane.id), None)
-        if way is None or way.turn == "back":
+        if way is None or way.turn == "back" or way.to_edge in known:
             break
+        known.add(way.to_edge)
         stretches[-1] = _Stretch(here.edge, here.entry, here.exit, way)
         target = network.lanes[way.to_lane]
         stretches.append(_Stretch(way.to_edge, target.index, target.index, None))

@@ -54,35 +54,56 @@ def mutate(
     Raises:
         UnknownPresetError: there is no such preset.
     """
-    chosen = presets.preset(preset)
-    pin = pin_of(case)
-    situation = Situation(
-        clip=clip,
-        trace=trace,
-        frame=_risky_frame(clip, trace),
-        ranked=(clip.risk.actor or "") if clip.risk else "",
-        models={name: spec_of(model) for name, model in case.models.items()},
-        swappable=tuple(sorted(models if models is not None else case.models)),
-    )
-    plans = _plans(situation, chosen)
-    made: list[Mutant] = []
-    seen: set[tuple[Change, ...]] = set()
-    for k in range(1, count + 1) if plans else ():
-        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, int(pin.partition(":")[2], 16), k])))
-        drawn = _child(situation, chosen, plans[(k - 1) % len(plans)], rng, seen)
-        if drawn is None:
-            continue
-        names, changes = drawn
-        seen.add(changes)
-        origin = Origin(
-            operator=names,
-            preset=chosen.name,
-            seed=Quantity(value=Decimal(seed)),
-            tool=__version__,
-            driver=driver or None,
+    return Mutator(case, clip, trace, preset=preset, models=models).children(count, seed=seed, driver=driver)
+
+
+class Mutator:
+    """Makes children of one clip, with any number of seeds; arguments and errors as those of `mutate`."""
+
+    def __init__(
+        self,
+        case: TestCase,
+        clip: Clip,
+        trace: Trace,
+        *,
+        preset: str | Preset = "focused",
+        models: Collection[str] | None = None,
+    ) -> None:
+        """Find out what can be done to whom, which does not depend on the seed."""
+        self._clip, self._preset, self._pin = clip, presets.preset(preset), pin_of(case)
+        self._situation = Situation(
+            clip=clip,
+            trace=trace,
+            frame=_risky_frame(clip, trace),
+            ranked=(clip.risk.actor or "") if clip.risk else "",
+            models={name: spec_of(model) for name, model in case.models.items()},
+            swappable=tuple(sorted(models if models is not None else case.models)),
         )
-        made.append(Mutant(name=f"{clip.name}_m{k}", parent=f"{clip.name}.foresee", pin=pin, body=(*changes, origin)))
-    return tuple(made)
+        self._plans = _plans(self._situation, self._preset)
+
+    def children(self, count: int = CHILDREN, *, seed: int = 0, driver: str = "") -> tuple[Mutant, ...]:
+        """Make up to `count` children."""
+        plans, pin, clip = self._plans, self._pin, self._clip
+        made: list[Mutant] = []
+        seen: set[tuple[Change, ...]] = set()
+        for k in range(1, count + 1) if plans else ():
+            entropy = [seed, int(pin.partition(":")[2], 16), k]
+            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
+            drawn = _child(self._situation, self._preset, plans[(k - 1) % len(plans)], rng, seen)
+            if drawn is None:
+                continue
+            names, changes = drawn
+            seen.add(changes)
+            origin = Origin(
+                operator=names,
+                preset=self._preset.name,
+                seed=Quantity(value=Decimal(seed)),
+                tool=__version__,
+                driver=driver or None,
+            )
+            name = f"{clip.name}_m{k}"
+            made.append(Mutant(name=name, parent=f"{clip.name}.foresee", pin=pin, body=(*changes, origin)))
+        return tuple(made)
 
 
 _Plan = tuple[tuple[Operator, str], ...]

@@ -15,9 +15,9 @@ from foresee_dsl.compile.aside import LINE_OVER_M
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.forecast.geometry import FloatArray, footprints
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.simulate.bodies import SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.simulate.collision import pairwise_box_distance
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
+from foresee_dsl.simulate.traffic_kernels import SIDEWAYS_MPS, SIDEWAYS_SHARE
 
 RECOVERS_S = 1.0
 """How fast a lane-recovering vehicle takes back an error of its heading. Ours: the time in which the simulated one

@@ -6,7 +6,7 @@ imported, and kept beside the module (`__pycache__`): the first import in an env
 In the campaign's workers that is in the fork server, before any of them starts.
 
 Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
-the same bits. Two things to keep in mind: a kernel is compiled anew when its own file changes, and those that are named
+the same bits. Two things to keep in mind: a kernel is compiled anew when its own file changes, or one that is named in
 in `made_of`, but not when another one does, so it takes functions and numbers from these files only; and indices are
 not checked, so they are held within their array where they come from a measurement (the integer of a NaN may be
 anything).
@@ -15,6 +15,7 @@ anything).
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -37,6 +38,9 @@ CUBE = types.float64[:, :, ::1]
 HYPERCUBE = types.float64[:, :, :, ::1]
 
 
+_said = False
+
+
 def inner(function: F) -> F:
     """Mark a function that only kernels call: it is compiled and kept as a part of each of them."""
     return cast(F, njit(error_model="numpy")(function))
@@ -56,11 +60,22 @@ def compiled(*signature: Any, made_of: str = "") -> Callable[[F], F]:  # noqa: A
         if made_of:  # it is kept under its name, so a name for each state of the files
             function.__qualname__ += "_" + _state_of(Path(function.__code__.co_filename).parent, made_of)
         try:
-            return cast(F, njit(kinds, cache=True, error_model="numpy")(function))
+            made = njit(kinds, cache=True, error_model="numpy")(function)
+            _say_once(made)
+            return cast(F, made)
         except RuntimeError:  # nowhere to keep it: neither beside the module nor in a user's folder
             return cast(F, njit(kinds, error_model="numpy")(function))
 
     return compile_it
+
+
+def _say_once(made: object) -> None:
+    """Tell who waits at a terminal what for, when the first function had to be compiled."""
+    global _said  # noqa: PLW0603  once in a process
+    stats = getattr(made, "stats", None)  # none where NUMBA_DISABLE_JIT is set
+    if not _said and stats is not None and stats.cache_misses and sys.stderr.isatty():
+        _said = True
+        sys.stderr.write("compiling the inner loops for this machine, once (about half a minute) ...\n")
 
 
 @cache

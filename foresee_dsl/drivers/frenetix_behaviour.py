@@ -17,10 +17,9 @@ from foresee_dsl.drivers import pdm_settings
 from foresee_dsl.drivers.frenetix_plan import TIMES_S
 from foresee_dsl.drivers.idm_traffic import read_others, walkers
 from foresee_dsl.drivers.pdm_prediction import TIMES_S as PREDICTED_S
-from foresee_dsl.drivers.pdm_prediction import FoeMatches, Prediction
-from foresee_dsl.drivers.pdm_proposals import leaders, offsets, passable
-from foresee_dsl.drivers.pdm_rules import wall
-from foresee_dsl.drivers.pdm_situation import BoolArray, Situation
+from foresee_dsl.drivers.pdm_reading import FoeMatches, Prediction, Situation
+from foresee_dsl.drivers.pdm_situation import BoolArray
+from foresee_dsl.drivers.pdm_steps import leaders, offsets, passable, wall
 from foresee_dsl.drivers.protocol import FloatArray
 
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])
@@ -120,7 +119,7 @@ def _is_ahead(situation: Situation) -> BoolArray:
     Those who cross are no leaders at the moment when they will be in the way: a plan keeps clear of where they are.
     """
     actors, now, route = situation.actors, situation.now, situation.route
-    cosine = actors.cos * route.cos[now.index] + actors.sin * route.sin[now.index]
+    cosine = actors.cos * route.cos[now.point] + actors.sin * route.sin[now.point]
     side = actors.half_width + (actors.half_length - actors.half_width) * np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
     inside = np.abs(now.d) < side + situation.vehicle.width_m / 2 + BESIDE_M
     return np.asarray(~actors.pedestrian & (inside | (cosine > np.cos(pdm_settings.ALIGNED_RAD))))

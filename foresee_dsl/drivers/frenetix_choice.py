@@ -11,10 +11,9 @@ from foresee_dsl.drivers import frenetix_settings as cfg
 from foresee_dsl.drivers.frenetix_behaviour import STRIDE, Behaviour
 from foresee_dsl.drivers.frenetix_plan import TIMES_S, Plan
 from foresee_dsl.drivers.frenetix_planner import Candidates
-from foresee_dsl.drivers.pdm_prediction import Prediction
-from foresee_dsl.drivers.pdm_proposals import Rollout
-from foresee_dsl.drivers.pdm_scoring import conflicts
-from foresee_dsl.drivers.pdm_situation import BoolArray, Situation, to_centre
+from foresee_dsl.drivers.pdm_reading import Prediction, Situation
+from foresee_dsl.drivers.pdm_situation import BoolArray, to_centre
+from foresee_dsl.drivers.pdm_steps import Rollout, conflicts
 from foresee_dsl.drivers.protocol import FloatArray
 
 SHARED = ("s", "d", "x", "y", "heading", "speed", "curvature")

@@ -18,8 +18,9 @@ from foresee_dsl.drivers import frenetix_settings as cfg
 from foresee_dsl.drivers import pdm_settings
 from foresee_dsl.drivers.frenetix_plan import TIMES_S, Frenet, Plan, angle_between, place
 from foresee_dsl.drivers.frenetix_reference import Window, make_window, window_number
+from foresee_dsl.drivers.pdm_reading import Situation
 from foresee_dsl.drivers.pdm_route import Route
-from foresee_dsl.drivers.pdm_situation import BoolArray, Situation, to_centre
+from foresee_dsl.drivers.pdm_situation import BoolArray, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects

@@ -10,7 +10,7 @@ from foresee_dsl.drivers.frenetix_behaviour import Behaviour
 from foresee_dsl.drivers.frenetix_plan import Frenet, Plan
 from foresee_dsl.drivers.frenetix_planner import Ends, stop_time
 from foresee_dsl.drivers.pdm_proposals import FAR_M
-from foresee_dsl.drivers.pdm_situation import Situation
+from foresee_dsl.drivers.pdm_reading import Situation
 
 STANDS_MPS = 0.5
 APART_M = 0.3

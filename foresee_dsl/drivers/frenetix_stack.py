@@ -13,11 +13,9 @@ from foresee_dsl.drivers.frenetix_plan import Frenet, Plan, braking_plan
 from foresee_dsl.drivers.frenetix_planner import Planner
 from foresee_dsl.drivers.frenetix_sampling import ends
 from foresee_dsl.drivers.frenetix_tracking import TrackingController, deviation
-from foresee_dsl.drivers.pdm_prediction import Prediction, match_foes, predict
+from foresee_dsl.drivers.pdm_reading import Prediction, Situation, match_foes, predict, read_situation
 from foresee_dsl.drivers.pdm_route import build_route
-from foresee_dsl.drivers.pdm_rules import near_junctions
 from foresee_dsl.drivers.pdm_signals import SignalMemory
-from foresee_dsl.drivers.pdm_situation import Situation, read_situation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker
 
@@ -63,7 +61,7 @@ class Stack:
         return self._controller.follow(self.plan, observation.ego, observation.time_s)
 
     def _replan(self, situation: Situation) -> Plan:
-        near = near_junctions(situation)
+        near = situation.near_junctions
         matches = match_foes(situation, tuple(f for f in self._route.foes if f.passage in near))
         prediction = predict(situation, matches)
         behaviour = decide(situation, matches, prediction, self._patience)

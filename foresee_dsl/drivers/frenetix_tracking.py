@@ -9,9 +9,8 @@ import numpy as np
 from foresee_dsl.drivers import frenetix_settings as cfg
 from foresee_dsl.drivers import pdm_settings
 from foresee_dsl.drivers.frenetix_plan import Plan, Pose, angle_between
-from foresee_dsl.drivers.pdm_proposals import tracking_length
 from foresee_dsl.drivers.pdm_situation import to_centre
-from foresee_dsl.drivers.pdm_tracking import control
+from foresee_dsl.drivers.pdm_steps import control, tracking_length
 from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
 
 

@@ -17,10 +17,10 @@ from foresee_dsl.drivers.idm_traffic import (
     time_to_collision,
     walkers,
 )
+from foresee_dsl.drivers.pdm_reading import Situation, read_situation
 from foresee_dsl.drivers.pdm_route import Route, build_route
 from foresee_dsl.drivers.pdm_signals import SignalMemory
-from foresee_dsl.drivers.pdm_situation import Situation, read_situation
-from foresee_dsl.drivers.pdm_tracking import control, steering
+from foresee_dsl.drivers.pdm_steps import control, steering
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker
 from foresee_dsl.errors import DriverError

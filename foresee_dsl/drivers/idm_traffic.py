@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from foresee_dsl.drivers.idm_model import ACCELERATION_MPS2
-from foresee_dsl.drivers.pdm_prediction import FoeMatches, match_foes
+from foresee_dsl.drivers.pdm_reading import FoeMatches, Situation, match_foes
 from foresee_dsl.drivers.pdm_route import FoePath
 from foresee_dsl.drivers.pdm_rules import signal_braking
-from foresee_dsl.drivers.pdm_situation import EgoOnRoute, Situation
+from foresee_dsl.drivers.pdm_situation import EgoOnRoute
+from foresee_dsl.drivers.pdm_steps import stops_before
 from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage
 
 CORRIDOR_MARGIN_M = 0.3
@@ -74,7 +75,7 @@ class Leader:
 def read_others(situation: Situation) -> Others:
     """Put the others into the route's coordinates."""
     route, actors, now = situation.route, situation.actors, situation.now
-    cos, sin = route.cos[now.index], route.sin[now.index]
+    cos, sin = route.cos[now.point], route.sin[now.point]
     along = actors.cos * cos + actors.sin * sin
     across = actors.sin * cos - actors.cos * sin
     reach_s = actors.half_length * np.abs(along) + actors.half_width * np.abs(across)
@@ -128,10 +129,10 @@ def stop_line(situation: Situation) -> float | None:
     """Return the way to the first stop line whose signal asks to stop and where that can be done, m."""
     ego = situation.ego
     for passage in near_junctions(situation):
-        braking = signal_braking(passage, ego, situation.signals)
+        braking = signal_braking(passage, ego.strongest_braking_mps2, situation.signals)
         if braking is None or ego.front_s > passage.stop_s + STOP_MARGIN_M:
             continue
-        if ego.stops_within(passage.stop_s, braking):
+        if stops_before(ego, passage.stop_s, braking):
             return passage.stop_s - STOP_MARGIN_M - ego.front_s
     return None
 
@@ -148,13 +149,13 @@ def giving_way(situation: Situation) -> float | None:
         and id(route.junctions[f.passage]) in near
         and f.foe.conflict_s[0] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
     )
-    if not foes or not situation.actors.count:
+    if not foes or not situation.actors.number:
         return None
     matches = match_foes(situation, foes)
     places = _waiting_places(foes, ego)
     waiting = sorted(place for k, place in enumerate(places) if _no_gap(situation, matches, k))
     for place in waiting:
-        if ego.stops_within(place + CONFLICT_MARGIN_M / 2, YIELD_BRAKING_MPS2):
+        if stops_before(ego, place + CONFLICT_MARGIN_M / 2, YIELD_BRAKING_MPS2):
             return place - ego.front_s
     return None
 
@@ -187,8 +188,8 @@ def _waiting_places(foes: tuple[FoePath, ...], ego: EgoOnRoute) -> list[float]:
 def _no_gap(situation: Situation, matches: FoeMatches, k: int) -> bool:
     """Tell whether somebody of a stream arrives before the ego has cleared the conflict, and leaves after it enters."""
     foe, ego = matches.foes[k].foe, situation.ego
-    enters = _way_time(foe.conflict_s[0] - ego.front_s, ego.state.speed_mps)
-    clears = _way_time(foe.conflict_s[1] - ego.rear_s, ego.state.speed_mps)
+    enters = _way_time(foe.conflict_s[0] - ego.front_s, ego.speed_mps)
+    clears = _way_time(foe.conflict_s[1] - ego.rear_s, ego.speed_mps)
     speed = np.maximum(matches.speed[:, k], 1e-3)
     half = situation.actors.half_length
     arrives = (foe.conflict_path_s[0] - matches.s[:, k] - half) / speed

@@ -9,17 +9,25 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from foresee_dsl.drivers.pdm_prediction import match_foes, predict
-from foresee_dsl.drivers.pdm_proposals import leaders, offsets, passable, roll_out
+import numpy as np
+
+from foresee_dsl.drivers.pdm_decision import decide
 from foresee_dsl.drivers.pdm_route import Route, build_route
-from foresee_dsl.drivers.pdm_rules import wall
-from foresee_dsl.drivers.pdm_scoring import choose, score
+from foresee_dsl.drivers.pdm_rules import signal_brakings
 from foresee_dsl.drivers.pdm_signals import SignalMemory
-from foresee_dsl.drivers.pdm_situation import EgoPose, pose_on, read_situation
-from foresee_dsl.drivers.pdm_tracking import control, smoothed, steering
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.pdm_situation import Car, car_of, classes
+from foresee_dsl.drivers.pdm_tracking import go_on
+from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker
 from foresee_dsl.errors import DriverError
+
+
+class _Task(NamedTuple):
+    """What holds for a whole run; `numbers` are those of the `car`, as the kernels take them."""
+
+    route: Route
+    car: Car
+    numbers: FloatArray
 
 
 class _Plan(NamedTuple):
@@ -40,15 +48,14 @@ class PdmDriver:
     version = "2"
 
     def __init__(self) -> None:
-        self._route: Route | None = None
-        self._vehicle: VehicleLimits | None = None
+        self._task: _Task | None = None
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan: _Plan | None = None
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and take up a new mission; the seed is not used."""
-        self._route = build_route(mission, vehicle)
-        self._vehicle = vehicle
+        car = car_of(vehicle)
+        self._task = _Task(build_route(mission, vehicle), car, np.array(car))
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan = None
 
@@ -59,27 +66,56 @@ class PdmDriver:
         Raises:
             DriverError: `reset` was not called.
         """
-        if self._route is None or self._vehicle is None:
+        task, plan, ego = self._task, self._plan, observation.ego
+        if task is None:
             raise DriverError("the driver pdm was stepped before reset")
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        ego = observation.ego
-        pose = pose_on(self._route, ego, self._vehicle)
-        if self._plan is None or measured_s != self._plan.measured_s:
-            self._plan = self._decide(self._route, self._vehicle, observation, measured_s, pose)
-        angle = steering(self._route, pose, self._plan.offset_m, self._vehicle)
-        return control(angle, smoothed(self._plan.acceleration_mps2, ego), ego, self._vehicle)
+        if plan is None or measured_s != plan.measured_s:
+            offset, wish, answer = self._decide(task, observation, ego)
+            self._plan = _Plan(measured_s, offset, wish)
+        else:
+            route = task.route
+            answer = go_on(
+                ego.x,
+                ego.y,
+                ego.heading_rad,
+                ego.speed_mps,
+                ego.acceleration_mps2,
+                task.numbers,
+                route.coarse,
+                route.table,
+                route.origin_s,
+                plan.offset_m,
+                plan.acceleration_mps2,
+            )
+        return Control(*answer)
 
     def _decide(
-        self, route: Route, vehicle: VehicleLimits, observation: Observation, measured_s: float, pose: EgoPose
-    ) -> _Plan:
-        """Try the proposals and take the best."""
+        self, task: _Task, observation: Observation, ego: EgoState
+    ) -> tuple[float, float, tuple[float, float, float]]:
+        """Return the offset and the acceleration of the best proposal, and what to do for them now."""
+        route, foes = task.route, task.route.foe_table
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        situation = read_situation(route, vehicle, observation, tracks, signals, pose)
-        matches = match_foes(situation, tuple([f for k in situation.near_junctions for f in route.foes_of[k]]))
-        prediction = predict(situation, matches)
-        can_pass = passable(situation)
-        tried = offsets(situation, can_pass)
-        lead = leaders(situation, prediction, tried, can_pass)
-        rollout = roll_out(situation, tried, lead, wall(situation, matches, can_pass))
-        best = choose(rollout, score(situation, rollout, prediction))
-        return _Plan(measured_s, float(rollout.offset[best]), float(rollout.acceleration[best]))
+        pedestrian, obstacle, speeds_up = classes(tracks.kinds)
+        return decide(
+            ego.x,
+            ego.y,
+            ego.heading_rad,
+            ego.speed_mps,
+            ego.acceleration_mps2,
+            task.numbers,
+            route.coarse,
+            route.table,
+            route.origin_s,
+            foes.numbers,
+            foes.walking,
+            foes.points,
+            foes.first,
+            foes.junctions,
+            foes.first_of,
+            signal_brakings(route, task.car.strongest, signals),
+            tracks.table,
+            pedestrian,
+            obstacle,
+            speeds_up,
+        )

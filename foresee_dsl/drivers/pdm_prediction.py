@@ -3,171 +3,70 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.drivers import pdm_settings as cfg
-from foresee_dsl.drivers.compiled import CUBE, FLAG_TABLE, FLAGS, FLOAT, FLOATS, INTS, TABLE, compiled, inner
-from foresee_dsl.drivers.pdm_route import GRID_M, PATH_M, FoePath
-from foresee_dsl.drivers.pdm_situation import BoolArray, Situation
+from foresee_dsl.drivers.compiled import inner
+from foresee_dsl.drivers.pdm_foes import (
+    ENTRY_S,
+    HAS_PRIORITY,
+    LENGTH_M,
+    MEETS_S,
+    PATH_M,
+    SHIFT_M,
+    FoeTable,
+)
+from foresee_dsl.drivers.pdm_route import (
+    COS,
+    CURVATURE,
+    GRID_M,
+    SIN,
+    IntArray,
+    Projection,
+    X,
+    Y,
+    grid_point,
+    project_ways,
+)
+from foresee_dsl.drivers.pdm_situation import (
+    A_COS,
+    A_SIN,
+    A_SPEED,
+    A_X,
+    A_Y,
+    ALIGNED_COSINE,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    SPEEDS_UP,
+    Actors,
+    BoolArray,
+)
 from foresee_dsl.drivers.protocol import FloatArray
-
-IntArray = NDArray[np.int64]
 
 TIMES_S: FloatArray = np.arange(round(cfg.HORIZON_S / cfg.ROLLOUT_STEP_S) + 1, dtype=np.float64) * cfg.ROLLOUT_STEP_S
 """[T] the frames of every roll-out and prediction."""
+FRAMES = len(TIMES_S)
 FOE_STRIDE = 2
 STEEPEST_BEND = 0.6
 """Ours: offset times curvature; at 1 the centre of the bend is reached, and the route's coordinates end."""
 CREEP_MPS = 4.0
 CREEP_BRAKING_MPS2 = 2.0
 """Ours: who waits inside the junction for the ego creeps slower than this and is trusted to stop this gently."""
+FOE_COSINE = math.cos(cfg.FOE_HEADING_RAD)
+P_X, P_Y, P_COS, P_SIN, P_HALF_LENGTH, P_S, P_D, REACH_S, REACH_D, SPEED_S = range(10)
+"""Rows of a prediction: the attributes of `Prediction`."""
 
 
-@dataclass(frozen=True)
-class FoeMatches:
-    """Who is on which foe's path.
-
-    Attributes:
-        foes: F of them. which: [F] their indices on the route. on: [A, F], on it or not.
-        found: [3, A, F], length along it, speed along it, offset.
-    """
-
-    foes: tuple[FoePath, ...]
-    which: IntArray
-    on: BoolArray
-    found: FloatArray
-
-    @property
-    def s(self) -> FloatArray:
-        """Length along the path, m: [A, F]."""
-        row: FloatArray = self.found[0]
-        return row
-
-    @property
-    def speed(self) -> FloatArray:
-        """Speed along the path, m/s: [A, F]."""
-        row: FloatArray = self.found[1]
-        return row
-
-    @property
-    def d(self) -> FloatArray:
-        """Offset from the path, m: [A, F]."""
-        row: FloatArray = self.found[2]
-        return row
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Footprints over the horizon, [A, T] each.
-
-    Attributes:
-        x, y, cos, sin: centre and heading. half_length: m, growing where speed is uncertain. s, d: on the route.
-        reach_s, reach_d: half of the footprint's extent along and across the route. speed_s: m/s along the route.
-    """
-
-    x: FloatArray
-    y: FloatArray
-    cos: FloatArray
-    sin: FloatArray
-    half_length: FloatArray
-    s: FloatArray
-    d: FloatArray
-    reach_s: FloatArray
-    reach_d: FloatArray
-    speed_s: FloatArray
-
-
-_ROWS = len(fields(Prediction))
-
-
-def match_foes(situation: Situation, foes: tuple[FoePath, ...]) -> FoeMatches:
-    """Find who is on which foe's path; who is in the ego's lane is on none."""
-    actors, table = situation.actors, situation.route.foe_table
-    shape = (actors.count, len(foes))
-    on, found = np.zeros(shape, dtype=bool), np.empty((3, *shape))
-    which = np.array([f.index for f in foes], dtype=np.int64)
-    if on.size:
-        others = actors.table, situation.own, actors.pedestrian, actors.obstacle
-        paths = table.numbers, table.walking, table.points, table.first
-        _match(*others, which, *paths, _MATCHING, on, found)
-    return FoeMatches(foes, which, on, found)
-
-
-def predict(situation: Situation, matches: FoeMatches) -> Prediction:
-    """Roll everybody out over the horizon."""
-    route, actors, now = situation.route, situation.actors, situation.now
-    out = np.empty((_ROWS, actors.count, len(TIMES_S)))
-    if actors.count:
-        table, free = route.foe_table, np.empty(actors.count, dtype=bool)
-        paths = matches.on, matches.found, matches.which, table.numbers, table.points, table.first
-        road = now.s, now.d, now.index, route.grid, route.curvature, route.origin_s
-        _move_on(actors.table, actors.pedestrian, *paths, *road, TIMES_S, _PREDICTING, free, out)
-        route.project_ways(free, out, situation.pose.s, situation.reach_m)
-        _reach(actors.half_width, route.grid, route.origin_s, GRID_M, cfg.ROLLOUT_STEP_S, out)
-    return Prediction(*out)
-
-
-class _Matching(NamedTuple):
-    """Settings of `_match`."""
-
-    reach_m: float
-    cosine: float
-    coast_mps: float
-    path_m: float
-
-
-class _Predicting(NamedTuple):
-    """Settings of `_move_on`."""
-
-    aligned_reach_m: float
-    aligned_cosine: float
-    drift_deadband: float
-    coast_mps: float
-    foe_stops_mps2: float
-    grid_m: float
-    path_m: float
-
-
-One = tuple[float, float, float, float, float, float, float]
-"""An actor's column of `Actors.table`."""
-_ONE: One = (0.0,) * 7
-_MATCHING = _Matching(cfg.FOE_REACH_M, math.cos(cfg.FOE_HEADING_RAD), cfg.COAST_MPS, PATH_M)
-_PREDICTING = _Predicting(
-    aligned_reach_m=cfg.ALIGNED_REACH_M,
-    aligned_cosine=math.cos(cfg.ALIGNED_RAD),
-    drift_deadband=cfg.DRIFT_DEADBAND_RAD,
-    coast_mps=cfg.COAST_MPS,
-    foe_stops_mps2=cfg.FOE_STOPS_MPS2,
-    grid_m=GRID_M,
-    path_m=PATH_M,
-)
-
-
-@compiled(TABLE, *(FLAGS,) * 3, INTS, TABLE, FLAGS, TABLE, INTS, _MATCHING, FLAG_TABLE, CUBE)
-def _match(
-    actors: FloatArray,
-    own: BoolArray,
-    pedestrian: BoolArray,
-    obstacle: BoolArray,
-    which: IntArray,
-    numbers: FloatArray,
-    walking: BoolArray,
-    points: FloatArray,
-    first: IntArray,
-    k: _Matching,
-    on: BoolArray,
-    found: FloatArray,
-) -> None:
+@inner
+def match(actors: Actors, own: BoolArray, which: IntArray, foes: FoeTable, on: BoolArray, found: FloatArray) -> None:
     """Fill `on` [A, F], and length along the path, speed along it and offset: `found` [3, A, F]."""
-    x, y, cos, sin, speed = actors[0], actors[1], actors[2], actors[3], actors[4]
+    table, numbers, points, first = actors.table, foes.numbers, foes.points, foes.first
+    x, y, cos, sin, speed = table[A_X], table[A_Y], table[A_COS], table[A_SIN], table[A_SPEED]
     for f in range(len(which)):
         foe = which[f]
-        start, on_foot = first[foe], walking[foe]
-        reach = 2 * k.reach_m if on_foot else k.reach_m
+        start, on_foot = first[foe], foes.walking[foe]
+        reach = 2 * cfg.FOE_REACH_M if on_foot else cfg.FOE_REACH_M
         for a in range(len(x)):
             i, nearest = start, np.inf
             for j in range(start, first[foe + 1], FOE_STRIDE):
@@ -176,13 +75,13 @@ def _match(
                 if away < nearest:
                     i, nearest = j, away
             rx, ry, tx, ty = x[a] - points[0, i], y[a] - points[1, i], points[2, i], points[3, i]
-            s = (i - start) * k.path_m - numbers[foe, 0] + rx * tx + ry * ty
+            s = (i - start) * PATH_M - numbers[foe, SHIFT_M] + rx * tx + ry * ty
             d = ry * tx - rx * ty
             cosine = cos[a] * tx + sin[a] * ty
             # Somebody on foot may use a crossing in either direction; somebody who stands faces anywhere.
-            aligned = (abs(cosine) if on_foot else cosine) > k.cosine or (on_foot and speed[a] < k.coast_mps)
-            there = aligned and abs(d) < reach and s < numbers[foe, 1]
-            on[a, f] = there and not own[a] and not obstacle[a] and on_foot == pedestrian[a]
+            aligned = (abs(cosine) if on_foot else cosine) > FOE_COSINE or (on_foot and speed[a] < cfg.COAST_MPS)
+            there = aligned and abs(d) < reach and s < numbers[foe, LENGTH_M]
+            on[a, f] = there and not own[a] and not actors.obstacle[a] and on_foot == actors.pedestrian[a]
             found[0, a, f], found[1, a, f], found[2, a, f] = s, cosine * speed[a], d
 
 
@@ -198,10 +97,10 @@ def _nearest_foe(a: int, on: BoolArray, found: FloatArray, pedestrian: BoolArray
 
 
 @inner
-def _stopping_point(entry: float, conflict: float, front_s: float, speed: float, stops_mps2: float) -> float:
+def _stopping_point(entry: float, conflict: float, front_s: float, speed: float) -> float:
     """Return where somebody who must give way is trusted to stop: at the entry, else (creeping) at the conflict;
     infinite for nowhere."""
-    if front_s < entry and speed * speed <= 2 * stops_mps2 * (entry - front_s):
+    if front_s < entry and speed * speed <= 2 * cfg.FOE_STOPS_MPS2 * (entry - front_s):
         return entry
     if front_s < conflict and speed < CREEP_MPS and speed * speed <= 2 * CREEP_BRAKING_MPS2 * (conflict - front_s):
         return conflict
@@ -211,14 +110,10 @@ def _stopping_point(entry: float, conflict: float, front_s: float, speed: float,
 @inner
 def _on_path(
     a: int,
-    one: One,
+    actors: FloatArray,
     way: tuple[float, float, float],
     foe: int,
-    numbers: FloatArray,
-    points: FloatArray,
-    first: IntArray,
-    times: FloatArray,
-    k: _Predicting,
+    foes: FoeTable,
     out: FloatArray,
 ) -> None:
     """Predict actor a along a foe's path, its offset kept; one that must give way and can is taken to stop.
@@ -226,120 +121,104 @@ def _on_path(
     `way` is its length along the path, the speed along it and the offset.
     """
     s0, speed, d = way
-    begin, count, half, stop, room = first[foe], first[foe + 1] - first[foe], one[5], np.inf, 0.0
-    if numbers[foe, 4] > 0 and speed > k.coast_mps:
-        stop = _stopping_point(numbers[foe, 2], numbers[foe, 3], s0 + half, speed, k.foe_stops_mps2)
+    numbers, points, first = foes.numbers, foes.points, foes.first
+    begin, count, half, stop, room = first[foe], first[foe + 1] - first[foe], actors[HALF_LENGTH, a], np.inf, 0.0
+    if numbers[foe, HAS_PRIORITY] == 0 and speed > cfg.COAST_MPS:
+        stop = _stopping_point(numbers[foe, ENTRY_S], numbers[foe, MEETS_S], s0 + half, speed)
         room = max(stop - s0 - half, 1e-3)
-    for n in range(len(times)):
-        s = s0 + speed * times[n]
+    for n in range(FRAMES):
+        s = s0 + speed * TIMES_S[n]
         if stop < np.inf:
             # v^2 / 2b = room, so that it stands after 2 room / v.
-            t = min(times[n], 2 * room / speed)
+            t = min(TIMES_S[n], 2 * room / speed)
             s = s0 + speed * t - speed * speed / (4 * room) * t * t
-        i = min(max((s + numbers[foe, 0]) / k.path_m, 0.0), count - 1.001)
+        i = min(max((s + numbers[foe, SHIFT_M]) / PATH_M, 0.0), count - 1.001)
         j = max(int(i), 0)
-        part, cos, sin = (i - j) * k.path_m, points[2, begin + j], points[3, begin + j]
+        part, cos, sin = (i - j) * PATH_M, points[2, begin + j], points[3, begin + j]
         out[0, a, n] = points[0, begin + j] + part * cos - d * sin
         out[1, a, n] = points[1, begin + j] + part * sin + d * cos
         out[2, a, n], out[3, a, n], out[4, a, n] = cos, sin, half
 
 
 @inner
-def _straight(a: int, one: One, times: FloatArray, k: _Predicting, out: FloatArray) -> None:
+def _straight(a: int, actors: FloatArray, out: FloatArray) -> None:
     """Predict actor a straight on."""
-    x, y, cos, sin, speed, half, speeds_up = one
-    rate = speeds_up if speed > k.coast_mps else 0.0
-    for n in range(len(times)):
-        grows = rate * (times[n] * times[n]) / 4  # half of how far the front may run ahead
-        distance = speed * times[n] + grows
-        out[0, a, n], out[1, a, n] = x + distance * cos, y + distance * sin
-        out[2, a, n], out[3, a, n], out[4, a, n] = cos, sin, half + grows
+    x, y, cos, sin = actors[A_X, a], actors[A_Y, a], actors[A_COS, a], actors[A_SIN, a]
+    speed, half = actors[A_SPEED, a], actors[HALF_LENGTH, a]
+    rate = actors[SPEEDS_UP, a] if speed > cfg.COAST_MPS else 0.0
+    for n in range(FRAMES):
+        t = TIMES_S[n]
+        grows = rate * (t * t) / 4  # half of how far the front may run ahead
+        distance = speed * t + grows
+        out[P_X, a, n], out[P_Y, a, n] = x + distance * cos, y + distance * sin
+        out[P_COS, a, n], out[P_SIN, a, n], out[P_HALF_LENGTH, a, n] = cos, sin, half + grows
 
 
 @inner
 def _on_road(
-    a: int,
-    one: One,
-    s0: float,
-    d0: float,
-    i: int,
-    grid: FloatArray,
-    origin_s: float,
-    times: FloatArray,
-    k: _Predicting,
-    out: FloatArray,
+    a: int, actors: FloatArray, s0: float, d0: float, i: int, route: FloatArray, origin_s: float, out: FloatArray
 ) -> None:
     """Predict actor a in the route's own coordinates: constant speed along it and across it."""
-    _, _, cos, sin, speed, half, _ = one
-    turn_cos = cos * grid[2, i] + sin * grid[3, i]
-    turn_sin = sin * grid[2, i] - cos * grid[3, i]
-    drift = turn_sin if abs(turn_sin) > k.drift_deadband else 0.0
-    for n in range(len(times)):
-        s, d = s0 + speed * turn_cos * times[n], d0 + speed * drift * times[n]
-        j = min(max(int((s - origin_s) * (1.0 / k.grid_m)), 0), grid.shape[1] - 1)
-        part, base_cos, base_sin = s - (origin_s + j * k.grid_m), grid[2, j], grid[3, j]
-        out[0, a, n] = grid[0, j] + part * base_cos - d * base_sin
-        out[1, a, n] = grid[1, j] + part * base_sin + d * base_cos
-        out[2, a, n] = base_cos * turn_cos - base_sin * turn_sin
-        out[3, a, n] = base_sin * turn_cos + base_cos * turn_sin
-        out[4, a, n], out[5, a, n], out[6, a, n] = half, s, d
+    cos, sin, speed, half = actors[A_COS, a], actors[A_SIN, a], actors[A_SPEED, a], actors[HALF_LENGTH, a]
+    turn_cos = cos * route[i, COS] + sin * route[i, SIN]
+    turn_sin = sin * route[i, COS] - cos * route[i, SIN]
+    drift = turn_sin if abs(turn_sin) > cfg.DRIFT_DEADBAND_RAD else 0.0
+    for n in range(FRAMES):
+        s, d = s0 + speed * turn_cos * TIMES_S[n], d0 + speed * drift * TIMES_S[n]
+        j = grid_point(route, origin_s, s)
+        part, base_cos, base_sin = s - (origin_s + j * GRID_M), route[j, COS], route[j, SIN]
+        out[P_X, a, n] = route[j, X] + part * base_cos - d * base_sin
+        out[P_Y, a, n] = route[j, Y] + part * base_sin + d * base_cos
+        out[P_COS, a, n] = base_cos * turn_cos - base_sin * turn_sin
+        out[P_SIN, a, n] = base_sin * turn_cos + base_cos * turn_sin
+        out[P_HALF_LENGTH, a, n], out[P_S, a, n], out[P_D, a, n] = half, s, d
 
 
-@compiled(
-    TABLE, FLAGS, FLAG_TABLE, CUBE, INTS, TABLE, TABLE, INTS,
-    FLOATS, FLOATS, INTS, TABLE, FLOATS, FLOAT, FLOATS, _PREDICTING, FLAGS, CUBE,
-)  # fmt: skip
-def _move_on(
-    actors: FloatArray,
-    pedestrian: BoolArray,
+@inner
+def move_on(
+    actors: Actors,
+    now: Projection,
+    which: IntArray,
     on: BoolArray,
     found: FloatArray,
-    which: IntArray,
-    numbers: FloatArray,
-    points: FloatArray,
-    first: IntArray,
-    now_s: FloatArray,
-    now_d: FloatArray,
-    now_index: IntArray,
-    grid: FloatArray,
-    curvature: FloatArray,
+    foes: FoeTable,
+    route: FloatArray,
     origin_s: float,
-    times: FloatArray,
-    k: _Predicting,
-    free: BoolArray,
+    ego_s: float,
+    reach_m: float,
     out: FloatArray,
 ) -> None:
-    """Fill the first five rows of `out` [10, A, T], and for those along the road s and d; `free` [A]: all others."""
+    """Fill a prediction [10, A, T]."""
+    table, free = actors.table, np.empty(len(now.s), dtype=np.bool_)
     for a in range(len(free)):
-        one = (
-            actors[0, a], actors[1, a], actors[2, a], actors[3, a], actors[4, a], actors[5, a], actors[6, a],
-        )  # fmt: skip
-        i, f = now_index[a], _nearest_foe(a, on, found, pedestrian)
-        cosine = one[2] * grid[2, i] + one[3] * grid[3, i]
-        along = abs(now_d[a]) < k.aligned_reach_m and abs(cosine) > k.aligned_cosine
-        free[a] = f >= 0 or not along or curvature[i] * now_d[a] >= STEEPEST_BEND
+        i, f = now.point[a], _nearest_foe(a, on, found, actors.pedestrian)
+        cosine = table[A_COS, a] * route[i, COS] + table[A_SIN, a] * route[i, SIN]
+        along = abs(now.d[a]) < cfg.ALIGNED_REACH_M and abs(cosine) > ALIGNED_COSINE
+        free[a] = f >= 0 or not along or route[i, CURVATURE] * now.d[a] >= STEEPEST_BEND
         if f >= 0:
-            way = found[0, a, f], found[1, a, f], found[2, a, f]
-            _on_path(a, one, way, which[f], numbers, points, first, times, k, out)
+            _on_path(a, table, (found[0, a, f], found[1, a, f], found[2, a, f]), which[f], foes, out)
         elif free[a]:
-            _straight(a, one, times, k, out)
+            _straight(a, table, out)
         else:
-            _on_road(a, one, now_s[a], now_d[a], i, grid, origin_s, times, k, out)
+            _on_road(a, table, now.s[a], now.d[a], i, route, origin_s, out)
+    project_ways(free, out, route, origin_s, ego_s, reach_m)
+    _reach(table[HALF_WIDTH], route, origin_s, out)
 
 
-@compiled(FLOATS, TABLE, FLOAT, FLOAT, FLOAT, CUBE)
-def _reach(
-    half_width: FloatArray, grid: FloatArray, origin_s: float, grid_m: float, step_s: float, out: FloatArray
-) -> None:
-    """Fill the last three rows of `out` [10, A, T]: the extents along and across the route, the speed along it."""
+@inner
+def _reach(half_width: FloatArray, route: FloatArray, origin_s: float, out: FloatArray) -> None:
+    """Fill the last three rows of a prediction: the extents along and across the route, the speed along it."""
     last = out.shape[2] - 1
     for a in range(out.shape[1]):
-        s = out[5, a]
+        s = out[P_S, a]
         for n in range(last + 1):
-            j = min(max(int((s[n] - origin_s) * (1.0 / grid_m)), 0), grid.shape[1] - 1)
-            turn_cos = abs(out[2, a, n] * grid[2, j] + out[3, a, n] * grid[3, j])
-            turn_sin = abs(out[3, a, n] * grid[2, j] - out[2, a, n] * grid[3, j])
-            out[7, a, n] = out[4, a, n] * turn_cos + half_width[a] * turn_sin
-            out[8, a, n] = out[4, a, n] * turn_sin + half_width[a] * turn_cos
+            j = grid_point(route, origin_s, s[n])
+            cos, sin, half = out[P_COS, a, n], out[P_SIN, a, n], out[P_HALF_LENGTH, a, n]
+            turn_cos, turn_sin = (
+                abs(cos * route[j, COS] + sin * route[j, SIN]),
+                abs(sin * route[j, COS] - cos * route[j, SIN]),
+            )
+            out[REACH_S, a, n] = half * turn_cos + half_width[a] * turn_sin
+            out[REACH_D, a, n] = half * turn_sin + half_width[a] * turn_cos
             before, after = max(n - 1, 0), min(n + 1, last)
-            out[9, a, n] = (s[after] - s[before]) / ((after - before) * step_s)
+            out[SPEED_S, a, n] = (s[after] - s[before]) / ((after - before) * cfg.ROLLOUT_STEP_S)

@@ -20,6 +20,8 @@ class SignalMemory:
     def update(self, observation: Observation) -> Mapping[str, SignalColour]:
         """Take in an observation, and return the colours that are seen or were seen within `KEPT_S`, by signal."""
         now_s = observation.time_s
+        if not observation.signals and not self._known:
+            return {}
         self._known.update((signal, (now_s, colour)) for signal, colour in observation.signals.items())
         if len(self._known) > len(observation.signals):
             self._known = {k: seen for k, seen in self._known.items() if 0.0 <= now_s - seen[0] <= KEPT_S}

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
+from itertools import chain
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import CUBE, FLAGS, FLOAT, FLOATS, HYPERCUBE, INTS, TABLE, compiled
+from foresee_dsl.drivers.compiled import CUBE, FLAG, FLAGS, FLOAT, FLOATS, HYPERCUBE, INTS, TABLE, compiled, inner
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor
 
 COAST_S = 1.5
@@ -70,6 +71,8 @@ FADES_S = 0.5
 X, Y, HEADING, SPEED, LENGTH, WIDTH, ACCELERATION, YAW_RATE = range(8)
 """Columns of a tracker's state [A, 8]; the first six are measured."""
 MEASURED = 6
+LOST_S = 8
+"""Row of `Tracks.table`, after those."""
 DRIVES, STANDS, WALKS = range(3)
 """How somebody moves, as far as the gains go."""
 SAME_TIME_S = 1e-6
@@ -87,21 +90,61 @@ class Tracks(NamedTuple):
     """The others at `time_s`; every array is [A].
 
     Attributes:
-        x, y: m, the centre. heading: rad. speed: m/s, never negative. acceleration: m/s^2 along the heading.
-        length, width: m, grown by doubt where it is not seen. lost_s: how long it has not been seen, s.
+        table: [9, A] a row each: x, y, heading, speed, length, width, acceleration, yaw rate, time since it was seen.
         numbers: the object list's numbers. kinds: their classes.
     """
 
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    speed: FloatArray
-    acceleration: FloatArray
-    length: FloatArray
-    width: FloatArray
-    lost_s: FloatArray
+    table: FloatArray
     numbers: tuple[int, ...]
     kinds: tuple[ActorClass, ...]
+
+    @property
+    def x(self) -> FloatArray:
+        """East, m."""
+        row: FloatArray = self.table[X]
+        return row
+
+    @property
+    def y(self) -> FloatArray:
+        """North, m."""
+        row: FloatArray = self.table[Y]
+        return row
+
+    @property
+    def heading(self) -> FloatArray:
+        """Rad."""
+        row: FloatArray = self.table[HEADING]
+        return row
+
+    @property
+    def speed(self) -> FloatArray:
+        """Along the heading, m/s, never negative."""
+        row: FloatArray = self.table[SPEED]
+        return row
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Along the heading, m/s^2."""
+        row: FloatArray = self.table[ACCELERATION]
+        return row
+
+    @property
+    def length(self) -> FloatArray:
+        """M, grown by doubt where it is not seen."""
+        row: FloatArray = self.table[LENGTH]
+        return row
+
+    @property
+    def width(self) -> FloatArray:
+        """The same."""
+        row: FloatArray = self.table[WIDTH]
+        return row
+
+    @property
+    def lost_s(self) -> FloatArray:
+        """How long it has not been seen, s."""
+        row: FloatArray = self.table[LOST_S]
+        return row
 
     def seen(self) -> tuple[SeenActor, ...]:
         """Return them as an observation has them."""
@@ -123,6 +166,7 @@ class Tracker:
         self._walks = np.empty(0, dtype=bool)
         self._numbers: list[int] = []
         self._kinds: list[ActorClass] = []
+        self._places: dict[int, int] = {}
         self._measured_s: float | None = None
         self._some_lost = False
 
@@ -142,27 +186,26 @@ class Tracker:
             if self._numbers:
                 _move(self._state, passed_s)
             self._take_in(observation, passed_s, measured_s)
-            self._drop(measured_s)
-        return self._tracks(observation.time_s, measured_s)
+        table = np.empty((9, len(self._state)))
+        _present(self._state, self._seen_s, observation.time_s, measured_s, self._some_lost, table)
+        return Tracks(table, tuple(self._numbers), tuple(self._kinds))
 
     def _take_in(self, observation: Observation, passed_s: float, measured_s: float) -> None:
-        """Begin with those that are new, correct the predictions of the others by what was measured."""
-        seen = observation.actors
-        measured = np.array([_read(a) for a in seen]).reshape(-1, MEASURED)
-        places = {number: k for k, number in enumerate(self._numbers)}
-        found = [places.get(a.track, -1) for a in seen]
+        """Begin with those that are new, correct the predictions of the others by what was measured, and forget who has
+        not been seen for too long."""
+        seen, places, knew = observation.actors, self._places, bool(self._numbers)
+        measured = np.fromiter(chain.from_iterable(map(_read, seen)), float, MEASURED * len(seen)).reshape(-1, MEASURED)
+        found = [places.get(actor.track, -1) for actor in seen]
         if -1 in found:
             found = self._begin(seen, found, measured, measured_s)
-        where = np.array(found, dtype=np.int64)
-        if places and found:
-            times, ego = _Times(measured_s, passed_s, self._some_lost), observation.ego
-            own, gains = (self._state, self._times_seen, self._seen_s, self._walks), _gains(round(passed_s, 3))
-            _correct(*own, where, measured, ego.x, ego.y, times, _JUMPS, gains)
-        self._seen_s[where] = measured_s
+        own = self._state, self._times_seen, self._seen_s, self._walks
+        if knew and found:
+            where, gains, ego = np.array(found, dtype=np.int64), _gains(round(passed_s, 3)), observation.ego
+            times = measured_s, passed_s, self._some_lost
+            _correct(*own, where, measured, ego.x, ego.y, *times, _JUMPS, gains)
         self._some_lost = len(found) < len(self._numbers)
-        if self._some_lost:
-            lost = self._seen_s < measured_s
-            self._state[lost, ACCELERATION:] *= math.exp(-passed_s / FADES_S)
+        if self._some_lost and _fade(self._state, self._seen_s, measured_s, math.exp(-passed_s / FADES_S)) > COAST_S:
+            self._drop(measured_s)
 
     def _begin(self, seen: Sequence[SeenActor], found: list[int], measured: FloatArray, measured_s: float) -> list[int]:
         """Give a place to each number that is new: that of an object that was lost there, else one at the end."""
@@ -177,9 +220,10 @@ class Tracker:
                 self._kinds.append(actor.kind)
                 fresh.append(k)
             else:
+                self._places.pop(self._numbers[place], None)
                 self._numbers[place] = actor.track
                 taken.add(place)
-            found[k] = place
+            found[k] = self._places[actor.track] = place
         if fresh:
             more = np.zeros((len(fresh), 8))
             more[:, :MEASURED] = measured[fresh]
@@ -204,51 +248,17 @@ class Tracker:
 
     def _drop(self, measured_s: float) -> None:
         """Forget who has not been seen for too long."""
-        if not self._some_lost:
-            return
         lost_s = measured_s - self._seen_s
-        if lost_s.max() <= COAST_S:
-            return
         keep = lost_s <= np.where(self._state[:, SPEED] < STANDS_MPS, STANDING_COAST_S, COAST_S)
         self._state, self._times_seen = self._state[keep], self._times_seen[keep]
         self._seen_s, self._walks = self._seen_s[keep], self._walks[keep]
         kept = np.flatnonzero(keep).tolist()
         self._numbers, self._kinds = [self._numbers[k] for k in kept], [self._kinds[k] for k in kept]
-
-    def _tracks(self, time_s: float, measured_s: float) -> Tracks:
-        """Return everybody as they are taken to be at `time_s`."""
-        now, lost_s = np.empty((8, len(self._state))), np.zeros(len(self._state))
-        if self._some_lost:
-            lost_s = np.where(self._seen_s < measured_s, time_s - self._seen_s, 0.0)
-        state = self._state
-        if time_s > measured_s:
-            state = state.copy()
-            _move(state, time_s - measured_s)
-        _present(state, lost_s, now)
-        return Tracks(
-            x=now[X],
-            y=now[Y],
-            heading=now[HEADING],
-            speed=now[SPEED],
-            acceleration=now[ACCELERATION],
-            length=now[LENGTH],
-            width=now[WIDTH],
-            lost_s=lost_s,
-            numbers=tuple(self._numbers),
-            kinds=tuple(self._kinds),
-        )
+        self._places = {number: k for k, number in enumerate(self._numbers)}
 
 
-class _Times(NamedTuple):
-    """Of a measurement: when it was, how long after the last one, and whether somebody was lost before it."""
-
-    measured_s: float
-    passed_s: float
-    some_lost: bool
-
-
-@compiled(TABLE, FLOAT)
-def _move(state: FloatArray, dt: float) -> None:
+@inner
+def _carry(state: FloatArray, dt: float) -> None:
     """Move everybody, [A, 8], on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
     for a in range(len(state)):
         speed, turned = state[a, SPEED], state[a, YAW_RATE] * dt
@@ -262,20 +272,45 @@ def _move(state: FloatArray, dt: float) -> None:
         state[a, SPEED] = after
 
 
-@compiled(TABLE, FLOATS, TABLE)
-def _present(state: FloatArray, lost_s: FloatArray, now: FloatArray) -> None:
-    """Fill `now` [8, A] with a state [A, 8]: who is lost has grown, who stands has no speed."""
+@compiled(TABLE, FLOAT)
+def _move(state: FloatArray, dt: float) -> None:
+    _carry(state, dt)
+
+
+@compiled(TABLE, FLOATS, FLOAT, FLOAT, FLAG, TABLE)
+def _present(
+    state: FloatArray, seen_s: FloatArray, time_s: float, measured_s: float, some_lost: bool, table: FloatArray
+) -> None:
+    """Fill a table of tracks, [9, A], with a state [A, 8] of `measured_s`, carried on to `time_s`: who is lost has
+    grown, who stands has no speed."""
+    if time_s > measured_s:
+        state = state.copy()
+        _carry(state, time_s - measured_s)
     for a in range(len(state)):
         for row in range(8):
-            now[row, a] = state[a, row]
-        if now[SPEED, a] < STANDS_MPS:
-            now[SPEED, a], now[ACCELERATION, a] = 0.0, 0.0
+            table[row, a] = state[a, row]
+        lost_s = time_s - seen_s[a] if some_lost and seen_s[a] < measured_s else 0.0
+        table[LOST_S, a] = lost_s
+        if table[SPEED, a] < STANDS_MPS:
+            table[SPEED, a], table[ACCELERATION, a] = 0.0, 0.0
         else:
-            now[LENGTH, a] += 2 * DOUBT_MPS * lost_s[a]
-            now[WIDTH, a] += 2 * DOUBT_MPS * lost_s[a]
+            table[LENGTH, a] += 2 * DOUBT_MPS * lost_s
+            table[WIDTH, a] += 2 * DOUBT_MPS * lost_s
 
 
-@compiled(TABLE, INTS, FLOATS, FLAGS, INTS, TABLE, FLOAT, FLOAT, _Times(0.0, 0.0, False), CUBE, HYPERCUBE)
+@compiled(TABLE, FLOATS, FLOAT, FLOAT)
+def _fade(state: FloatArray, seen_s: FloatArray, measured_s: float, share: float) -> float:
+    """Let acceleration and yaw rate fade of who is not seen, in place; return how long the longest is lost, s."""
+    longest = 0.0
+    for a in range(len(state)):
+        if seen_s[a] < measured_s:
+            state[a, ACCELERATION] *= share
+            state[a, YAW_RATE] *= share
+            longest = max(longest, measured_s - seen_s[a])
+    return longest
+
+
+@compiled(TABLE, INTS, FLOATS, FLAGS, INTS, TABLE, FLOAT, FLOAT, FLOAT, FLOAT, FLAG, CUBE, HYPERCUBE)
 def _correct(
     state: FloatArray,
     times_seen: IntArray,
@@ -285,11 +320,16 @@ def _correct(
     measured: FloatArray,
     ego_x: float,
     ego_y: float,
-    times: _Times,
+    measured_s: float,
+    passed_s: float,
+    some_lost: bool,
     jumps: FloatArray,
     gains: FloatArray,
 ) -> None:
-    """Correct the states of those at `where` [N] by what was measured, [N, 6], in place."""
+    """Correct the states of those at `where` [N] by what was measured, [N, 6], in place.
+
+    It was measured at `measured_s`, `passed_s` after the last one; `some_lost`: somebody was not seen then.
+    """
     off = np.empty(8)
     for n in range(len(where)):
         a = where[n]
@@ -298,10 +338,11 @@ def _correct(
             off[row] = measured[n, row] - one[row]
         off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
         off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
-        if times.some_lost:
+        if some_lost:
             # A filter that waited knows less: it goes on as one that has seen less.
-            missed = int(np.rint((times.measured_s - seen_s[a]) * (1 / times.passed_s))) - 1
+            missed = int(np.rint((measured_s - seen_s[a]) * (1 / passed_s))) - 1
             count = max(count - 2 * max(missed, 0), 1)
+        seen_s[a] = measured_s
         away = math.hypot(measured[n, X] - ego_x, measured[n, Y] - ego_y)
         place = max(min(int(away * (1 / _BIN_M)), _BINS - 1), 0)
         mode = WALKS if walks[a] else STANDS if one[SPEED] < STANDS_MPS else DRIVES

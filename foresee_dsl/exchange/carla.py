@@ -5,50 +5,27 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 
-from foresee_dsl.compile.bundle import ModelSpec, Signal
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.foreign import foreign_net
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.netcache import read_net_once
 from foresee_dsl.compile.netfile import parse_xml
-from foresee_dsl.compile.routing import RouteError
 from foresee_dsl.exchange.carla_families import STAGED, Row, row_of
-from foresee_dsl.exchange.carla_files import (
-    CarlaRoute,
-    Trigger,
-    read_routes,
-    read_triggers,
-    read_vtypes,
-    town_of,
-    towns,
-)
-from foresee_dsl.exchange.carla_journey import MISSED_M, Journey, is_well_placed, journey_of, turns_back
+from foresee_dsl.exchange.carla_files import read_routes, read_triggers, read_vtypes, town_of
+from foresee_dsl.exchange.carla_journey import Journey, passes
+from foresee_dsl.exchange.carla_match import Import, journeys_of, of_town
 from foresee_dsl.exchange.carla_models import CATALOGUE, catalogue_of, ego_of, vehicles_of
 from foresee_dsl.exchange.carla_net import prepared_net
 from foresee_dsl.exchange.carla_text import FileOfCases, placed_wrongly, text_of
+from foresee_dsl.exchange.heights import Heights
 from foresee_dsl.exchange.map_contents import left_out_of, notes_on
-from foresee_dsl.exchange.naming import distinct_name
+from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.catalogues import bundled_models
 from foresee_dsl.language.model import Catalogue, VehicleModel
-
-MOST_LOST = 0.5
-"""With more than this share of routes that are not on the map, it is another town's (ours)."""
-
-
-@dataclass
-class _Import:
-    """What is known so far; one use."""
-
-    network: RoadNetwork
-    signals: Mapping[str, Signal]
-    spec: ModelSpec
-    left_out: Counter[str] = field(default_factory=Counter)
-    taken: Counter[str] = field(default_factory=Counter)
-    notes: list[str] = field(default_factory=list)
 
 
 def run(
@@ -78,14 +55,14 @@ def run(
     left_out: Counter[str] = Counter()
     routes = [route for file in route_files for route in read_routes(file, left_out)]
     triggers = [trigger for file in trigger_files for trigger in read_triggers(file, left_out)]
-    _check_town(map_file, routes)
+    routes = of_town(map_file, routes, left_out)
     catalogue = catalogue_of(read_vtypes(vtypes), left_out) if vtypes is not None else None
     found: list[Imported] = []
 
     def write(folder: Path) -> None:
         net = _put_network(map_file, folder)
         state = _state(net, _models(catalogue), left_out)
-        journeys = _journeys(state, routes, triggers)
+        journeys = journeys_of(state, routes, triggers)
         files = _files(state, journeys, net.name, catalogue)
         _write_files(state, files, folder, catalogue)
         _list_map(state, map_file)
@@ -97,17 +74,8 @@ def run(
     return Imported(files, done.cases, done.taken, done.left_out, done.notes)
 
 
-def _check_town(map_file: Path, routes: Sequence[CarlaRoute]) -> None:
-    town = town_of(map_file)
-    other = next((name for name in towns(routes) if town and name != town), None)
-    if other is not None:
-        route = next(route for route in routes if route.town == other)
-        raise ExchangeError(f"{route.file}: route {route.id} is in {other}, but the map {map_file.name} is {town}: "
-                            f"use the map of {other}, or leave this file out")  # fmt: skip
-
-
 def _put_network(map_file: Path, folder: Path) -> Path:
-    copy = folder / map_file.name
+    copy = folder / file_name(map_file.name)
     if map_file.name.endswith(".net.xml"):
         prepared_net(map_file, copy)
     elif map_file.suffix == ".xodr":
@@ -123,67 +91,17 @@ def _models(catalogue: Catalogue | None) -> dict[str, VehicleModel]:
     return bundled_models() | own
 
 
-def _state(net: Path, models: Mapping[str, VehicleModel], left_out: Counter[str]) -> _Import:
-    parts, signals = read_net_once(foreign_net(net), None)
+def _state(net: Path, models: Mapping[str, VehicleModel], left_out: Counter[str]) -> Import:
+    net_file = foreign_net(net)
+    parts, signals = read_net_once(net_file, None)
     network = RoadNetwork.of(parts)
     if not any(edge.for_kind("car") for edge in network.edges.values()):
         raise ExchangeError(f"{net.name} has no lanes for cars: nobody could drive on it")
-    return _Import(network, signals, spec_of(models[ego_of(models)]), left_out)
+    check_ids((*network.edges, *network.junctions), net.name)
+    return Import(network, signals, Heights.of(net_file), spec_of(models[ego_of(models)]), left_out)
 
 
-def _journeys(state: _Import, routes: Sequence[CarlaRoute], triggers: Sequence[Trigger]) -> list[Journey]:
-    """Put the routes on the map; those that are not on it are counted."""
-    found: list[Journey] = []
-    lost: list[str] = []
-    of_family = Counter(route.family for route in routes)
-    for route in routes:
-        near = [t for t in triggers if t.family == route.family and t.town in ("", route.town)]
-        in_order = len(near) == of_family[route.family]
-        try:
-            journey = journey_of(state.network, route, near, state.spec, in_order=in_order)
-        except RouteError as err:
-            lost.append(f"{route.key}: {err}")
-            continue
-        if is_well_placed(journey):
-            found.append(journey)
-        else:
-            lost.append(f"{route.key}: the ego would start {journey.start_off_m:.1f} m from its place")
-    if len(lost) > MOST_LOST * len(routes):
-        raise ExchangeError(f"{len(lost)} of {len(routes)} routes are not on this map; is it another town's? {lost[0]}")
-    state.left_out["routes that are not on the map"] += len(lost)
-    state.notes += lost
-    _tell_places(state, found, triggers)
-    return found
-
-
-def _tell_places(state: _Import, journeys: Sequence[Journey], triggers: Sequence[Trigger]) -> None:
-    used = {(j.trigger.file, j.trigger.order) for j in journeys if j.trigger is not None}
-    state.left_out["triggers on no imported route"] += len(triggers) - len(used)
-    moved = [journey.start_off_m for journey in journeys if journey.start_off_m > MISSED_M]
-    if moved:
-        state.notes.append(
-            f"routes that start beside CARLA's place (at most {max(moved):.1f} m): {len(moved)}; their map was another"
-        )
-    broken = [journey.route.key for journey in journeys if turns_back(journey)]
-    if broken:
-        state.notes.append(
-            f"routes over lanes of the map that run backwards, which nobody can follow: {len(broken)}, the first is "
-            f"{broken[0]}"
-        )
-    without = sum(journey.trigger is None for journey in journeys)
-    if without and triggers:
-        state.notes.append(
-            f"routes without a trigger within 5 m, where what happens is placed from the start: {without}"
-        )
-    state.left_out["goals beside the lane that the ego comes on (the goal is a length along its route)"] += sum(
-        abs(j.line.at(j.goal_s)[0] - j.route.end.x) + abs(j.line.at(j.goal_s)[1] - j.route.end.y) > 1.0
-        for j in journeys
-    )
-
-
-def _files(
-    state: _Import, journeys: Sequence[Journey], net: str, catalogue: Catalogue | None
-) -> dict[str, FileOfCases]:
+def _files(state: Import, journeys: Sequence[Journey], net: str, catalogue: Catalogue | None) -> dict[str, FileOfCases]:
     """Sort the cases into files by name: a family, and where need be what of it has no signal or nothing staged."""
     rows: dict[str, list[Row]] = {}
     sources: dict[str, dict[str, None]] = {}
@@ -208,7 +126,7 @@ def _files(
     }
 
 
-def _tell_families(state: _Import, rows: Sequence[Row]) -> None:
+def _tell_families(state: Import, rows: Sequence[Row]) -> None:
     count = Counter(row.family for row in rows)
     for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
         state.taken[f"routes of family {family}" if family else "routes without a family"] += number
@@ -216,12 +134,22 @@ def _tell_families(state: _Import, rows: Sequence[Row]) -> None:
             state.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
     unstaged = sum(row.variant == "open" and row.family in STAGED for row in rows)
     state.left_out["routes on which there is no place for their family's behaviour"] += unstaged
+    state.left_out["routes over or under another road (the world is flat: they have no traffic)"] += sum(
+        row.bridge for row in rows
+    )
+    if not state.has_sidewalks:
+        state.notes.append("the map has no sidewalks: besides those of the families nobody walks around")
 
 
-def _row(state: _Import, journey: Journey, name: str, number: int, net: str, catalogue: Catalogue | None) -> Row | None:
-    """The case of a route: staged where the compiler finds a place for everybody, else open; None for neither."""
+def _row(state: Import, journey: Journey, name: str, number: int, net: str, catalogue: Catalogue | None) -> Row | None:
+    """The case of a route: staged where the compiler finds a place for everybody, else open; None for neither.
+
+    Where there are no sidewalks nobody walks around.
+    """
+    bridge = passes(journey, state.bridges)
     for staged in (True, False):
         row = row_of(state.network, state.signals, journey, name=name, number=number, staged=staged)
+        row = replace(row, bridge=bridge, walkers=state.has_sidewalks)
         file = FileOfCases(_file_name(row), net, (row,), catalogue, (), "")
         if not placed_wrongly(file, state.network, state.signals):
             return row
@@ -232,10 +160,11 @@ def _file_name(row: Row) -> str:
     family = f"scenario{row.family}" if row.family else "routes"
     name = f"{family}_{row.variant}" if row.variant and row.family in STAGED else family
     at_junction = row.family in STAGED and row.variant in ("", "walker") and row.family != "3"
-    return f"{name}_no_signal" if at_junction and not row.signal else name
+    name = f"{name}_no_signal" if at_junction and not row.signal else name
+    return f"{name}_bridge" if row.bridge else name
 
 
-def _write_files(state: _Import, files: Mapping[str, FileOfCases], folder: Path, catalogue: Catalogue | None) -> None:
+def _write_files(state: Import, files: Mapping[str, FileOfCases], folder: Path, catalogue: Catalogue | None) -> None:
     from foresee_dsl.language.printer import print_model
 
     if not files:
@@ -247,10 +176,10 @@ def _write_files(state: _Import, files: Mapping[str, FileOfCases], folder: Path,
         (folder / f"{name}.foresee").write_text(text_of(file), encoding="utf-8", newline="\n")
 
 
-def _list_map(state: _Import, map_file: Path) -> None:
+def _list_map(state: Import, map_file: Path) -> None:
     if map_file.suffix != ".xodr":
         return
     root = parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")
-    state.left_out.update(left_out_of(root))
     parts, _ = read_net_once(foreign_net(map_file), None)
+    state.left_out.update(left_out_of(root, parts))
     state.notes += notes_on(root, parts)

@@ -115,12 +115,16 @@ class Row:
     Attributes:
         name: of the case. family: `3`. variant: what happens.
         values: of all parameters that its file has.
+        bridge: whether it goes over or under another road; the world is flat, so there is no traffic around.
+        walkers: whether people walk around.
     """
 
     name: str
     family: str
     variant: Variant
     values: Mapping[str, str]
+    bridge: bool = False
+    walkers: bool = True
 
     @property
     def signal(self) -> bool:

@@ -6,9 +6,10 @@ import tempfile
 from pathlib import Path
 
 from foresee_dsl.compile.foreign import close_parking, write_net
+from foresee_dsl.compile.foreign_mend import mend_overlaps
 from foresee_dsl.compile.netconvert import run_netconvert
 from foresee_dsl.compile.netfile import parse_net
-from foresee_dsl.compile.programs import give_programs
+from foresee_dsl.compile.programs import fix_times, give_programs
 from foresee_dsl.exchange.outcome import ExchangeError
 
 SIDEWALK_MOST_MPS = 30.0
@@ -42,5 +43,7 @@ def prepared_net(source: Path, out: Path) -> None:
         run_netconvert(["-s", str(source.resolve()), *options, "-o", "net.net.xml"], folder)
         net = parse_net(folder / "net.net.xml")
         close_parking(net)
+        mend_overlaps(net)
         give_programs(net)
+        fix_times(net)  # of joint signals, which keep theirs
         write_net(net, out)

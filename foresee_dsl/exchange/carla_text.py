@@ -14,7 +14,7 @@ from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.scene import check_scene
 from foresee_dsl.exchange.carla_families import Row, common, is_of_route, param, value_of
 from foresee_dsl.exchange.carla_models import CATALOGUE, ego_of, mix_of, vehicles_of
-from foresee_dsl.exchange.naming import name_of
+from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.language.catalogues import bundled_models
 from foresee_dsl.language.concretise import concretise
 from foresee_dsl.language.document import PlacementError, TestCase
@@ -80,7 +80,7 @@ def _rendered(file: FileOfCases, defaults: Mapping[str, str]) -> str:
     template = _environment().get_template(f"{shape}.foresee.j2")
     return template.render(
         title=f"{town[:1].upper()}{town[1:]} of {title}.",
-        source=", ".join(sorted(set(file.sources))[:3]) or "CARLA's files",
+        source=sentence(", ".join(sorted(set(file.sources))[:3])) or "CARLA's files",
         name=name_of(f"{town.lower()}_{file.name}", "carla"),
         tags=[family, "carla", name_of(town.lower(), "town")],
         network=file.network,
@@ -91,6 +91,8 @@ def _rendered(file: FileOfCases, defaults: Mapping[str, str]) -> str:
         through=[name for name in defaults if name.startswith("through")],
         beside="beside" in defaults,
         signal=row.signal,
+        bridge=row.bridge,
+        walkers=row.walkers,
         vehicles=mix_of(file.catalogue),
         rows=[{"name": one.name, "assignments": _assigned(one, defaults)} for one in file.rows],
     )

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from foresee_dsl.compile.netfile import what_is_wrong
 from foresee_dsl.exchange.outcome import ExchangeError
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def read_xml(path: Path, roots: Collection[str], what: str) -> Element:
     except DefusedXmlException as err:
         raise ExchangeError(f"{path} declares entities, which are not read: write them out") from err
     except (ParseError, ValueError, LookupError) as err:  # LookupError: an unknown encoding
-        raise ExchangeError(f"{path} is not {what}, or a damaged one: {err}") from err
+        raise ExchangeError(f"{path} is not {what}, or a damaged one: {what_is_wrong(err)}") from err
     if root.tag not in roots:
         raise ExchangeError(f"{path} is not {what}: its root is <{root.tag}>, not <{' or <'.join(roots)}>")
     return root

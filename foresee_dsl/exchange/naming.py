@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
+from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
 
 _LONGEST = 40
 """Ours: half of what the language allows, so that campaigns can add to it."""
+_LONGEST_FILE_NAME = 120
+"""Ours: most file systems allow 255 bytes, which a letter may have four of."""
+_LONGEST_ID = 200
+_ID = re.compile(rf'[^"\n\r\\]{{1,{_LONGEST_ID}}}')
+"""What `language.model.values.Id` allows."""
 _LONGEST_SENTENCE = 300
 """Ours: what is read at a glance."""
 
@@ -31,7 +37,30 @@ def name_of(text: str, otherwise: str) -> str:
 
 def sentence(text: str) -> str:
     """Return a text as a `doc` can hold it: on one line, without double quotes, not too long."""
-    return " ".join(text.replace('"', "'").split())[:_LONGEST_SENTENCE]
+    return " ".join(re.sub(r"[\x00-\x1f\x7f]", " ", text.replace('"', "'")).split())[:_LONGEST_SENTENCE]
+
+
+def file_name(name: str) -> str:
+    """Return a file's name as a scenario can say it in double quotes; nearly all names are that already."""
+    return re.sub(r'["\x00-\x1f\x7f]', "_", name)[-_LONGEST_FILE_NAME:]
+
+
+def check_ids(ids: Iterable[str], where: str) -> None:
+    """Make sure that the language can name what a network calls so.
+
+    Args:
+        ids: of edges and junctions. where: the file, for the message.
+
+    Raises:
+        ExchangeError: an id holds a double quote, a backslash or a line break, or is longer than 200 letters.
+    """
+    for name in ids:
+        if not _ID.fullmatch(name):
+            said = f"'{name[:40]}...' ({len(name)} letters)" if len(name) > _LONGEST_ID else repr(name)
+            raise ExchangeError(
+                f"{where} calls an edge or junction {said}, which the language cannot say: ids have at most "
+                f"{_LONGEST_ID} letters, and no double quotes, backslashes or line breaks; rename it there"
+            )
 
 
 def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:

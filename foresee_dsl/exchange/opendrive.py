@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from foresee_dsl.compile.foreign import foreign_net
+from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.netfile import parse_xml
 from foresee_dsl.compile.netparts import read_net
+from foresee_dsl.exchange.heights import Heights, bridges, flat_notes
 from foresee_dsl.exchange.map_contents import left_out_of, notes_on, taken_from
-from foresee_dsl.exchange.naming import name_of
+from foresee_dsl.exchange.naming import file_name, name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.exchange.starter import Way, starter
 from foresee_dsl.language.printer import print_model
@@ -28,15 +30,17 @@ def run(file: Path, *, out: Path) -> Imported:
     ways: list[Way] = []
 
     def write(folder: Path) -> None:
-        copy = folder / file.name
+        copy = folder / file_name(file.name)
         copy.write_bytes(file.read_bytes())
-        doc = f"A first drive on {file.name}."
-        scenario, way = starter(copy, name=name, network=file.name, doc=doc)
+        doc = sentence(f"A first drive on {file.name}.")
+        scenario, way = starter(copy, name=name, network=copy.name, doc=doc)
         (folder / f"{name}.foresee").write_text(print_model(scenario), encoding="utf-8", newline="\n")
         ways.append(way)
 
     files = write_together(out, write)
-    parts = read_net(foreign_net(out / file.name))
+    net = foreign_net(out / file_name(file.name))
+    parts = read_net(net)
+    flat = flat_notes(bridges(RoadNetwork.of(parts), Heights.of(net)))
     over = f" over the signal of {', '.join(ways[0].signals)}" if ways[0].signals else ""
     said = f"the ego drives {ways[0].length_m:.0f} m{over}; edit {name}.foresee for another way"
-    return Imported(files, 1, taken_from(parts), left_out_of(root), (said, *notes_on(root, parts)))
+    return Imported(files, 1, taken_from(parts), left_out_of(root, parts), (said, *notes_on(root, parts), *flat))

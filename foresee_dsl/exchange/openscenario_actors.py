@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.checks import NEAR_ROAD_M
+from foresee_dsl.compile.foreign_geometry import Pose
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.roads import LaneKind
 from foresee_dsl.compile.starts import WHEELS, lane_kind
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.opendrive_geometry import Pose
 from foresee_dsl.exchange.openscenario_actions import Player, paced
 from foresee_dsl.exchange.openscenario_entities import Entity
 from foresee_dsl.exchange.openscenario_motion import (

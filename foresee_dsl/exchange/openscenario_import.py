@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign import SUFFIXES, foreign_net
+from foresee_dsl.compile.foreign_geometry import RoadMap
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.exchange.foreign_xml import number
 from foresee_dsl.exchange.naming import name_of, sentence
-from foresee_dsl.exchange.opendrive_geometry import RoadMap
 from foresee_dsl.exchange.openscenario_actions import ROUTING, Player, Writer
 from foresee_dsl.exchange.openscenario_actors import Actors
 from foresee_dsl.exchange.openscenario_conditions import Reader

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from foresee_dsl.compile.foreign_geometry import Pose
 from foresee_dsl.compile.geometry import NearLane, RoadNetwork
 from foresee_dsl.compile.roads import LaneKind
 from foresee_dsl.compile.routing import RouteError
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.opendrive_geometry import Pose
 from foresee_dsl.exchange.openscenario_places import NotExpressed, Places
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from foresee_dsl.compile.foreign_geometry import Pose, RoadMap
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.opendrive_geometry import Pose, RoadMap
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml

@@ -13,6 +13,8 @@ from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.roads import Movement
 from foresee_dsl.compile.routing import RouteError
 from foresee_dsl.compile.signals import read_signals
+from foresee_dsl.exchange.heights import Heights, bridges
+from foresee_dsl.exchange.naming import check_ids
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.model import (
     AlongEdge,
@@ -90,7 +92,9 @@ def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scena
     roads = RoadNetwork.from_net(net)
     if not any(edge.for_kind("car") for edge in roads.edges.values()):
         raise ExchangeError(f"{net_file.name} has no lanes for cars: nobody could drive on it")
-    way = best_way(roads, frozenset(read_signals(net, None)))
+    check_ids((*roads.edges, *roads.junctions), net_file.name)
+    over = frozenset(edge for one in bridges(roads, Heights.of(net)) for edge in one.edges)
+    way = best_way(roads, frozenset(read_signals(net, None)), over)
     if way is None:
         raise ExchangeError(f"{net_file.name} has no way of {SHORTEST_M:.0f} m for a car: a larger map is needed")
     body: list[ScenarioItem] = [
@@ -106,10 +110,10 @@ def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scena
     return Scenario(name=name, body=tuple(body)), way
 
 
-def best_way(roads: RoadNetwork, signals: frozenset[str]) -> Way | None:
+def best_way(roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset()) -> Way | None:
     """Return the way for the ego: over a signal if there is any, from a street, with a turn, of a middle length.
 
-    The same network gives the same way.
+    It keeps off edges that go over or under others (`bridged`) if it can. The same network gives the same way.
     """
     middle = (SHORTEST_M + LONGEST_M) / 2
     best: tuple[tuple[float, ...], Way] | None = None
@@ -117,6 +121,7 @@ def best_way(roads: RoadNetwork, signals: frozenset[str]) -> Way | None:
     for way in itertools.islice(streets.ways(), _MOST_WAYS):
         ahead_m = streets.lengths[way.edges[0]] - way.start_m
         rank = (
+            any(edge in bridged for edge in way.edges),
             way.slowest_mps < _SLOW_STREET_MPS,
             -min(len(way.signals), 1),
             -min(ahead_m, _ROOMY_M),

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree.ElementTree import tostring  # no parsing: that is foreign_xml's
 
 from foresee_dsl.compile.foreign import foreign_net
+from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.netconvert import without_header
 from foresee_dsl.compile.netparts import read_net
+from foresee_dsl.compile.programs import fix_times
 from foresee_dsl.exchange.foreign_xml import read_xml
+from foresee_dsl.exchange.heights import Heights, bridges, flat_notes
 from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.exchange.starter import Way, starter
 from foresee_dsl.language.printer import print_model
 
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
-
 NET = ".net.xml"
-_GREEN_S = 20.0
-"""A phase without a time of its own (ours)."""
 
 
 def run(file: Path, *, out: Path) -> Imported:
@@ -35,9 +32,14 @@ def run(file: Path, *, out: Path) -> Imported:
     name = name_of(file.name.removesuffix(NET).removesuffix(".xml"), "net")
     if root.find("edge") is None or root.find("location") is None:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")
-    reacting = _with_fixed_times(root)
-    left_out = Counter({"signal programs that react to traffic (driven with fixed times)": reacting})
-    data = tostring(root, encoding="utf-8", xml_declaration=True) if reacting else without_header(file.read_bytes())
+    changed = fix_times(root)
+    left_out = Counter(
+        {
+            "signal programs that react to traffic (driven with fixed times)": changed.reacting,
+            "signal programs besides the one that SUMO begins with": changed.others,
+        }
+    )
+    data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(file.read_bytes())
     return with_starter(data, name, out, doc=sentence(f"A first drive on {file.name}."), left_out=left_out)
 
 
@@ -69,7 +71,14 @@ def with_starter(
         f" over the signal of {', '.join(way.signals)}" if way.signals else ", over no signal: there is none on a way"
     )
     said = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
-    return Imported(files=files, cases=1, taken=taken, left_out=+left_out, notes=(said, *notes))
+    return Imported(
+        files=files, cases=1, taken=taken, left_out=+left_out, notes=(said, *notes, *_flat_notes(out / f"{name}{NET}"))
+    )
+
+
+def _flat_notes(file: Path) -> tuple[str, ...]:
+    net = foreign_net(file)
+    return flat_notes(bridges(RoadNetwork.of(read_net(net)), Heights.of(net)))
 
 
 def _counts(file: Path) -> dict[str, int]:
@@ -82,18 +91,3 @@ def _counts(file: Path) -> dict[str, int]:
         "signals": len({m.tls for m in parts.movements if m.tls}),
         "crossings": len(parts.crossings),
     }
-
-
-def _with_fixed_times(root: Element) -> int:
-    """Make every signal's program one of fixed times, and return how many reacted to traffic.
-
-    What such a program has seen is not in the states that runs begin from (SUMO refuses to load them).
-    """
-    found = [logic for logic in root.iter("tlLogic") if logic.get("type", "static") != "static"]
-    for logic in found:
-        logic.set("type", "static")
-        for phase in logic.iterfind("phase"):
-            phase.set("duration", phase.get("duration") or phase.get("minDur") or f"{_GREEN_S:g}")
-            for name in ("minDur", "maxDur", "next"):
-                phase.attrib.pop(name, None)
-    return len(found)

@@ -10,17 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.forecast.geometry import (
-    distances_to_ego,
+    all_distances_to_ego,
     enters_from_side,
+    ever_near,
     feet_on_path,
-    footprints,
     local_minima,
     paths_cut,
     thinned_path,
 )
 from foresee_dsl.forecast.protocol import Group, RiskyPoint
 from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS, ForeseeSettings
-from foresee_dsl.simulate.collision import pairwise_box_distance
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _GROUPS: tuple[Group, ...] = ("critical crossing", "crossing", "critical")
@@ -47,13 +46,13 @@ def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float
     one follows the other), the nearest moment that is late enough counts.
     """
     earliest = math.ceil(before_s / STEP_S - 1e-9)
+    radii = [settings.radius_m(info.kind) for info in trace.actors]
+    actors = [actor for actor, radius in enumerate(radii) if actor > 0 and radius > 0]
+    within_m = np.array([radii[actor] for actor in actors])
     found = []
-    for actor, info in enumerate(trace.actors):
-        radius = settings.radius_m(info.kind)
-        if actor == 0 or radius <= 0:
-            continue
-        gaps = distances_to_ego(trace, actor, within_m=radius + settings.prominence_m)
-        for first, last in local_minima(gaps, within_m=radius, prominence_m=settings.prominence_m):
+    all_gaps = all_distances_to_ego(trace, actors, within_m + settings.prominence_m)
+    for actor, gaps in zip(actors, all_gaps, strict=True):
+        for first, last in local_minima(gaps, within_m=radii[actor], prominence_m=settings.prominence_m):
             frame = (
                 first if first >= earliest or last < earliest else earliest + int(gaps[earliest : last + 1].argmin())
             )
@@ -170,14 +169,7 @@ class ForeseeRanker:
         first = max(0, encounter.frame - round(s.horizon_s / STEP_S))
         last = min(trace.frames - 1, encounter.frame + round(s.beyond_s / STEP_S))
         rolled = egos.perturbed(first, last, encounter.frame - first)
-        n, t, _ = rolled.shape
-        boxes = np.empty((n, t, 5))
-        boxes[..., :3] = rolled
-        boxes[..., 3:] = (trace.actors[0].length_m, trace.actors[0].width_m)
-        other = np.broadcast_to(footprints(trace, encounter.actor)[first : last + 1], (n, t, 5))
-        present = ~np.isnan(other[..., 0]) & ~np.isnan(boxes[..., 0])
-        gaps = pairwise_box_distance(boxes[present], other[present])
-        return bool(gaps.size and gaps.min() <= s.perturbed_radius_m)
+        return ever_near(trace, encounter.actor, rolled, first, s.perturbed_radius_m)
 
 
 def _distance_to_path(egos: _Egos, encounter: CloseEncounter, before_s: float, after_s: float) -> float:

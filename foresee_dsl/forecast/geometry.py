@@ -1,13 +1,15 @@
-"""Distances, minima and paths over whole traces, vectorised."""
+"""Distances, minima and paths over whole traces, vectorised or compiled."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.simulate.collision import pairwise_box_distance
+from foresee_dsl.forecast.path_kernels import cut, project
+from foresee_dsl.simulate.footprint_kernels import ever_within, gaps_to_first
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 FloatArray = NDArray[np.float64]
@@ -30,14 +32,31 @@ def distances_to_ego(trace: Trace, actor: int, *, within_m: float = math.inf) ->
     Infinite where one of them is absent, and where the centres alone say that it exceeds `within_m`: those frames are
     not computed.
     """
-    ego, other = footprints(trace, 0), footprints(trace, actor)
-    result = np.full(trace.frames, np.inf)
-    centres = np.hypot(ego[:, 0] - other[:, 0], ego[:, 1] - other[:, 1])
-    reach = (math.hypot(*ego[0, 3:]) + math.hypot(*other[0, 3:])) / 2 if trace.frames else 0.0
-    near = np.flatnonzero(centres <= within_m + reach)  # NaN compares false: absent
-    if near.size:
-        result[near] = pairwise_box_distance(ego[near], other[near])
-    return result
+    found: FloatArray = all_distances_to_ego(trace, [actor], np.array([within_m]))[0]
+    return found
+
+
+def all_distances_to_ego(trace: Trace, actors: Sequence[int], within_m: FloatArray) -> FloatArray:
+    """Return the same of several actors at once, each with its own radius [K]: [K, T], m."""
+    columns = [0, *actors]
+    poses = trace.states[:, columns][..., [X, Y, HEADING]].transpose(1, 0, 2)
+    found: FloatArray = gaps_to_first(_whole(poses), _sizes(trace, columns), _whole(within_m))
+    return found
+
+
+def ever_near(trace: Trace, actor: int, ways: FloatArray, first: int, radius_m: float) -> bool:
+    """Say whether the ego, on any of other ways than its own, comes within a distance of an actor on its recorded one.
+
+    Args:
+        trace: of both. actor: its column. ways: [N, T, 3] poses of the ego from frame `first` on. radius_m: between
+            the footprints.
+    """
+    other = trace.states[first : first + ways.shape[1], actor][:, [X, Y, HEADING]]
+    return bool(ever_within(_whole(ways), _whole(other), _sizes(trace, [0, actor]), radius_m))
+
+
+def _sizes(trace: Trace, actors: Sequence[int]) -> FloatArray:
+    return np.array([(trace.actors[k].length_m, trace.actors[k].width_m) for k in actors])
 
 
 def local_minima(distance_m: FloatArray, *, within_m: float, prominence_m: float) -> list[tuple[int, int]]:
@@ -55,17 +74,17 @@ def local_minima(distance_m: FloatArray, *, within_m: float, prominence_m: float
         Of each minimum the frame, and the last frame up to which the distance stays within the prominence of it (the
         end of a plateau), in order of time.
     """
-    if not distance_m.size:
+    if not (distance_m <= within_m).any():
         return []
-    starts = np.flatnonzero(np.r_[True, distance_m[1:] != distance_m[:-1]])
-    value = distance_m[starts]
-    before, after = np.r_[np.inf, value[:-1]], np.r_[value[1:], np.inf]
+    starts = np.concatenate(([0], np.flatnonzero(distance_m[1:] != distance_m[:-1]) + 1))
+    value = np.concatenate(([np.inf], distance_m[starts], [np.inf]))
+    here = value[1:-1]
     kept: list[int] = []
-    for frame in starts[(value < before) & (value < after) & (value <= within_m)].tolist():
+    for frame in starts[(here < value[:-2]) & (here < value[2:]) & (here <= within_m)].tolist():
         if kept:
-            here, previous = distance_m[frame], distance_m[kept[-1]]
-            if distance_m[kept[-1] : frame].max() - max(here, previous) < prominence_m:
-                kept[-1] = frame if here < previous else kept[-1]
+            now, previous = distance_m[frame], distance_m[kept[-1]]
+            if distance_m[kept[-1] : frame].max() - max(now, previous) < prominence_m:
+                kept[-1] = frame if now < previous else kept[-1]
                 continue
         kept.append(frame)
     return [(frame, _valley_end(distance_m, frame, prominence_m)) for frame in kept]
@@ -84,11 +103,13 @@ def thinned_path(points: FloatArray, step_m: float) -> FloatArray:
     points = np.asarray(points[~np.isnan(points).any(axis=1)], dtype=np.float64)
     if len(points) < 2:
         return points
-    gone = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    steps = points[1:] - points[:-1]
+    gone = np.concatenate(([0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))))
     if gone[-1] < step_m:
         return points[:1]
-    marks = np.arange(0.0, gone[-1], step_m)
-    keep = np.unique(np.r_[np.searchsorted(gone, marks), len(points) - 1])
+    keep = np.zeros(len(points), dtype=np.bool_)
+    keep[np.searchsorted(gone, np.arange(0.0, gone[-1], step_m))] = True
+    keep[-1] = True
     thinned: FloatArray = points[keep]
     return thinned
 
@@ -104,32 +125,16 @@ def feet_on_path(points: FloatArray, path: FloatArray) -> tuple[FloatArray, Bool
     """
     if len(path) < 2:
         return np.hypot(*(points - path[0]).T), np.zeros(len(points), dtype=np.bool_)
-    start, along = path[:-1], np.diff(path, axis=0)
-    squared = np.maximum((along**2).sum(axis=1), 1e-12)
-    share = np.einsum("nmk,mk->nm", points[:, None, :] - start[None], along) / squared
-    feet = start[None] + np.clip(share, 0.0, 1.0)[..., None] * along[None]
-    gaps = np.hypot(*np.moveaxis(points[:, None, :] - feet, -1, 0))
-    nearest = gaps.argmin(axis=1)
-    rows = np.arange(len(points))
-    at = share[rows, nearest]
-    beyond = ((nearest == 0) & (at < 0.0)) | ((nearest == len(along) - 1) & (at > 1.0))
-    return gaps[rows, nearest], ~beyond
+    gap, share = np.empty(len(points)), np.empty(len(points))
+    nearest = np.empty(len(points), dtype=np.int64)
+    project(_whole(points), _whole(path), gap, nearest, share)
+    beyond = ((nearest == 0) & (share < 0.0)) | ((nearest == len(path) - 2) & (share > 1.0))
+    return gap, ~beyond
 
 
 def paths_cut(a: FloatArray, b: FloatArray, *, angle_rad: float) -> bool:
     """Say whether two polylines ([N, 2], [M, 2]) cut each other at an angle of at least `angle_rad`."""
-    if len(a) < 2 or len(b) < 2:
-        return False
-    p, r = a[:-1][:, None], np.diff(a, axis=0)[:, None]
-    q, s = b[:-1][None], np.diff(b, axis=0)[None]
-    cross = r[..., 0] * s[..., 1] - r[..., 1] * s[..., 0]
-    apart = q - p
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = (apart[..., 0] * s[..., 1] - apart[..., 1] * s[..., 0]) / cross
-        u = (apart[..., 0] * r[..., 1] - apart[..., 1] * r[..., 0]) / cross
-        sine = np.abs(cross) / (np.hypot(r[..., 0], r[..., 1]) * np.hypot(s[..., 0], s[..., 1]))
-        hit = (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1) & (sine >= math.sin(angle_rad))
-    return bool(hit.any())
+    return bool(cut(_whole(a), _whole(b), math.sin(angle_rad)))
 
 
 def enters_from_side(points: FloatArray, path: FloatArray, *, half_width_m: float) -> bool:
@@ -142,3 +147,7 @@ def enters_from_side(points: FloatArray, path: FloatArray, *, half_width_m: floa
     gap, beside = feet_on_path(points, path)
     inside = (gap <= half_width_m) & beside
     return bool((inside[1:] & ~inside[:-1] & beside[:-1]).any())
+
+
+def _whole(points: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(points, dtype=np.float64)

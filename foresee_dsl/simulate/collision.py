@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.simulate.footprint_kernels import hits, overlap
+from foresee_dsl.simulate.footprint_kernels import gaps, hits, overlap, overlaps_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -152,29 +152,16 @@ def pairwise_box_distance(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def box_overlap(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
     """Return which boxes overlap, frame by frame: [..., 5] and [..., 5] to [...]; False where either is absent."""
-    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    ca, sa, cb, sb = np.cos(a[..., 2]), np.sin(a[..., 2]), np.cos(b[..., 2]), np.sin(b[..., 2])
-    c, s = np.abs(ca * cb + sa * sb), np.abs(ca * sb - sa * cb)
-    la, wa, lb, wb = a[..., 3] / 2, a[..., 4] / 2, b[..., 3] / 2, b[..., 4] / 2
-    result: NDArray[np.bool_] = (
-        (np.abs(dx * ca + dy * sa) <= la + c * lb + s * wb)
-        & (np.abs(dy * ca - dx * sa) <= wa + s * lb + c * wb)
-        & (np.abs(dx * cb + dy * sb) <= lb + c * la + s * wa)
-        & (np.abs(dy * cb - dx * sb) <= wb + s * la + c * wa)
-    )
-    return result
+    one, other = np.broadcast_arrays(a, b)
+    found: NDArray[np.bool_] = overlaps_of(_rows(one), _rows(other)).reshape(one.shape[:-1])
+    return found
 
 
 def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    apart = np.minimum(_corner_distances(a, b), _corner_distances(b, a))
-    return np.where(box_overlap(a, b), 0.0, apart)
+    one, other = np.broadcast_arrays(a, b)
+    found: FloatArray = gaps(_rows(one), _rows(other)).reshape(one.shape[:-1])
+    return found
 
 
-def _corner_distances(of: FloatArray, to: FloatArray) -> FloatArray:
-    """Distance from the nearest corner of `of` to the box `to`."""
-    offset = corners(of) - to[..., None, :2]
-    c, s = np.cos(to[..., 2, None]), np.sin(to[..., 2, None])
-    along = np.abs(offset[..., 0] * c + offset[..., 1] * s) - to[..., 3, None] / 2
-    left = np.abs(offset[..., 1] * c - offset[..., 0] * s) - to[..., 4, None] / 2
-    nearest: FloatArray = np.hypot(np.maximum(along, 0.0), np.maximum(left, 0.0)).min(axis=-1)
-    return nearest
+def _rows(boxes: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(boxes, dtype=np.float64).reshape(-1, 5)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import ANY_TABLE, BYTE_TABLE, FLOAT, FLOATS, TABLE, compiled
+from foresee_dsl.drivers.compiled import ANY_TABLE, BYTE_TABLE, CUBE, FLOAT, FLOATS, TABLE, compiled, inner
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 Bytes = NDArray[np.uint8]
+Flags = NDArray[np.bool_]
 
 WHOLE = 1
 """Of a square of the network's area: it is known to lie on the drivable area altogether."""
@@ -35,6 +36,126 @@ def overlap(
         and abs(dy * cb - dx * sb) <= (other_wide + s * length + c * width) / 2
     )
     return shares
+
+
+@inner
+def _corners_apart(
+    dx: float, dy: float, cos: float, sin: float, length: float, width: float, c: float, s: float, m: float, wide: float
+) -> float:
+    """Return the distance between a box and the nearest corner of another, m.
+
+    Args:
+        dx, dy: from the box's centre to the other's. cos, sin, length, width: the box's heading and size.
+        c, s, m, wide: the other's.
+    """
+    nearest = np.inf
+    for k in range(4):
+        along = m / 2 if k % 2 else -m / 2
+        left = wide / 2 if k in (0, 1) else -wide / 2
+        x, y = dx + c * along - s * left, dy + s * along + c * left
+        ahead = max(abs(x * cos + y * sin) - length / 2, 0.0)
+        beside = max(abs(y * cos - x * sin) - width / 2, 0.0)
+        nearest = min(nearest, ahead * ahead + beside * beside)
+    return float(np.sqrt(nearest))
+
+
+@inner
+def _gap(
+    ax: float, ay: float, ah: float, am: float, aw: float, bx: float, by: float, bh: float, bm: float, bw: float
+) -> float:
+    """Return how far two boxes are apart, m: of each x, y, heading, length, width."""
+    dx, dy = bx - ax, by - ay
+    if overlap(dx, dy, ah, am, aw, bh, bm, bw):
+        return 0.0
+    # Two convex shapes that do not overlap are nearest at a corner of one of them.
+    ca, sa, cb, sb = np.cos(ah), np.sin(ah), np.cos(bh), np.sin(bh)
+    return min(
+        _corners_apart(dx, dy, ca, sa, am, aw, cb, sb, bm, bw),
+        _corners_apart(-dx, -dy, cb, sb, bm, bw, ca, sa, am, aw),
+    )
+
+
+@compiled(TABLE, TABLE)
+def gaps(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return [N] m, how far boxes are apart, 0 where they overlap, NaN where one of them holds a NaN.
+
+    Args:
+        a, b: [N, 5] x, y, heading, length, width.
+    """
+    found = np.empty(a.shape[0])
+    for k in range(a.shape[0]):
+        ax, ay, ah, am, aw = a[k]
+        bx, by, bh, bm, bw = b[k]
+        if np.isnan(ax + ay + ah + am + aw + bx + by + bh + bm + bw):
+            found[k] = np.nan
+        else:
+            found[k] = _gap(ax, ay, ah, am, aw, bx, by, bh, bm, bw)
+    return found
+
+
+@inner
+def _reach(am: float, aw: float, bm: float, bw: float) -> float:
+    """Return how far apart the centres of two boxes of these lengths and widths may be when they touch."""
+    return float((np.hypot(am, aw) + np.hypot(bm, bw)) / 2)
+
+
+@compiled(CUBE, TABLE, FLOATS)
+def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> FloatArray:
+    """Return the distances between the first actor and each other one over time, [K, T], m.
+
+    Infinite where one is absent (NaN) or where the centres say that it is more than `within`.
+
+    Args:
+        poses: [1 + K, T, 3] x, y, heading. sizes: [1 + K, 2] length, width. within: [K] m.
+    """
+    found = np.empty((poses.shape[0] - 1, poses.shape[1]))
+    am, aw = sizes[0]
+    for k in range(found.shape[0]):
+        bm, bw = sizes[k + 1]
+        most = within[k] + _reach(am, aw, bm, bw)
+        for t in range(found.shape[1]):
+            ax, ay, ah = poses[0, t]
+            bx, by, bh = poses[k + 1, t]
+            dx, dy = bx - ax, by - ay
+            near = dx * dx + dy * dy <= most * most  # a NaN is not
+            found[k, t] = _gap(ax, ay, ah, am, aw, bx, by, bh, bm, bw) if near else np.inf
+    return found
+
+
+@compiled(CUBE, TABLE, TABLE, FLOAT)
+def ever_within(ways: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
+    """Say whether a box comes within a distance of another on any of its ways.
+
+    Args:
+        ways: [N, T, 3] its poses. other: [T, 3] the other's. sizes: [2, 2] of both. NaN where absent. radius: m.
+    """
+    am, aw = sizes[0]
+    bm, bw = sizes[1]
+    outer = radius + _reach(am, aw, bm, bw)
+    inside = radius + (min(am, aw) + min(bm, bw)) / 2
+    for n in range(ways.shape[0]):
+        for t in range(ways.shape[1]):
+            ax, ay, ah = ways[n, t]
+            bx, by, bh = other[t]
+            dx, dy = bx - ax, by - ay
+            squared = dx * dx + dy * dy
+            # The circles inside the boxes are near enough; those around them are, and then the boxes may be.
+            if squared <= inside * inside:
+                return True
+            if squared <= outer * outer and _gap(ax, ay, ah, am, aw, bx, by, bh, bm, bw) <= radius:
+                return True
+    return False
+
+
+@compiled(TABLE, TABLE)
+def overlaps_of(a: FloatArray, b: FloatArray) -> Flags:
+    """Return [N], which boxes overlap; arguments as `gaps`."""
+    found = np.empty(a.shape[0], dtype=np.bool_)
+    for k in range(a.shape[0]):
+        ax, ay, ah, am, aw = a[k]
+        bx, by, bh, bm, bw = b[k]
+        found[k] = overlap(bx - ax, by - ay, ah, am, aw, bh, bm, bw)
+    return found
 
 
 @compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, ANY_TABLE, ANY_TABLE)

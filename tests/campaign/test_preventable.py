@@ -10,8 +10,9 @@ from rich.console import Console
 
 from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps import children_of, clip_around, measure_clip, run_child, run_test_case
+from foresee_dsl.campaign.steps import clip_around, measure_clip, run_child, run_test_case
 from foresee_dsl.campaign.verify import Status, VerifyTask, recheck
+from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.model import Mutant
@@ -72,7 +73,7 @@ def test_a_failing_child_says_it_in_its_file_and_is_still_reproduced(scenarios: 
     model, clip_case, ran, _ = measure_clip(cut, case, parent.trace, file, driver="pdm", seed=0)
     file.write_text(print_model(model))
     found = []
-    for mutant in children_of(clip_case, model, ran.trace, preset="focused", count=4, driver="pdm", seed=0):
+    for mutant in mutate(clip_case, model, ran.trace, preset="focused", count=4, seed=0):
         at = tmp_path / f"{mutant.name}.foresee"
         outcome, result = run_child(mutant, clip_case, at, str(at), driver="pdm", seed=0)
         written = parse(outcome.text, str(at)).model

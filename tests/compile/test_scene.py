@@ -58,7 +58,8 @@ def test_places_for_the_start(place, where):
 
 @pytest.mark.parametrize("place", ["20 m past j4 on ego.route", "150 m along ego.route"])
 def test_who_starts_beside_anothers_route_faces_along_its_own(place):
-    text = f"vehicle other: car.compact {{\n route from north straight over j4\n start at {place} offset {2 * LANE} m\n}}"
+    start = f"start at {place} offset {2 * LANE} m"
+    text = f"vehicle other: car.compact {{\n route from north straight over j4\n {start}\n}}"
     scene = scene_of(EGO + text)
     other = next(actor for actor in scene.actors if actor.id == "other")
     assert other.heading_rad == pytest.approx(-math.pi / 2)

@@ -8,41 +8,36 @@ import os
 import pickle
 import subprocess
 import sys
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
+from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 from bench import SEDAN, STEP_S, crossing_foe, line, mission
 from shapely import Polygon, affinity, box
 
-from foresee_dsl.drivers import (
-    pdm_prediction,
-    pdm_proposals,
-    pdm_route,
-    pdm_rules,
-    pdm_scoring,
-    pdm_situation,
-    tracking,
-)
+from foresee_dsl.drivers import compiled as compiled_module
+from foresee_dsl.drivers import pdm_proposals, pdm_route, pdm_rules
 from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm_prediction import TIMES_S, Prediction
-from foresee_dsl.drivers.pdm_proposals import Rollout
+from foresee_dsl.drivers.pdm_prediction import TIMES_S
+from foresee_dsl.drivers.pdm_reading import Prediction, read_situation
 from foresee_dsl.drivers.pdm_route import GRID_M, build_route
-from foresee_dsl.drivers.pdm_scoring import conflicts
-from foresee_dsl.drivers.pdm_settings import CLEARANCE_M, COLLISION_MARGIN_M
-from foresee_dsl.drivers.pdm_situation import read_situation
+from foresee_dsl.drivers.pdm_settings import CLEARANCE_M, COLLISION_MARGIN_M, PARTS
+from foresee_dsl.drivers.pdm_situation import EgoOnRoute
+from foresee_dsl.drivers.pdm_steps import Rollout, conflicts
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
 
-KERNELS = (pdm_prediction, pdm_proposals, pdm_route, pdm_rules, pdm_scoring, pdm_situation, tracking)
+DRIVERS = Path(str(compiled_module.__file__)).parent
+KERNELS = [f.stem for f in sorted(DRIVERS.glob("*.py")) if "@compiled(" in f.read_text(encoding="utf-8")]
 STRAIGHT = math.inf
 PLAIN = """
 import pickle, sys
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm_proposals import _roll
-assert not hasattr(_roll, "py_func")  # not compiled
+from foresee_dsl.drivers.pdm_decision import decide
+assert not hasattr(decide, "py_func")  # not compiled
 task, vehicle, observations = pickle.load(sys.stdin.buffer)
 driver = PdmDriver()
 driver.reset(task, vehicle, seed=0)
@@ -117,22 +112,63 @@ def test_a_kernel_takes_its_types_and_no_others() -> None:
         scaled(np.array([[3.0]]), 2.0)
 
 
-@pytest.mark.parametrize("module", KERNELS, ids=lambda m: m.__name__.rpartition(".")[2])
-def test_what_is_compiled_into_a_kernel_stands_in_its_own_file(module: ModuleType) -> None:
-    """A kernel is kept until its file changes: numbers and functions from other files would be kept with it."""
-    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
-    fixed: set[str] = set()
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef):
-            fixed.add(node.name)
-        if isinstance(node, ast.Assign) and _names(node.value) <= {"range"}:
-            fixed.update(name for target in node.targets for name in _names(target))
-    kernels = {name: f.py_func for name, f in vars(module).items() if hasattr(f, "py_func")}
-    assert kernels
-    free = {"math", "np", "min", "max", "abs", "int", "float", "range", "len"}
-    for name, function in kernels.items():
-        used = {n for n in function.__code__.co_names if n in vars(module)}
-        assert used - free <= fixed, name
+@pytest.mark.parametrize("name", KERNELS)
+def test_what_is_compiled_into_a_kernel_stands_in_files_that_it_is_kept_for(name: str) -> None:
+    """A kernel is kept until its file changes, or one that is named: what is from elsewhere would be kept with it."""
+    module = Source.of(name)
+    kept = {f.name: d for f in module.functions.values() for d in f.decorator_list if _calls(d) == "compiled"}
+    assert kept
+    for function, decorator in kept.items():
+        files = module.files(function) - {name}
+        assert isinstance(decorator, ast.Call)
+        named = any(keyword.arg == "made_of" for keyword in decorator.keywords)
+        assert named or not files, (function, files)
+        assert all(any(fnmatch(f"{file}.py", part) for part in PARTS.split()) for file in files), (function, files)
+
+
+def test_kernels_are_made_of_several_files() -> None:
+    """That the test above sees what it is about."""
+    files = Source.of("pdm_decision").files("decide")
+    assert {"pdm_settings", "pdm_route", "pdm_foes", "pdm_scoring", "tracking"} < files
+    assert Source.of("tracking").files("_correct") == {"tracking"}
+
+
+@dataclass
+class Source:
+    """A module's functions, its other names and what they stand for, and where its imported names are from."""
+
+    name: str
+    functions: dict[str, ast.FunctionDef]
+    values: dict[str, ast.expr]
+    imported: dict[str, tuple[str, str]]  # by name: file, and name there ("" for the file itself)
+
+    @classmethod
+    @cache
+    def of(cls, name: str) -> Source:
+        tree = ast.parse((DRIVERS / f"{name}.py").read_text(encoding="utf-8"))
+        values = {n: a.value for a in tree.body if isinstance(a, ast.Assign) for t in a.targets for n in _names(t)}
+        values |= {n: a.value for a in tree.body if isinstance(a, ast.AnnAssign) and a.value for n in _names(a.target)}
+        imported = {}
+        for node in tree.body:
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("foresee_dsl.drivers"):
+                file = str(node.module).removeprefix("foresee_dsl.drivers").removeprefix(".")
+                for alias in node.names:
+                    imported[alias.asname or alias.name] = (file, alias.name) if file else (alias.name, "")
+        return cls(name, {f.name: f for f in tree.body if isinstance(f, ast.FunctionDef)}, values, imported)
+
+    def files(self, name: str) -> set[str]:
+        """The files that a name of this one is made of."""
+        if name in self.imported:
+            file, there = self.imported[name]
+            return {file} | (Source.of(file).files(there) if there else set())
+        used = _names(self.values[name]) if name in self.values else set()
+        if name in self.functions:
+            used = {n for part in self.functions[name].body for n in _names(part)}  # not its annotations
+        return {self.name}.union(*(self.files(n) for n in used - {name}))
+
+
+def _calls(decorator: ast.expr) -> str:
+    return decorator.func.id if isinstance(decorator, ast.Call) and isinstance(decorator.func, ast.Name) else ""
 
 
 def _names(tree: ast.AST) -> set[str]:
@@ -155,14 +191,39 @@ def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Pat
     assert hits == ["0", "1"]
 
 
+def test_a_kernel_is_compiled_anew_when_a_file_that_it_is_made_of_changes(tmp_path: Path) -> None:
+    (tmp_path / "kernels.py").write_text(
+        "from foresee_dsl.drivers.compiled import FLOAT, compiled\nfrom part_one import FACTOR\n"
+        "@compiled(FLOAT, made_of='part_*.py')\ndef times(x):\n    return x * FACTOR\n",
+        encoding="utf-8",
+    )
+    ask = "import kernels; print(kernels.times(2.0), sum(kernels.times.stats.cache_hits.values()))"
+    answers = []
+    for factor in (3.0, 3.0, 4.0):
+        (tmp_path / "part_one.py").write_text(f"FACTOR = {factor}\n", encoding="utf-8")
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        answers.append(done.stdout.split())
+    assert answers == [["6.0", "0"], ["6.0", "1"], ["8.0", "0"]]
+
+
+def test_offsets_are_rounded_as_python_does() -> None:
+    rng = np.random.default_rng(5)
+    # Three decimals: every tenth value is half way between two centimetres, or just beside.
+    values = [*rng.uniform(-6, 6, 2000), *np.round(rng.uniform(-6, 6, 4000), 3), *(np.arange(-400, 400) / 80), 0.0]
+    assert [pdm_proposals.to_cm(float(v)) for v in values] == [round(float(v), 2) for v in values]
+
+
 def test_the_route_is_looked_up_at_one_place_as_at_many() -> None:
     route = build_route(mission(line((60, STRAIGHT), (10, 8), (40, STRAIGHT))), SEDAN)
     places = np.random.default_rng(1).uniform(-60, 260, 200)  # before its begin and after its end too
-    for values in (route.profile, route.curvature, route.left):
-        assert [route.at(values, s) for s in places.tolist()] == route.between(values, places).tolist()
-    left, right = route.room(3.0, 57.0)
+    for column in (pdm_route.PROFILE, pdm_route.CURVATURE, pdm_route.LEFT):
+        at = [pdm_route.at(route.table, column, route.origin_s, s) for s in places.tolist()]
+        assert at == route.between(route.table[:, column], places).tolist()
+    least = pdm_route.least_room(route.table, route.origin_s, 3.0, 57.0)
     first, last = route.index(3.0), route.index(57.0) + 1
-    assert (left, right) == (route.left[first:last].min(), route.right[first:last].min())
+    assert least == (route.left[first:last].min(), route.right[first:last].min())
 
 
 def test_points_are_projected_on_the_nearest_place_of_the_route() -> None:
@@ -171,12 +232,13 @@ def test_points_are_projected_on_the_nearest_place_of_the_route() -> None:
     s, d = rng.uniform(0, 120, 100), rng.uniform(-3, 3, 100)
     k = route.indices(s)
     x, y = route.x[k] - d * route.sin[k], route.y[k] + d * route.cos[k]
-    found = route.project(x, y, 60.0, 100.0)
+    found = pdm_route.Projection(np.empty(100), np.empty(100), np.empty(100, dtype=np.int64))
+    pdm_route.project(x, y, route.table, route.origin_s, 60.0, 100.0, found)
     assert found.s == pytest.approx(route.origin_s + k * GRID_M, abs=0.02)
     assert found.d == pytest.approx(d, abs=0.005)
     ways = np.zeros((7, 2, 100))
     ways[0], ways[1] = x, y
-    route.project_ways(np.array([False, True]), ways, 60.0, 100.0)
+    pdm_route.project_ways(np.array([False, True]), ways, route.table, route.origin_s, 60.0, 100.0)
     assert not ways[5:7, 0].any()
     assert ways[5, 1] == pytest.approx(found.s, abs=0.05)  # its grid is coarser
     assert ways[6, 1] == pytest.approx(found.d, abs=0.005)
@@ -184,13 +246,14 @@ def test_points_are_projected_on_the_nearest_place_of_the_route() -> None:
 
 def test_an_arrival_is_interpolated_as_numpy_does() -> None:
     route = build_route(mission(line((60, STRAIGHT), (20, 15), (60, STRAIGHT))), SEDAN)
-    times, limit = pdm_rules._arrivals(route.profile, route.origin_s, GRID_M, 20.3, 80.0, 2.35, 6.0, 1.5)
-    places = 20.3 + pdm_rules.PROFILE_STEP_M * np.arange(len(times))
-    assert places[-1] < 80.0 <= places[-1] + pdm_rules.PROFILE_STEP_M
+    ego = EgoOnRoute(20.3, 15.6, 6.0, 0.0, 8.0)
+    arrival = pdm_rules.arrivals(route.table, route.origin_s, ego, 74.3)
+    times, places = arrival.times, 20.3 + pdm_rules.PROFILE_STEP_M * np.arange(len(arrival.times))
+    assert places[-1] < 80.0 <= places[-1] + pdm_rules.PROFILE_STEP_M  # the ego's length and a metre farther
     assert (np.diff(times) > 0).all()
-    assert times[-1] > 60.0 / limit - 0.1  # it cannot be faster than what the profile allows most
+    assert times[-1] > 60.0 / arrival.limit_mps - 0.1  # it cannot be faster than what the profile allows most
     for s in (10.0, 20.3, 20.31, 47.7, 79.9, 95.0):
-        assert pdm_rules._arrives(times, 20.3, s) == pytest.approx(np.interp(s, places, times), abs=1e-12)
+        assert pdm_rules.arrives(arrival, s) == pytest.approx(np.interp(s, places, times), abs=1e-12)
 
 
 def test_footprints_collide_where_their_outlines_are_near() -> None:

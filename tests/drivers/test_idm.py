@@ -16,8 +16,8 @@ from towns import drive_through, town
 from foresee_dsl.drivers import idm_model as model
 from foresee_dsl.drivers.idm import EMERGENCY_TTC_S, IdmDriver
 from foresee_dsl.drivers.idm_traffic import Others, giving_way, leader, read_others, time_to_collision
+from foresee_dsl.drivers.pdm_reading import read_situation
 from foresee_dsl.drivers.pdm_route import build_route
-from foresee_dsl.drivers.pdm_situation import read_situation
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError

@@ -24,6 +24,8 @@ from bench import (
 from senses import Sensed
 
 from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.pdm_foes import CROSSED, HAS_PRIORITY
+from foresee_dsl.drivers.pdm_route import build_route
 from foresee_dsl.drivers.pdm_signals import SignalMemory
 from foresee_dsl.drivers.protocol import (
     Control,
@@ -510,3 +512,39 @@ def test_how_long_a_step_takes(capsys: pytest.CaptureFixture[str]) -> None:
         sys.stdout.write(f"; {over:.1f} times 100 small numpy operations\n")
     assert len(answers) == 1
     assert over < 12  # with calls of numpy in the inner loops it was 39
+
+
+def test_a_mission_is_put_on_its_grid_once() -> None:
+    task, _ = left_turn()
+    same = replace(left_turn()[0], goal_s=1.0)  # other arrays with the same numbers; where it ends changes no route
+    other = replace(task, speed_limit_mps=task.speed_limit_mps - 1.0)
+    foe = task.junctions[0].foes[0]
+    yields = replace(task, junctions=(replace(task.junctions[0], foes=(replace(foe, has_priority=False),)),))
+    route = build_route(task, SEDAN)
+    assert build_route(same, SEDAN) is route
+    for changed in (
+        build_route(other, SEDAN),
+        build_route(yields, SEDAN),
+        build_route(task, replace(SEDAN, friction=0.2)),
+    ):
+        assert changed is not route
+    assert build_route(other, SEDAN).profile.max() == pytest.approx(route.profile.max() - 1.0)
+    assert build_route(yields, SEDAN).foe_table.numbers[0, HAS_PRIORITY] == 0.0
+
+
+def test_junctions_and_foes_are_kept_in_their_order() -> None:
+    points = line((95, STRAIGHT), (4 * math.pi, 8), (60, STRAIGHT))
+    oncoming, crossing = (
+        line((120, STRAIGHT), start=(173, 3.5, math.pi)),
+        line((14, STRAIGHT), start=(40.0, -7.0, math.pi / 2)),
+    )
+    walkers = crossing_foe(points, crossing, entry_s=2.0, has_priority=True, pedestrian=True, width_m=1.75)
+    cars = crossing_foe(points, oncoming, entry_s=60, has_priority=False)
+    first = JunctionPassage("a", 35.0, 45.0, "straight", None, (walkers,))
+    second = JunctionPassage("b", 90.0, 112.0, "left", "b", (cars, walkers))
+    table = build_route(mission(points, junctions=[first, second]), SEDAN).foe_table
+    assert table.first_of.tolist() == [0, 1, 3]
+    assert table.junctions[:, CROSSED].tolist() == [0.0, 1.0]  # cars cross only the second one
+    assert table.walking.tolist() == [True, False, True]
+    assert table.numbers[:, HAS_PRIORITY].tolist() == [1.0, 0.0, 1.0]
+    assert table.points.shape[1] == table.first[-1]

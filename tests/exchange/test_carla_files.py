@@ -62,9 +62,9 @@ def test_what_is_left_out_is_counted(tmp_path: Path) -> None:
     level = '<waypoint x="1" y="2" z="0" pitch="360" roll="-0.1" yaw="0"/>'
     file.write_text(routes_text(ROUTE.format(id="1", points=hill + level + hill + '<weather sun="3"/>')))
     left_out: Counter[str] = Counter()
-    read_routes(file, left_out)
+    (route,) = read_routes(file, left_out)
+    assert [(place.x, place.z) for place in route.between] == [(1.0, 0.0)]
     assert left_out == {
-        "waypoints between start and end (the shortest way is taken)": 1,
         "heights of waypoints (the world is flat)": 2,
         "pitch and roll of waypoints (the world is flat)": 2,
         "<weather> of routes": 1,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -80,8 +81,10 @@ def test_the_ego_starts_at_carlas_waypoint(imported: tuple[Imported, Path], town
     _, network = town
     scene = compile_test_case(load_test_case(f"{out}/scenario7.foresee::route_20")).scene
     place = carla_place(network, "south", 50)
-    assert scene.actors[0].x == pytest.approx(place["x"], abs=0.02)
-    assert scene.actors[0].y == pytest.approx(-place["y"], abs=0.02)
+    ego = scene.actors[0]
+    front = ego.model.length_m / 2  # CARLA says where its middle is
+    assert ego.x == pytest.approx(place["x"] + front * math.cos(ego.heading_rad), abs=0.02)
+    assert ego.y == pytest.approx(-place["y"] + front * math.sin(ego.heading_rad), abs=0.02)
     end = carla_place(network, "north_back", 60)
     line = scene.actors[0].line
     assert line is not None

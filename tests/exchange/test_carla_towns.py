@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 from collections import Counter
 from pathlib import Path
 
@@ -91,7 +92,8 @@ def test_starts_and_goals_are_carlas(carla: Path, bundles: dict[str, list[SumoBu
             route = places[family, bundle.name.rpartition("_")[2]]
             ego = bundle.scene.actors[0]
             assert ego.line is not None
-            assert abs(complex(ego.x - route.start.x, ego.y - route.start.y)) < 0.1
+            front = cmath.rect(ego.model.length_m / 2, ego.heading_rad)  # CARLA says where the middle is
+            assert abs(complex(ego.x - route.start.x, ego.y - route.start.y) - front) < 0.1
             x, y, _ = ego.line.at(bundle.scene.goal_s)
             assert abs(complex(x - route.end.x, y - route.end.y)) < 3.6  # at most a lane beside
             assert 70 <= bundle.scene.goal_s - bundle.scene.start_s <= 190

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from foresee_dsl.exchange.naming import distinct_name, name_of, sentence
+from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name, name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.exchange.values import quantity
 from foresee_dsl.language.keywords import KEYWORDS
@@ -38,7 +38,7 @@ def test_names_are_told_apart() -> None:
 
 
 def test_sentences_are_on_one_line_without_quotes() -> None:
-    assert sentence(' a "b"\n\tc ') == "a 'b' c"
+    assert sentence(' a "b"\n\tc\x07\x7f ') == "a 'b' c"
     assert len(sentence("word " * 1000)) == 300
 
 
@@ -56,3 +56,16 @@ def test_quantities_have_no_needless_digits(value: float, said: str) -> None:
 def test_what_nobody_drives_is_refused(value: float) -> None:
     with pytest.raises(ExchangeError, match="can be meant"):
         quantity(value, "speed")
+
+
+def test_files_have_names_that_a_scenario_can_say() -> None:
+    assert file_name("my town.xodr") == "my town.xodr"
+    assert file_name('a "b"\nc\x00.net.xml') == "a _b__c_.net.xml"
+    assert file_name("x" * 300 + ".xodr") == "x" * 115 + ".xodr"
+
+
+@pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb", "", "x" * 201])
+def test_ids_that_cannot_be_said_are_refused(name: str) -> None:
+    check_ids(["-12", "a b", "ä", "E0#1"], "the net")
+    with pytest.raises(ExchangeError, match="rename it there"):
+        check_ids(["-12", name], "the net")

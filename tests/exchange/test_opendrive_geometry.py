@@ -7,8 +7,8 @@ from xml.etree.ElementTree import fromstring
 
 import pytest
 
-from foresee_dsl.exchange.opendrive_geometry import RoadMap
-from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.compile.foreign_geometry import RoadMap
+from foresee_dsl.errors import CompileError
 
 
 def road(shape: str, *, length: float = 100, heading: float = 0, lanes: str = "") -> RoadMap:
@@ -73,5 +73,5 @@ def test_lanes_count_from_the_middle_to_either_side() -> None:
     ],
 )
 def test_what_is_not_there(ask: object, said: str) -> None:
-    with pytest.raises(ExchangeError, match=said):
+    with pytest.raises(CompileError, match=said):
         ask(road("<line/>"))  # type: ignore[operator]  # a function of the table

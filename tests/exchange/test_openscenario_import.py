@@ -312,7 +312,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a
 )
 def test_bad_files_are_refused_in_words_and_nothing_is_written(tmp_path: Path, text: str, said: str) -> None:
     file = osc.write(tmp_path / "in", text)
-    with pytest.raises(ExchangeError) as caught:
+    with pytest.raises(ForeseeError) as caught:
         openscenario_import.run(file, out=tmp_path / "out")
     assert said in str(caught.value)
     assert not (tmp_path / "out").exists()

@@ -91,6 +91,15 @@ def test_a_sumo_net_is_taken_as_it_is(town: tuple[Imported, Path], tmp_path: Pat
     assert run_test_case(load_test_case(tmp_path / "out" / "my_net.foresee"), "idm", 0).verdict is Verdict.PASS
 
 
+def test_a_net_whose_signals_react_is_used_directly(town: tuple[Imported, Path], tmp_path: Path) -> None:
+    """SUMO cannot begin a run in the middle of such a program; `use network` makes it one of fixed times."""
+    net = (town[1] / "small_town.net.xml").read_bytes().replace(b'type="static"', b'type="actuated"')
+    assert b"actuated" in net
+    (tmp_path / "small_town.net.xml").write_bytes(net)
+    (tmp_path / "x.foresee").write_bytes((town[1] / "small_town.foresee").read_bytes())
+    assert run_test_case(load_test_case(tmp_path / "x.foresee"), "idm", 0).verdict is Verdict.PASS
+
+
 def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["import", "osm", str(TOWN), "--out", str(tmp_path)])
     assert result.exit_code == 0

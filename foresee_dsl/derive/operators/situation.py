@@ -13,6 +13,7 @@ from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.validity import fits
 from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.language.model import Actor, Change, Clip, Item
@@ -70,6 +71,20 @@ class Situation:
         """Return how far an actor drives in the clip until a second after the risky point."""
         until = self.frame + round(1 / STEP_S)
         return float(np.nansum(self.trace.states[: until + 1, self.columns[actor], SPEED])) * STEP_S
+
+    def fitting(self, actor: str) -> tuple[str, ...]:
+        """Return the other models that an actor can have at the clip's first frame, sorted."""
+        if actor not in self._fitting:
+            column = self.columns[actor]
+            now = self.trace.actors[column].model
+            others = (name for name in self.swappable if name != now)
+            found = [name for name in others if fits(self.trace, column, 0, self.models[name])]
+            self._fitting[actor] = tuple(sorted(found))
+        return self._fitting[actor]
+
+    @cached_property
+    def _fitting(self) -> dict[str, tuple[str, ...]]:
+        return {}
 
     def follows_path(self, actor: str) -> bool:
         """Say whether an actor follows a path rather than lanes."""

@@ -6,7 +6,6 @@ from numpy.random import Generator
 
 from foresee_dsl.derive.operators.situation import Situation
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.derive.validity import fits
 from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.language.model import Change
 
@@ -23,13 +22,8 @@ class ModelSwap:
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw one of the models that fit."""
         del preset
-        column = situation.columns[target]
-        now = situation.trace.actors[column].model
-        others = sorted(
-            name
-            for name in situation.swappable
-            if name != now and fits(situation.trace, column, 0, situation.models[name])
-        )
+        now = situation.trace.actors[situation.columns[target]].model
+        others = situation.fitting(target)
         if not others:
             return ()
         return (Change(actor=target, property="model", was=now, now=others[int(rng.integers(len(others)))]),)

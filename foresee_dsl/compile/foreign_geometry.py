@@ -9,14 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.exchange.foreign_xml import number, read_xml
-from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.compile.netfile import parse_xml
+from foresee_dsl.errors import CompileError
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by netfile
 
 _SPIRAL_STEP_M = 0.25
 """A clothoid is summed up in steps of this (ours: Simpson's rule, error below a micrometre at 0.1 1/m)."""
+
+_LARGEST = 1e12
+"""Far beyond any coordinate (ours); cubes of it are still numbers."""
 
 Cubic = tuple[float, float, float, float, float]
 """`s` from which it holds, then a, b, c, d of a + b ds + c ds^2 + d ds^3."""
@@ -48,21 +51,21 @@ class RoadMap:
         """Read a map.
 
         Raises:
-            ExchangeError: it is no OpenDRIVE map.
+            CompileError: it is no OpenDRIVE map.
         """
-        return cls(read_xml(path, ("OpenDRIVE",), "an OpenDRIVE map"))
+        return cls(parse_xml(path, "OpenDRIVE", "an OpenDRIVE map"))
 
     def at(self, road: str, s: float, t: float) -> Pose:
         """Return the pose on a road at a length along it, `t` to the left of its reference line.
 
         Raises:
-            ExchangeError: no such road, or it is shorter.
+            CompileError: no such road, or it is shorter.
         """
         element = self._road(road)
         geometries = element.findall("planView/geometry")
         length = number(element, "length", math.inf)
         if not geometries or not -1e-3 <= s <= length + 0.1:
-            raise ExchangeError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
+            raise CompileError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
         starts = [number(g, "s") for g in geometries]
         geometry = geometries[max(bisect.bisect_right(starts, s) - 1, 0)]
         return _along(geometry, s - number(geometry, "s")).beside(t)
@@ -71,7 +74,7 @@ class RoadMap:
         """Return the pose in the middle of a lane (or `offset` beside it, left positive), in the road's direction.
 
         Raises:
-            ExchangeError: no such road or lane.
+            CompileError: no such road or lane.
         """
         element = self._road(road)
         side = 1 if lane > 0 else -1
@@ -81,21 +84,21 @@ class RoadMap:
         lanes = {int(number(e, "id")): e for e in section.iterfind(f"{'left' if lane > 0 else 'right'}/lane")}
         for number_ in range(side, lane + side, side):
             if number_ not in lanes:
-                raise ExchangeError(f"the map's road {road} has no lane {lane} at {s:g} m")
+                raise CompileError(f"the map's road {road} has no lane {lane} at {s:g} m")
             width = _cubic_at(_cubics(lanes[number_].iterfind("width"), "sOffset"), ds)
             t += side * (width / 2 if number_ == lane else width)
         return self.at(road, s, t + offset)
 
     def _road(self, road: str) -> Element:
         if road not in self._roads:
-            raise ExchangeError(f"the map has no road {road}")
+            raise CompileError(f"the map has no road {road}")
         return self._roads[road]
 
     @staticmethod
     def _section(road: Element, s: float) -> Element:
         sections = road.findall("lanes/laneSection")
         if not sections:
-            raise ExchangeError(f"the map's road {road.get('id')} has no lanes")
+            raise CompileError(f"the map's road {road.get('id')} has no lanes")
         starts = [number(e, "s", 0.0) for e in sections]
         return sections[max(bisect.bisect_right(starts, s) - 1, 0)]
 
@@ -122,7 +125,7 @@ def _along(geometry: Element, ds: float) -> Pose:
         u, v = _poly(us, p), _poly(vs, p)
         turned = math.atan2(_slope(vs, p), _slope(us, p))
     else:
-        raise ExchangeError(f"the map has a piece of road of the unknown kind <{shape.tag}>")
+        raise CompileError(f"the map has a piece of road of the unknown kind <{shape.tag}>")
     cosine, sine = math.cos(heading), math.sin(heading)
     return Pose(x + u * cosine - v * sine, y + u * sine + v * cosine, heading + turned)
 
@@ -189,3 +192,22 @@ def _cubic_at(cubics: Sequence[Cubic], s: float) -> float:
         if start <= s + 1e-9:
             found = _poly((a, b, c, d), s - start)
     return found
+
+
+def number(element: Element, name: str, default: float | None = None) -> float:
+    """Return an attribute as a number.
+
+    Raises:
+        CompileError: it is missing (and there is no default), no number, or larger than anything that is meant.
+    """
+    text = element.get(name)
+    if text is None and default is not None:
+        return default
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= _LARGEST:  # NaN neither
+        said = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
+        raise CompileError(f"the map's attribute {name} of <{element.tag}> {said}")
+    return value

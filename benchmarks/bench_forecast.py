@@ -1,0 +1,73 @@
+"""What the forecast of a run costs as a share of simulating it: test cases of the library, a campaign's defaults."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.figures import Figure, costs, cpu_of
+from benchmarks.library import cases
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps import clip_around, run_test_case
+from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.document import TestCase
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.world import World
+
+ROUNDS = 5
+_MOST = 0.03
+"""What is asked for (docs/architecture.md)."""
+_TIMES = 5
+"""So often a run is forecast at once: the clock of the processor's time has steps of a hundredth of a second on some
+systems."""
+
+
+def figures() -> Iterator[Figure]:
+    """Measure, and return the share."""
+    settings = CampaignSettings()
+    simulating_s = forecasting_s = cutting_s = 0.0
+    with tempfile.TemporaryDirectory() as folder:
+        for case in cases():
+            trace = run_test_case(case, settings.driver, settings.seed).trace
+            taken = _costs(case, trace, settings, Path(folder))
+            # The least: what others did to the machine meanwhile only ever adds.
+            simulating_s += min(taken["simulate"][0])
+            forecasting_s += min(taken["forecast"][0]) / _TIMES
+            cutting_s += min(taken["cut"][0]) / _TIMES
+    World.close_shared()
+    means = "CPU for ranking the moments of a run over CPU for simulating it, with pdm"
+    yield Figure("forecast_share", forecasting_s / simulating_s, "ratio", means, _MOST)
+    means = "CPU for cutting the clips out (not the forecast's, but the same step of a campaign) over the same"
+    yield Figure("clip_cutting_share", cutting_s / simulating_s, "ratio", means)
+
+
+def _costs(
+    case: TestCase, trace: Trace, settings: CampaignSettings, folder: Path
+) -> dict[str, list[tuple[float, ...]]]:
+    points = _ranked(trace, settings)
+    return costs(
+        {
+            "simulate": lambda: cpu_of(lambda: run_test_case(case, settings.driver, settings.seed)),
+            "forecast": lambda: cpu_of(lambda: [_ranked(trace, settings) for _ in range(_TIMES)]),
+            "cut": lambda: cpu_of(lambda: [_cut(case, trace, points, settings, folder) for _ in range(_TIMES)]),
+        },
+        ROUNDS,
+    )
+
+
+def _ranked(trace: Trace, settings: CampaignSettings) -> tuple[RiskyPoint, ...]:
+    ranker = load_ranker(settings.ranker)
+    return ranker.rank(trace, seed=settings.seed, before_s=settings.before_s, after_s=settings.after_s)
+
+
+def _cut(
+    case: TestCase, trace: Trace, points: tuple[RiskyPoint, ...], settings: CampaignSettings, folder: Path
+) -> list[str]:
+    window = {"before_s": settings.before_s, "after_s": settings.after_s}
+    return [
+        print_model(clip_around(case, trace, point, folder / f"p{point.rank}.foresee", **window))
+        for point in points[: settings.risky_points]
+    ]

@@ -1,0 +1,84 @@
+"""A real campaign on one worker and on two: how much faster the second makes it, and how much memory it takes.
+
+Each campaign is a process of its own, begins with an empty store, and runs test cases of the library with `pdm`. The
+two take turns, and the quicker of each counts.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.figures import Figure, costs, peak_mb
+from benchmarks.library import cases
+from foresee_dsl.campaign.engine import RunOptions, run_campaign
+from foresee_dsl.campaign.isolation import Worker
+from foresee_dsl.campaign.listening import Silent
+from foresee_dsl.campaign.pool import WorkerPool
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.store import Store
+
+ROUNDS = 3
+SETTINGS = CampaignSettings(repeat=2)
+"""Ours: 170 runs, so that what each worker does first (0.6 s of CPU for imports and the network) does not decide."""
+_LEAST = 1.8
+"""What is asked for (docs/architecture.md)."""
+
+
+class Measured(WorkerPool):
+    """A pool that notes, at the end, how much memory its workers took."""
+
+    peaks_mb: tuple[float, ...] = ()
+
+    def close(self) -> None:
+        """Look at the workers, and end them."""
+        self.peaks_mb = tuple(peak_mb(str(pid)) for pid in self.pids)
+        super().close()
+
+
+def figures() -> Iterator[Figure]:
+    """Measure, and return the speed-up and the memory."""
+    taken = costs({"one": lambda: _campaign(1), "two": lambda: _campaign(2)}, ROUNDS)
+    one_s, two_s = (min(taken[name][0]) for name in ("one", "two"))
+    runs = round(taken["two"][1][0])
+    means = f"throughput of a campaign of {runs} runs with pdm on two workers over one, wall time"
+    yield Figure("two_worker_speedup", one_s / two_s, "ratio", means, _LEAST, more=True)
+    yield Figure("runs_per_s_two_workers", runs / two_s, "runs/s", "the same campaign's throughput on two workers")
+    for name, kind, who in (("parent_mb", 2, "its own process"), ("worker_mb", 3, "a worker, the largest")):
+        means = f"memory that the same campaign takes at most: {who}"
+        yield Figure(name, max(taken["two"][kind]), "MB", means)
+
+
+def _campaign(jobs: int) -> tuple[float, ...]:
+    command = [sys.executable, "-m", "benchmarks.bench_workers", str(jobs)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=True)  # noqa: S603 - ourselves
+    return tuple(json.loads(done.stdout))
+
+
+def measure(jobs: int) -> tuple[float, int, float, float]:
+    """Run the campaign; return seconds, runs, and MB of this process and of the largest worker."""
+    loaded, pools = cases(), list[Measured]()
+
+    def pool(options: RunOptions) -> Measured:
+        pools.append(Measured(options.jobs))
+        return pools[-1]
+
+    Worker().kill()  # the fork server starts, which a campaign of any length does once
+    with tempfile.TemporaryDirectory() as name, Store(Path(name) / "store") as store:
+        began = time.perf_counter()
+        options = RunOptions(jobs=jobs, executor=pool)
+        result = run_campaign(loaded, SETTINGS, out=Path(name) / "out", store=store, listener=Silent(), options=options)
+        took_s = time.perf_counter() - began
+    if result.broken or result.interrupted:
+        raise RuntimeError(f"the campaign did not go through: {result.broken}")
+    runs = len(result.seeds) + len(result.clips) + result.row().children
+    return took_s, runs, peak_mb(), max(pools[0].peaks_mb)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(measure(int(sys.argv[1]))))
