@@ -10,7 +10,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, overload
 
@@ -232,6 +232,12 @@ class Polyline:
         px, py = x - x0, y - y0
         distance = math.hypot(px - t * sx, py - t * sy)
         return self.marks[k] + t / math.sqrt(inverse), math.copysign(distance, sx * py - sy * px)
+
+
+@lru_cache(maxsize=512)
+def line_of(path: Points) -> Polyline:
+    """Return `Polyline.of` a path; the children of a clip have the same paths."""
+    return Polyline.of(path)
 
 
 def wrap(angle_rad: float) -> float:

@@ -11,7 +11,7 @@ from foresee_dsl.compile.aside import moved_aside
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.geometry import RoadNetwork
 from foresee_dsl.compile.places import Spot, si, spot
-from foresee_dsl.compile.polyline import Points, Polyline, distance, distinct, whole_millimetres, wrap
+from foresee_dsl.compile.polyline import Points, distance, distinct, line_of, whole_millimetres, wrap
 from foresee_dsl.compile.roads import Lane, LaneKind
 from foresee_dsl.compile.routeline import RouteLine
 from foresee_dsl.compile.routing import RouteError, text
@@ -163,7 +163,7 @@ class Starts:
         path = distinct(whole_millimetres((p.x, p.y) for p in spots))
         if len(path) == 2 and distance(*path) < 0.1:
             raise RouteError(f"the path of {name} has no length")
-        line = Polyline.of(path)
+        line = line_of(path)
         walked, start = item(actor, Walked), item(actor, StartAt)
         along = si(walked.along) if walked is not None else 0.0
         if actor.state is not None:

@@ -111,6 +111,15 @@ class Walkways:
 
     def crossings_on(self, path: Points) -> tuple[CrossingPart, ...]:
         """Return the stretches of a path that run along the centreline of a crossing."""
+        if path not in self._on_crossings:
+            self._on_crossings[path] = self._find_crossings(path)
+        return self._on_crossings[path]
+
+    @cached_property
+    def _on_crossings(self) -> dict[Points, tuple[CrossingPart, ...]]:
+        return {}
+
+    def _find_crossings(self, path: Points) -> tuple[CrossingPart, ...]:
         s = lengths(path)
         found: list[CrossingPart] = []
         for way, crossing in self.crossings.items():

@@ -53,6 +53,9 @@ _GROUPS: tuple[tuple[str, tuple[type[Item], ...]], ...] = (
 """Statements whose order among their like is kept: it gives the actors their ids and the triggers their turn."""
 
 _Json = object
+_KEPT_NETWORKS = 16
+_NETWORKS: dict[int, tuple[Network, _Json]] = {}
+"""What was worked out for networks, by identity: they are never changed."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
@@ -159,7 +162,13 @@ def _quantity(value: Quantity) -> _Json:
 
 def _network(network: Network | Path) -> _Json:
     if isinstance(network, Network):
-        return {"body": _canonical(network.body)}  # in order: netconvert numbers what it builds in this order
+        # In order: netconvert numbers what it builds in this order. All children of a clip have one and the same.
+        known = _NETWORKS.get(id(network))
+        if known is None or known[0] is not network:
+            if len(_NETWORKS) >= _KEPT_NETWORKS:
+                _NETWORKS.clear()
+            known = _NETWORKS[id(network)] = network, {"body": _canonical(network.body)}
+        return known[1]
     status = network.stat()
     return {"file": _file_digest(str(network), status.st_mtime_ns, status.st_size)}
 

@@ -87,6 +87,8 @@ class Ghost:
 
     def show(self, spots: Sequence[Spot], speed_mps: float = 0.0) -> None:
         """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
+        if not spots and not self._in:
+            return
         names = [f"~{self._name}~{spot.lane}" for spot in spots]
         for name in [name for name in self._in if name not in names]:
             self._world.remove(name)

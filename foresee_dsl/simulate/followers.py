@@ -5,15 +5,18 @@ One is restored from what a clip holds: its length along the path and its speed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, hypot, nan, sqrt
+from functools import lru_cache
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.polyline import Polyline, wrap
+from foresee_dsl.compile.polyline import Points, as_line, line_of, wrap
+from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled, inner
 from foresee_dsl.simulate.bends import BendSpeeds
+from foresee_dsl.simulate.line_kernels import place_at, value_at
 
 FloatArray = NDArray[np.float64]
 
@@ -71,22 +74,19 @@ class PathFollower:
         points = np.asarray(path, dtype=np.float64).reshape(-1, 2)
         if not np.isfinite(points).all() or len(points) < 2 or not np.ptp(points, axis=0).max() > 0:
             raise ValueError(f"a path needs two different points: {points.tolist()}")
-        self.line = Polyline.of(points)
+        along = as_line(points)
+        self.line = line_of(along)
         self.pace_mps = pace_mps
         self.acceleration_mps2, self.braking_mps2 = acceleration_mps2, braking_mps2
         self.stop_m: float | None = None
         self.along_m, self.speed_mps = along_m, speed_mps
         self._half_m = length_m / 2
-        self._bends = None
+        self._line = self.line.points[:, 0].copy(), self.line.points[:, 1].copy(), self.line.s, self.line.heading
+        self._bends: tuple[FloatArray, FloatArray] = _NO_BENDS
         if lateral_mps2 is not None and length_m > 0:
-            self._bends = BendSpeeds(
-                self.line.marks,
-                self.line.angles,
-                axle_m=length_m,
-                lateral_mps2=lateral_mps2,
-                braking_mps2=braking_mps2,
-            )
-        self._placed: tuple[float, tuple[float, float, float]] = (nan, (0.0, 0.0, 0.0))
+            self._bends = _bends_of(along, length_m, lateral_mps2, braking_mps2)
+        self._heading = nan
+        self._heading = self._place()[2]
 
     @property
     def arrived(self) -> bool:
@@ -100,50 +100,100 @@ class PathFollower:
 
     def step(self, dt: float) -> FollowerPose:
         """Move on by `dt` seconds and return where it is then."""
-        before, heading_before = self.speed_mps, self._place()[2]
-        pace = self.pace_mps
-        if self._bends is not None:  # its front comes to a corner before its middle does
-            pace = min(pace, self._bends.at(self.along_m + self._half_m + before * dt))
-        speed = max(before - self.braking_mps2 * dt, min(pace, before + self.acceleration_mps2 * dt), 0.0)
-        for stop in self._stops():
-            room = stop - self.along_m
-            speed = min(speed, max(self._approach(room, dt), before - self.braking_mps2 * dt, 0.0))
-            if room <= (before + speed) / 2 * dt + 1e-9 and speed <= self.braking_mps2 * dt:
-                # The last step: onto the very point, and still.
-                self.along_m, self.speed_mps = stop, 0.0
-                return self._moved(before, heading_before, dt)
-        self.along_m = min(self.along_m + (before + speed) / 2 * dt, self.line.length_m)
-        self.speed_mps = 0.0 if self.arrived else speed
-        return self._moved(before, heading_before, dt)
-
-    def _moved(self, before: float, heading_before: float, dt: float) -> FollowerPose:
-        x, y, heading = self._place()
-        return FollowerPose(
-            x, y, heading, self.speed_mps, (self.speed_mps - before) / dt, wrap(heading - heading_before) / dt
-        )
-
-    def _stops(self) -> Iterable[float]:
-        if self.stop_m is not None and self.along_m <= self.stop_m < self.line.length_m:
-            yield self.stop_m
-        yield self.line.length_m
-
-    def _approach(self, room: float, dt: float) -> float:
-        """The largest speed at the end of this step from which braking still ends within `room`."""
-        b = self.braking_mps2
-        left = room - self.speed_mps * dt / 2
-        return b * (sqrt(max(0.0, dt * dt / 4 + 2 * left / b)) - dt / 2)
+        before, heading_before = self.speed_mps, self._heading
+        stop_m = nan if self.stop_m is None else self.stop_m
+        self.along_m, self.speed_mps, x, y, heading = _advance(
+            self.along_m, before, self.pace_mps, self.acceleration_mps2, self.braking_mps2, stop_m, self._half_m, dt,
+            *self._line, *self._bends,
+        )  # fmt: skip
+        self._heading = heading
+        turned = wrap(heading - heading_before)
+        return FollowerPose(x, y, heading, self.speed_mps, (self.speed_mps - before) / dt, turned / dt)
 
     def _place(self) -> tuple[float, float, float]:
-        # A step asks where it was and where it is; where it was is known from the step before.
-        if self._placed[0] != self.along_m:
-            self._placed = (self.along_m, self._look_up())
-        return self._placed[1]
+        place: tuple[float, float, float] = _stands(self.along_m, self._half_m, *self._line)
+        return place
 
-    def _look_up(self) -> tuple[float, float, float]:
-        x, y, heading = self.line.at(self.along_m)
-        if self._half_m > 0:
-            rear, front = self.line.at(self.along_m - self._half_m), self.line.at(self.along_m + self._half_m)
-            dx, dy = front[0] - rear[0], front[1] - rear[1]
-            if hypot(dx, dy) > self._half_m / 2:  # less: the path folds back on itself here
-                heading = atan2(dy, dx)
-        return x, y, heading
+
+_NO_BENDS = np.empty(0), np.empty(0)
+
+
+@lru_cache(maxsize=256)
+def _bends_of(path: Points, length_m: float, lateral_mps2: float, braking_mps2: float) -> tuple[FloatArray, FloatArray]:
+    """Return marks (m) and speeds (m/s) of a path's bends."""
+    line = line_of(path)
+    bends = BendSpeeds(line.marks, line.angles, axle_m=length_m, lateral_mps2=lateral_mps2, braking_mps2=braking_mps2)
+    return np.array(bends.marks), np.array(bends.speeds)
+
+
+@inner
+def _approach(room: float, speed: float, braking: float, dt: float) -> float:
+    """The largest speed at the end of this step from which braking still ends within `room`."""
+    left = room - speed * dt / 2
+    return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
+
+
+@compiled(FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, made_of="line_kernels.py")
+def _stands(
+    along: float, half: float, xs: FloatArray, ys: FloatArray, marks: FloatArray, angles: FloatArray
+) -> tuple[float, float, float]:
+    """Return x, y and heading of who has come so far: with a length, that of the path between its rear and front."""
+    x, y, heading = place_at(along, xs, ys, marks, angles)
+    if half > 0.0:
+        rear_x, rear_y, _ = place_at(along - half, xs, ys, marks, angles)
+        front_x, front_y, _ = place_at(along + half, xs, ys, marks, angles)
+        dx, dy = front_x - rear_x, front_y - rear_y
+        if np.hypot(dx, dy) > half / 2:  # less: the path folds back on itself here
+            heading = np.arctan2(dy, dx)
+    return x, y, heading - 2 * np.pi * np.round(heading / (2 * np.pi))
+
+
+@compiled(
+    FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS,
+    made_of="line_kernels.py",
+)  # fmt: skip
+def _advance(
+    along: float,
+    before: float,
+    pace: float,
+    gains: float,
+    braking: float,
+    stop: float,
+    half: float,
+    dt: float,
+    xs: FloatArray,
+    ys: FloatArray,
+    marks: FloatArray,
+    angles: FloatArray,
+    bend_marks: FloatArray,
+    bend_speeds: FloatArray,
+) -> tuple[float, float, float, float, float]:
+    """Move on by a step.
+
+    Args:
+        along, before: m along the path, and m/s. pace, gains, braking, stop, half: see `PathFollower`; no stop is NaN.
+        xs, ys, marks, angles: of the path. bend_marks, bend_speeds: how fast its bends may be taken; empty for none.
+
+    Returns:
+        m along the path, speed (m/s), x, y, heading.
+    """
+    length = marks[-1]
+    if bend_marks.size:  # its front comes to a corner before its middle does
+        pace = min(pace, value_at(along + half + before * dt, bend_marks, bend_speeds))
+    speed = max(before - braking * dt, min(pace, before + gains * dt), 0.0)
+    held = False
+    if not along <= stop < length:  # a NaN neither
+        stop = length
+    for wait in (stop, length):
+        if held:
+            continue
+        room = wait - along
+        speed = min(speed, max(_approach(room, before, braking, dt), before - braking * dt, 0.0))
+        if room <= (before + speed) / 2 * dt + 1e-9 and speed <= braking * dt:
+            along, speed, held = wait, 0.0, True  # the last step: onto the very point, and still
+    if not held:
+        along = min(along + (before + speed) / 2 * dt, length)
+        if along >= length:
+            speed = 0.0
+    x, y, heading = _stands(along, half, xs, ys, marks, angles)
+    return along, speed, x, y, heading

@@ -89,6 +89,30 @@ def heading_at(s: float, marks: FloatArray, angles: FloatArray, first: int, end:
     return angle
 
 
+@inner
+def place_at(
+    s: float, xs: FloatArray, ys: FloatArray, marks: FloatArray, angles: FloatArray
+) -> tuple[float, float, float]:
+    """Return x, y and heading of a line at a length, as `Polyline.at` does: beyond the ends it goes on straight."""
+    k = min(max(last_up_to(marks, 0, marks.size, s), 0), marks.size - 2)
+    t = (s - marks[k]) / (marks[k + 1] - marks[k])
+    inside = min(max(t, 0.0), 1.0)
+    heading = angles[k] + inside * (angles[k + 1] - angles[k])
+    return xs[k] + t * (xs[k + 1] - xs[k]), ys[k] + t * (ys[k + 1] - ys[k]), heading
+
+
+@inner
+def value_at(s: float, marks: FloatArray, values: FloatArray) -> float:
+    """Return the value at a mark, between its neighbours; beyond the ends the first or last."""
+    k = last_up_to(marks, 0, marks.size, s)
+    if k < 0:
+        return float(values[0])
+    if k >= marks.size - 1:
+        return float(values[-1])
+    share = (s - marks[k]) / max(marks[k + 1] - marks[k], 1e-9)
+    return float(values[k] + share * (values[k + 1] - values[k]))
+
+
 @compiled(FLOAT, FLOAT, FLOAT, FLOATS, FLOATS, FLOATS)
 def project(
     x: float, y: float, near_s: float, xs: FloatArray, ys: FloatArray, marks: FloatArray
