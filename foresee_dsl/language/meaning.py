@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import (
@@ -53,9 +54,10 @@ _GROUPS: tuple[tuple[str, tuple[type[Item], ...]], ...] = (
 """Statements whose order among their like is kept: it gives the actors their ids and the triggers their turn."""
 
 _Json = object
-_KEPT_NETWORKS = 16
-_NETWORKS: dict[int, tuple[Network, _Json]] = {}
-"""What was worked out for networks, by identity: they are never changed."""
+_Kept = TypeVar("_Kept")
+_MOST_KEPT = 1000
+_KEPT: dict[int, tuple[object, _Json]] = {}
+"""The content of items by identity (they are never changed): the children of a clip share nearly all of theirs."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
@@ -72,7 +74,7 @@ def meaning_hash(scenario: Scenario, network: Network | Path, models: Mapping[st
         {
             "scenario": _body(scenario.body),
             "network": _network(network),
-            "models": {name: _model(models[name]) if name in models else None for name in named},
+            "models": {name: _kept(models[name], _model) if name in models else None for name in named},
         }
     )
 
@@ -135,10 +137,25 @@ def _canonical(value: object) -> _Json:
 
 def _item(item: Item) -> _Json:
     if isinstance(item, Ego | Actor):
-        return _fields(item) | {"body": sorted((_canonical(part) for part in item.body), key=_sort_key)}
+        return _kept(item, _of_actor)
     if isinstance(item, When | Expect):
-        return _unlabelled(item)
+        return _kept(item, _unlabelled)
     return _fields(item)
+
+
+def _kept(item: _Kept, make: Callable[[_Kept], _Json]) -> _Json:
+    """Return the content of an item, made when it is asked for first; nobody may change it."""
+    known = _KEPT.get(id(item))
+    if known is None or known[0] is not item:
+        if len(_KEPT) >= _MOST_KEPT:
+            _KEPT.clear()
+        known = _KEPT[id(item)] = item, make(item)
+    return known[1]
+
+
+def _of_actor(actor: Ego | Actor) -> _Json:
+    body = sorted((_canonical(part) for part in actor.body), key=_sort_key)
+    return _fields(actor.model_copy(update={"body": ()})) | {"body": body}
 
 
 def _unlabelled(item: When | Expect) -> dict[str, _Json]:
@@ -151,8 +168,15 @@ def _unlabelled(item: When | Expect) -> dict[str, _Json]:
 
 
 def _fields(item: Item) -> dict[str, _Json]:
-    # The fields in their order, as pydantic keeps them; asking for each by name takes three times as long.
-    return {name: _canonical(value) for name, value in item.__dict__.items() if value is not None}
+    # As pydantic keeps them; asking for each takes three times as long. What an item worked out once is kept there too.
+    kept = item.__dict__
+    present = ((name, kept[name]) for name in _names(type(item)))
+    return {name: _canonical(value) for name, value in present if value is not None}
+
+
+@cache
+def _names(kind: type[Item]) -> tuple[str, ...]:
+    return tuple(kind.model_fields)
 
 
 def _quantity(value: Quantity) -> _Json:
@@ -162,13 +186,8 @@ def _quantity(value: Quantity) -> _Json:
 
 def _network(network: Network | Path) -> _Json:
     if isinstance(network, Network):
-        # In order: netconvert numbers what it builds in this order. All children of a clip have one and the same.
-        known = _NETWORKS.get(id(network))
-        if known is None or known[0] is not network:
-            if len(_NETWORKS) >= _KEPT_NETWORKS:
-                _NETWORKS.clear()
-            known = _NETWORKS[id(network)] = network, {"body": _canonical(network.body)}
-        return known[1]
+        # In order: netconvert numbers what it builds in this order.
+        return _kept(network, lambda network: {"body": _canonical(network.body)})
     status = network.stat()
     return {"file": _file_digest(str(network), status.st_mtime_ns, status.st_size)}
 

@@ -160,13 +160,15 @@ def _field(place: _Place, a: Item, b: Item, name: str) -> Iterator[Difference]:
 
 def _field_change(place: _Place, a: Item, b: Item, name: str) -> Difference:
     before, after = getattr(a, name), getattr(b, name)
-    was = None if _absent(before) else w.setting(a, name)
-    now = None if _absent(after) else w.setting(b, name)
+    was = None if _absent(before, after) else w.setting(a, name)
+    now = None if _absent(after, before) else w.setting(b, name)
     return _changed(place, before, after, was, now)
 
 
-def _absent(value: object) -> bool:
-    return value is None or value is False or value == ()
+def _absent(value: object, other: object) -> bool:
+    """Say whether a value is as good as not written, where the other file has `other`: a junction's bare `crossings`
+    is an empty list, and none at all is None."""
+    return value is None or value is False or (value == () and other is not None)
 
 
 def _changed(place: _Place, a: object, b: object, was: str | None, now: str | None) -> Difference:
