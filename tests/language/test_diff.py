@@ -435,8 +435,8 @@ def test_two_cases_of_a_file(tmp_path: Path) -> None:
 
 
 def test_bare_crossings_are_something_that_is_written() -> None:
-    texts = [f"foresee 1\n\nnetwork n {{\n  junction j at (0 m, 0 m){inside}\n}}\n" for inside in ("", " { crossings }")]
-    without, bare = (parse(text, "n.foresee").model for text in texts)
+    junction = "foresee 1\n\nnetwork n {\n  junction j at (0 m, 0 m)"
+    without, bare = (parse(junction + rest, "n.foresee").model for rest in ("\n}\n", " { crossings }\n}\n"))
     (added,), (removed,) = diff_models(without, bare), diff_models(bare, without)
     assert (added.kind, added.was, added.now) == ("added", None, "crossings")
     assert (removed.kind, removed.was, removed.now) == ("removed", "crossings", None)
