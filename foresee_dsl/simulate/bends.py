@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import remainder, sqrt, tau
@@ -70,17 +69,6 @@ class BendSpeeds:
         self.marks = marks
         self.speeds = approached(free.tolist(), marks, PLANNED_SHARE * braking_mps2)
         self.slowest_mps = min(self.speeds)
-
-    def at(self, s: float) -> float:
-        """Return the speed at a length of the line, m/s."""
-        marks, speeds = self.marks, self.speeds
-        k = bisect_right(marks, s) - 1
-        if k < 0:
-            return speeds[0]
-        if k >= len(marks) - 1:
-            return speeds[-1]
-        share = (s - marks[k]) / max(marks[k + 1] - marks[k], 1e-9)
-        return speeds[k] + share * (speeds[k + 1] - speeds[k])
 
 
 class Stretch(NamedTuple):
