@@ -200,6 +200,18 @@ def number(element: Element, name: str, default: float | None = None) -> float:
     Raises:
         CompileError: it is missing (and there is no default), no number, or larger than anything that is meant.
     """
+    try:
+        return plain_number(element, name, default)
+    except ValueError as err:
+        raise CompileError(f"the map's {err}") from err
+
+
+def plain_number(element: Element, name: str, default: float | None = None) -> float:
+    """Return an attribute as a number.
+
+    Raises:
+        ValueError: as for `number`; the message begins with `attribute`.
+    """
     text = element.get(name)
     if text is None and default is not None:
         return default
@@ -209,5 +221,5 @@ def number(element: Element, name: str, default: float | None = None) -> float:
         value = math.nan
     if not abs(value) <= _LARGEST:  # NaN neither
         said = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
-        raise CompileError(f"the map's attribute {name} of <{element.tag}> {said}")
+        raise ValueError(f"attribute {name} of <{element.tag}> {said}")
     return value

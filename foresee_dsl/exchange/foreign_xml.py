@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from foresee_dsl.compile.foreign_geometry import plain_number
 from foresee_dsl.compile.netfile import what_is_wrong
 from foresee_dsl.exchange.outcome import ExchangeError
 
@@ -17,8 +17,6 @@ MOST_BYTES = 100_000_000
 """Ours: an extract of a town's centre has 5 to 30 MB; more is a district that nobody tests in one scenario."""
 MOST_ELEMENTS = 2_000_000
 """Ours: an element takes some 300 bytes in memory, so about 600 MB; an extract of 100 MB has some 1.5 million."""
-_LARGEST = 1e12
-"""Far beyond any coordinate, mass or time (ours); cubes of it are still numbers."""
 DEEPEST = 100
 """Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OSM 3."""
 
@@ -63,17 +61,10 @@ def number(element: Element, name: str, default: float | None = None) -> float:
     Raises:
         ExchangeError: it is missing (and there is no default), no number, or larger than anything that is meant.
     """
-    text = element.get(name)
-    if text is None and default is not None:
-        return default
     try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= _LARGEST:  # NaN neither
-        said = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
-        raise ExchangeError(f"the attribute {name} of <{element.tag}> {said}")
-    return value
+        return plain_number(element, name, default)
+    except ValueError as err:
+        raise ExchangeError(f"the {err}") from err
 
 
 def _parsed(path: Path) -> Element:

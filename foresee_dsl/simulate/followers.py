@@ -85,7 +85,6 @@ class PathFollower:
         self._bends: tuple[FloatArray, FloatArray] = _NO_BENDS
         if lateral_mps2 is not None and length_m > 0:
             self._bends = _bends_of(along, length_m, lateral_mps2, braking_mps2)
-        self._heading = nan
         self._heading = self._place()[2]
 
     @property
