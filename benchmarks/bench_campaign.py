@@ -12,18 +12,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.figures import Figure, peak_mb
-from foresee_dsl.campaign.attachments import load_case
-from foresee_dsl.campaign.engine import RunOptions, run_campaign
-from foresee_dsl.campaign.listening import Silent
-from foresee_dsl.campaign.pool import Task, WorkerPool
-from foresee_dsl.campaign.records import Draft, Forecast, Made, MutantDraft, Mutants
+from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
+from foresee_dsl.campaign.execution.events import Silent
+from foresee_dsl.campaign.execution.pool import Task, WorkerPool
 from foresee_dsl.campaign.results import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps import relative_path
-from foresee_dsl.campaign.store import Store
+from foresee_dsl.campaign.storage.attachments import load_case
+from foresee_dsl.campaign.storage.records import Draft, Forecast, Made, MutantDraft, Mutants
+from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.campaign.work import ChildWork, ClipWork, SeedWork
-from foresee_dsl.language.project import load_test_cases
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.results.verdict import Verdict
 
 CASES, REPEAT = 239, 9
 """With 4 risky points and 4 children: 34,416 children, as many simulations as the paper's study had."""

@@ -16,13 +16,13 @@ import libsumo
 from benchmarks.figures import Figure, costs, cpu_of
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.derive.clip import clip
+from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.expand import expand_clip
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.cast import Cast
+from foresee_dsl.language.project.expand import expand_clip
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.actors.population import Cast
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World

@@ -12,8 +12,8 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps import clip_around, run_test_case
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.registry import load_ranker
-from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.simulate.world import World
 

@@ -15,8 +15,8 @@ from statistics import median
 import foresee_dsl
 from benchmarks.figures import Figure, costs, cpu_of, interleaved, run_program
 from benchmarks.texts import scenario
-from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.parser import format_text, parse
+from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.resources import data_folder
 
 ROUNDS = 15

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.figures import Figure, costs
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.protocol import SignalColour
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.resources import data_folder
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.rasters import Canvas, stops_of

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from benchmarks.figures import Figure, costs, peak_mb
 from benchmarks.library import cases
-from foresee_dsl.campaign.engine import RunOptions, run_campaign
-from foresee_dsl.campaign.isolation import Worker
-from foresee_dsl.campaign.listening import Silent
-from foresee_dsl.campaign.pool import WorkerPool
+from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
+from foresee_dsl.campaign.execution.events import Silent
+from foresee_dsl.campaign.execution.isolation import Worker
+from foresee_dsl.campaign.execution.pool import WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.store import Store
+from foresee_dsl.campaign.storage.store import Store
 
 ROUNDS = 3
 SETTINGS = CampaignSettings(repeat=2)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.resources import data_folder
 
 ADDRESSES = (

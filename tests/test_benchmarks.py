@@ -10,7 +10,7 @@ from rich.console import Console
 
 from benchmarks import bench_engine, bench_forecast, bench_workers, library, run
 from benchmarks.figures import Figure
-from foresee_dsl.campaign.file import read_campaign
+from foresee_dsl.campaign.campaign_file import read_campaign
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.resources import data_folder
 

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from foresee_dsl.campaign.steps import clip_around, measure_clip
 from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.network import build_network
+from foresee_dsl.compile.nets.written_network import build_network
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.presets import Preset
@@ -25,18 +25,18 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.registry import load_ranker
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.examples import FRAMES
-from foresee_dsl.language.expand import expand_mutant
+from foresee_dsl.language.codes.examples import FRAMES
+from foresee_dsl.language.codes.lints import CODES as LINTS
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Campaign, Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
 from foresee_dsl.language.model.campaign import Seeds
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.language.project import load_catalogue, load_test_case, load_test_cases
-from foresee_dsl.language.registry.lints import CODES as LINTS
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_mutant
+from foresee_dsl.language.project.loading import load_catalogue, load_test_case, load_test_cases
 from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.verdict import RunResult, Verdict
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -204,29 +204,29 @@ def test_every_unit_is_listed() -> None:
 @pytest.mark.parametrize(
     ("said", "name"),
     [
-        ("followed by {:g} s of amber", "foresee_dsl.compile.signals.AMBER_S"),
-        ("{:g} s of all red", "foresee_dsl.compile.signals.ALL_RED_S"),
-        ("green ends {:g} s before", "foresee_dsl.compile.signals.PEDESTRIAN_CLEARANCE_S"),
-        ("A crossing is {:g} m wide", "foresee_dsl.compile.network.CROSSING_WIDTH_M"),
-        ("of each lane | {:g} m |", "foresee_dsl.compile.network.LANE_WIDTH_M"),
-        ("the run's limit; {:g} s when absent", "foresee_dsl.compile.scene.DEFAULT_END_S"),
-        ("{:g} m before the end of its route", "foresee_dsl.compile.scene.GOAL_BEFORE_END_M"),
-        ("friction from {:g} (0)", "foresee_dsl.compile.scene.DRY_FRICTION"),
-        ("to {:g} (1)", "foresee_dsl.compile.scene.WET_FRICTION"),
-        ("brakes with {:g} m/s^2", "foresee_dsl.simulate.behaviours.COMFORT_MPS2"),
-        ("never over {:g} times its cruise speed", "foresee_dsl.simulate.behaviours.HASTE"),
-        ("counts as driving {:g} m/s at least", "foresee_dsl.simulate.behaviours.WAITS_MPS"),
-        ("From {:g} m before the junction on", "foresee_dsl.simulate.behaviours.COMMITS_M"),
-        ("({:g} m on a path)", "foresee_dsl.simulate.behaviours.COMMITS_WALKING_M"),
-        ("its front is within {:g} m of the lane's middle", "foresee_dsl.simulate.director.IN_LANE_M"),
-        ("its speed is within {:g} m/s", "foresee_dsl.simulate.actors.STANDS_MPS"),
+        ("followed by {:g} s of amber", "foresee_dsl.compile.nets.signals.AMBER_S"),
+        ("{:g} s of all red", "foresee_dsl.compile.nets.signals.ALL_RED_S"),
+        ("green ends {:g} s before", "foresee_dsl.compile.nets.signals.PEDESTRIAN_CLEARANCE_S"),
+        ("A crossing is {:g} m wide", "foresee_dsl.compile.nets.written_network.CROSSING_WIDTH_M"),
+        ("of each lane | {:g} m |", "foresee_dsl.compile.nets.written_network.LANE_WIDTH_M"),
+        ("the run's limit; {:g} s when absent", "foresee_dsl.compile.placement.scene.DEFAULT_END_S"),
+        ("{:g} m before the end of its route", "foresee_dsl.compile.placement.scene.GOAL_BEFORE_END_M"),
+        ("friction from {:g} (0)", "foresee_dsl.compile.placement.scene.DRY_FRICTION"),
+        ("to {:g} (1)", "foresee_dsl.compile.placement.scene.WET_FRICTION"),
+        ("brakes with {:g} m/s^2", "foresee_dsl.simulate.actors.speed_orders.COMFORT_MPS2"),
+        ("never over {:g} times its cruise speed", "foresee_dsl.simulate.actors.speed_orders.HASTE"),
+        ("counts as driving {:g} m/s at least", "foresee_dsl.simulate.actors.speed_orders.WAITS_MPS"),
+        ("From {:g} m before the junction on", "foresee_dsl.simulate.actors.speed_orders.COMMITS_M"),
+        ("({:g} m on a path)", "foresee_dsl.simulate.actors.speed_orders.COMMITS_WALKING_M"),
+        ("its front is within {:g} m of the lane's middle", "foresee_dsl.simulate.triggers.director.IN_LANE_M"),
+        ("its speed is within {:g} m/s", "foresee_dsl.simulate.actors.moved_actors.STANDS_MPS"),
         ("draws {:,} cases at most", "foresee_dsl.language.sampling.draws.MAX_CASES"),
         ("up to {:,} times for one case", "foresee_dsl.language.sampling.draws.MAX_TRIES"),
         ("a range is {} parts at most", "foresee_dsl.language.sampling.coverage.BINS"),
-        ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.behaviours.BOUND_FROM_M"),
-        ("not under {:g} m/s, enters", "foresee_dsl.simulate.metrics.SLOWEST_MPS"),
-        ("no nearer than {:g} m to a junction", "foresee_dsl.compile.kerb.CORNER_M"),
-        ("straight, over {:g} m of the path", "foresee_dsl.compile.aside.LINE_OVER_M"),
+        ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.actors.speed_orders.BOUND_FROM_M"),
+        ("not under {:g} m/s, enters", "foresee_dsl.simulate.results.metrics.SLOWEST_MPS"),
+        ("no nearer than {:g} m to a junction", "foresee_dsl.compile.placement.parked_vehicles.CORNER_M"),
+        ("straight, over {:g} m of the path", "foresee_dsl.compile.placement.lateral_offset.LINE_OVER_M"),
         ("right; {:g} m at most", "foresee_dsl.language.model.actors.WIDEST_LINE_M"),
     ],
 )
@@ -387,13 +387,13 @@ def test_every_stage_has_its_table() -> None:
         "foresee_dsl.forecast.settings.ForeseeSettings",
         "foresee_dsl.derive.presets.PAPER",
         "foresee_dsl.derive.presets.FOCUSED",
-        "foresee_dsl.simulate.outcome",
-        "foresee_dsl.simulate.dynamics",
-        "foresee_dsl.simulate.bends",
-        "foresee_dsl.simulate.lookout",
-        "foresee_dsl.simulate.near_misses",
-        "foresee_dsl.simulate.recovery",
-        "foresee_dsl.simulate.recovery.RecoverySettings",
+        "foresee_dsl.simulate.results.outcome",
+        "foresee_dsl.simulate.actors.dynamics",
+        "foresee_dsl.simulate.actors.bend_speeds",
+        "foresee_dsl.simulate.actors.vehicle_ahead",
+        "foresee_dsl.simulate.results.near_misses",
+        "foresee_dsl.simulate.actors.lane_recovery",
+        "foresee_dsl.simulate.actors.lane_recovery.RecoverySettings",
         "foresee_dsl.simulate.runner",
         "foresee_dsl.simulate.sensing.IDEAL",
         "foresee_dsl.simulate.sensing.STANDARD",

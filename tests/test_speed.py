@@ -14,7 +14,7 @@ from foresee_dsl import kept
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.parser import format_text, load, parse
-from foresee_dsl.language.project import Project
+from foresee_dsl.language.project.loading import Project
 from foresee_dsl.resources import data_folder
 
 SCENARIO = data_folder("scenarios") / "scenario3.foresee"

@@ -6,11 +6,11 @@ import io
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from foresee_dsl.campaign.records import Forecast, decode
 from foresee_dsl.campaign.results import ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
 from foresee_dsl.campaign.stages import Node, Stages
 from foresee_dsl.campaign.steps import relative_path
-from foresee_dsl.campaign.store import Row
+from foresee_dsl.campaign.storage.records import Forecast, decode
+from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model

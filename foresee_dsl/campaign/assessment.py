@@ -10,16 +10,16 @@ from itertools import groupby
 
 import numpy as np
 
-from foresee_dsl.campaign.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
-from foresee_dsl.simulate.verdict import Verdict
 
 HARD_BRAKING_MPS2 = 3.0
 """Braking harder than this is an event. Naturalistic driving studies count harsh braking from 0.3 g (2.9 m/s^2) on;

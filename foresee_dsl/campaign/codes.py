@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from foresee_dsl.language.codes import Code
+from foresee_dsl.language.codes.code import Code
 
 NOT_INSTALLED = "FS058"
 NOTHING_THERE = "FS059"

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.assembly import trace_of
-from foresee_dsl.campaign.blobs import Blobs
 from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.storage.traces import Blobs
 
 _PARTS = ("children", "traces")
 

@@ -29,7 +29,7 @@ _LANGUAGE = (
     "language",
     "errors.py",
     "resources.py",
-    *(f"campaign/{name}.py" for name in ("records", "results", "steps", "work")),
+    *(f"campaign/{name}.py" for name in ("storage/records", "results", "steps", "work")),
 )
 _RUN = (*_LANGUAGE, "compile", "drivers", "simulate")
 CODE = {

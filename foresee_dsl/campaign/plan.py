@@ -9,10 +9,10 @@ from typing import Any
 
 import networkx as nx
 
-from foresee_dsl.campaign.records import KINDS, RUNS, Kind
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Node, Stages
-from foresee_dsl.campaign.store import Store
+from foresee_dsl.campaign.storage.records import KINDS, RUNS, Kind
+from foresee_dsl.campaign.storage.store import Store
 
 TITLES: Mapping[Kind, str] = {
     "seed": "test cases",

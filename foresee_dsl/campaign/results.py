@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.derive.fidelity import share_within
+from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventability, Preventable
-from foresee_dsl.simulate.near_misses import NearMisses
-from foresee_dsl.simulate.verdict import Impact, Verdict
+from foresee_dsl.simulate.results.near_misses import NearMisses
+from foresee_dsl.simulate.results.verdict import Impact, Verdict
 
 FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.STUCK)
 """The kinds that are counted, in the order of the tables."""

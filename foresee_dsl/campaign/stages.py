@@ -6,20 +6,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from foresee_dsl.campaign.attachments import CaseFiles, Ref
+from foresee_dsl.campaign.execution.pool import Task
 from foresee_dsl.campaign.keys import driver_identity, key, operators_identity, ranker_identity
-from foresee_dsl.campaign.pool import Task
-from foresee_dsl.campaign.records import Draft, Forecast, Kind, MutantDraft, Mutants, decode
 from foresee_dsl.campaign.results import ClipOutcome
 from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
 from foresee_dsl.campaign.steps import case_name
-from foresee_dsl.campaign.store import Row, Store
+from foresee_dsl.campaign.storage.attachments import CaseFiles, Ref
+from foresee_dsl.campaign.storage.records import Draft, Forecast, Kind, MutantDraft, Mutants, decode
+from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.work import ChildWork, ClipWork, SeedWork, run_clip, run_mutant, run_seed, worth_mutating
-from foresee_dsl.compile.scene import DEFAULT_END_S
-from foresee_dsl.language.document import TestCase
+from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import End, Quantity
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,21 +8,21 @@ from pathlib import Path
 from foresee_dsl import __version__
 from foresee_dsl.campaign.results import ChildOutcome
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.derive.clip import clip as make_clip
-from foresee_dsl.derive.fidelity import Deviation, deviation, with_fidelity
+from foresee_dsl.derive.clipping.clip import clip as make_clip
+from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.preventability import Preventability, assess
 from foresee_dsl.drivers.registry import load_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import expand_clip, expand_mutant
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.simulate.verdict import RunResult
 
 
 def run_test_case(case: TestCase, driver: str, seed: int) -> RunResult:

@@ -9,14 +9,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.model import Mutant, Origin
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 class Status(StrEnum):

@@ -12,22 +12,22 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from foresee_dsl.campaign.attachments import CaseRef, Ref, load_case, load_trace
-from foresee_dsl.campaign.records import Draft, Forecast, Made, MutantDraft, Mutants
 from foresee_dsl.campaign.results import ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps import clip_around, driver_of, measure_clip, run_child, run_test_case
+from foresee_dsl.campaign.storage.attachments import CaseRef, Ref, load_case, load_trace
+from foresee_dsl.campaign.storage.records import Draft, Forecast, Made, MutantDraft, Mutants
 from foresee_dsl.derive.mutate import Mutator
 from foresee_dsl.derive.preventability import assess
 from foresee_dsl.forecast.registry import load_ranker
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import expand_clip, expand_mutant
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.simulate.verdict import Verdict
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ def assess(
     """
     from foresee_dsl.campaign.assessment import assess_drivers
     from foresee_dsl.drivers.registry import load_driver
-    from foresee_dsl.language.project import load_test_cases
+    from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.drivers import RunsProgress, as_dict, print_assessment
 
     drivers = list(dict.fromkeys(driver or ["pdm"]))

@@ -22,7 +22,7 @@ def compile_(
     """
     from foresee_dsl.compile import compile_test_case
     from foresee_dsl.compile.files import write_sumo_folder
-    from foresee_dsl.language.project import load_test_case
+    from foresee_dsl.language.project.loading import load_test_case
 
     bundle = compile_test_case(load_test_case(address, allow_outside=allow_outside))
     files = write_sumo_folder(bundle, out)
@@ -44,9 +44,9 @@ def expand(
     [dim]foresee expand out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
     from foresee_dsl.editor.highlight import show
-    from foresee_dsl.language.expand import expanded_model
     from foresee_dsl.language.printer import print_model
-    from foresee_dsl.language.project import load_test_case
+    from foresee_dsl.language.project.expand import expanded_model
+    from foresee_dsl.language.project.loading import load_test_case
 
     show(print_model(expanded_model(load_test_case(address, allow_outside=allow_outside))))
 
@@ -78,7 +78,7 @@ def models(
 ) -> None:
     """List the models of vehicles, people and things that scenarios can name."""
     from foresee_dsl.compile.catalogue import spec_of
-    from foresee_dsl.language.project import load_catalogue
+    from foresee_dsl.language.project.loading import load_catalogue
 
     specs = [spec_of(model) for model in load_catalogue(catalogue).values()]
     if json:

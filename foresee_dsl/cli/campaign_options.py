@@ -25,8 +25,8 @@ from foresee_dsl.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.engine import RunOptions
-    from foresee_dsl.campaign.executors import Executor
+    from foresee_dsl.campaign.execution.engine import RunOptions
+    from foresee_dsl.campaign.execution.executors import Executor
     from foresee_dsl.campaign.settings import CampaignSettings, Shard
 
 CPUS = os.cpu_count() or 1
@@ -119,7 +119,7 @@ def asked(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | No
     Args:
         ctx: tells which options were given. paths: the arguments. flags: the options. budget: minutes, or None.
     """
-    from foresee_dsl.campaign.file import is_campaign, read_campaign
+    from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
     from foresee_dsl.errors import ForeseeError
 
     drivers: tuple[str, ...] = (flags.driver,)
@@ -147,7 +147,7 @@ def _is_given(ctx: typer.Context, name: str) -> bool:
 
 def _settings(flags: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
     from foresee_dsl.campaign.settings import CampaignSettings
-    from foresee_dsl.derive.clip import DRIVES_S
+    from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.forecast.registry import load_ranker
@@ -193,10 +193,10 @@ def of_other_versions(store: Path, count: int) -> str:
 
 def executor_of(name: str, scheduler: str) -> Callable[[RunOptions], Executor]:
     """Return what makes the executor that `--executor` and `--scheduler` mean."""
-    from foresee_dsl.campaign.executors import local
+    from foresee_dsl.campaign.execution.executors import local
 
     if name == "dask":
-        from foresee_dsl.campaign.cluster import dask
+        from foresee_dsl.campaign.execution.cluster import dask
 
         return dask(scheduler)
     if name != "local":

@@ -58,13 +58,13 @@ def campaign(
     """
     from contextlib import ExitStack
 
-    from foresee_dsl.campaign.engine import RunOptions, run_campaign
+    from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
     from foresee_dsl.campaign.settings import Limits
-    from foresee_dsl.campaign.store import Store
+    from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.cli.stopping import Stopping
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
-    from foresee_dsl.language.project import load_test_cases
+    from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.live import progress
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
@@ -142,7 +142,7 @@ def verify(
     foresee verify regressions --driver mine[/dim]
     """
     from foresee_dsl.campaign.verify import Status, as_dict, verify_files
-    from foresee_dsl.language.project import recorded_children
+    from foresee_dsl.language.project.loading import recorded_children
 
     rechecks = verify_files(recorded_children(paths), driver=driver, run_programs=run_programs, jobs=jobs)
     if json:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from foresee_dsl.errors import Diagnostic
-    from foresee_dsl.language.checked_files import Checked
+    from foresee_dsl.language.project.checked_files import Checked
 
 Paths = Annotated[list[str], typer.Argument(metavar="PATH", help="Files, folders, or test cases (FILE::CASE).")]
 
@@ -54,7 +54,7 @@ def check(
     foresee check --format github --strict scenarios[/dim]
     """
     from foresee_dsl.errors import InputError
-    from foresee_dsl.language.checked_files import Checked, check_paths
+    from foresee_dsl.language.project.checked_files import Checked, check_paths
 
     wanted, unwanted = _codes(select, "--select"), _codes(ignore, "--ignore")
     try:
@@ -63,7 +63,9 @@ def check(
         result = Checked(0, (), error.diagnostics)
     found: list[Diagnostic] = list(result.diagnostics)
     if result.campaigns:
-        from foresee_dsl.campaign.file import mistakes_of  # plug-ins are looked up: only where a campaign names them
+        from foresee_dsl.campaign.campaign_file import (
+            mistakes_of,  # plug-ins are looked up: only where a campaign names them
+        )
 
         found += [mistake for document in result.campaigns for mistake in mistakes_of(document)]
     if places:
@@ -98,7 +100,7 @@ def _chosen(found: Diagnostic, codes: Sequence[str], default: bool) -> bool:
 
 def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, failed: bool) -> None:
     if format_ is Format.json:
-        from foresee_dsl.language.diagnostics import to_json
+        from foresee_dsl.language.messages.diagnostics import to_json
 
         print_json({"schema": 1, "ok": not failed, "files": result.files, "test_cases": len(result.cases),
                     "diagnostics": [to_json(d) for d in shown]})  # fmt: skip
@@ -113,7 +115,7 @@ def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, fai
 
         typer.echo(render_github(shown, every_code()), nl=bool(shown))
     elif format_ is Format.concise:
-        from foresee_dsl.language.diagnostics import render_concise
+        from foresee_dsl.language.messages.diagnostics import render_concise
 
         typer.echo("\n".join(map(render_concise, shown)), nl=bool(shown))
     else:

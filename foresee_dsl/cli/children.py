@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from foresee_dsl.errors import Diagnostic
-    from foresee_dsl.language.document import TestCase
+    from foresee_dsl.language.project.document import TestCase
     from foresee_dsl.language.repinning.repin import Child
 
 
@@ -60,7 +60,7 @@ def _placement(case: TestCase) -> Sequence[Diagnostic]:
 
 def _verdicts(children: Sequence[Child]) -> dict[Path, tuple[str, str]]:
     """Drive the stale children under their old parent and under the new one; what each run ended with."""
-    from foresee_dsl.campaign.repinned import before_and_after
+    from foresee_dsl.campaign.repin_effects import before_and_after
     from foresee_dsl.language.repinning.repin import State
 
     return before_and_after([child for child in children if child.state is State.STALE])

@@ -61,7 +61,7 @@ def counted(number: int, noun: str) -> str:
 
 def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
     """Print mistakes on standard error: place, line, underline, what to write instead."""
-    from foresee_dsl.language.diagnostics import render_all
+    from foresee_dsl.language.messages.diagnostics import render_all
 
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
     typer.echo(render_all(diagnostics, colour=colour) + "\n", err=True)

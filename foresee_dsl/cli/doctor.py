@@ -66,7 +66,7 @@ def _attempt(check: tuple[str, Callable[[], str], str]) -> Finding:
 
 
 def _netconvert() -> str:
-    from foresee_dsl.compile.netconvert import tool_version
+    from foresee_dsl.compile.nets.netconvert import tool_version
 
     return tool_version()
 
@@ -118,7 +118,7 @@ def _drivers() -> str:
 
 def _whole_line() -> str:
     from foresee_dsl.campaign.steps import run_test_case
-    from foresee_dsl.language.project import load_test_cases
+    from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.resources import data_folder
 
     case = load_test_cases([str(data_folder("scenarios"))])[0]

@@ -10,7 +10,7 @@ import typer
 from foresee_dsl.cli.common import FAILED, JsonOption, console, print_json
 
 if TYPE_CHECKING:
-    from foresee_dsl.language.codes import Code
+    from foresee_dsl.language.codes.code import Code
 
 _FILE = "\n--- "
 """What begins another file of an example, in front of its name."""
@@ -47,7 +47,7 @@ def explain(
 
 
 def _nearest(name: str, known: list[str]) -> str:
-    from foresee_dsl.language.suggest import closest
+    from foresee_dsl.language.messages.suggest import closest
 
     small = [code.lower() for code in known]
     digits = "".join(c for c in name if c.isdigit())
@@ -86,7 +86,7 @@ def _show(code: Code) -> None:
     from rich.text import Text
 
     from foresee_dsl.editor.highlight import show
-    from foresee_dsl.language.examples import FRAMES
+    from foresee_dsl.language.codes.examples import FRAMES
 
     out = console()
     tint = "cyan" if code.severity == "warning" else "red"

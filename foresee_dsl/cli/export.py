@@ -43,7 +43,7 @@ def openscenario(
 
     [dim]foresee export openscenario out/children/scenario7/red_light_runner_r02_p1_m3.foresee --out replay[/dim]
     """
-    from foresee_dsl.exchange import openscenario_export as exchange
+    from foresee_dsl.exchange.openscenario.writing import exporter as exchange
 
     done = exchange.run(address, out=out, behaviour=behaviour, driver=driver, seed=seed, allow_outside=allow_outside)
     _say(done, json=json)
@@ -63,6 +63,6 @@ def carla_route(
 
     [dim]foresee export carla-route out/clips/*.foresee --out routes.xml[/dim]
     """
-    from foresee_dsl.exchange import carla_route as exchange
+    from foresee_dsl.exchange.carla import exporter as exchange
 
     _say(exchange.run(addresses, out=out, town=town, allow_outside=allow_outside), json=json)

@@ -77,7 +77,7 @@ def fmt(
 
 def _files(paths: Sequence[str], tally: _Tally) -> Iterator[Path]:
     """Return each file once; what is not there is a mistake like any other."""
-    from foresee_dsl.language.addresses import scenario_files
+    from foresee_dsl.language.project.addresses import scenario_files
 
     seen: set[str] = set()
     for path in paths:

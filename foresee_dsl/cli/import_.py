@@ -42,7 +42,7 @@ def carla(
 
     [dim]foresee import carla --map Town10HD.xodr --routes S7/*.xml --triggers S7/*.json --out town10[/dim]
     """
-    from foresee_dsl.exchange import carla as exchange
+    from foresee_dsl.exchange.carla import importer as exchange
 
     extra = list(more or ())
     route_files = [*routes, *(file for file in extra if file.suffix != ".json")]
@@ -57,7 +57,7 @@ def opendrive(
     json: JsonOption = False,
 ) -> None:
     """Turn an OpenDRIVE map into a network and a starter scenario."""
-    from foresee_dsl.exchange import opendrive as exchange
+    from foresee_dsl.exchange.maps import opendrive as exchange
 
     _say(exchange.run(file, out=out), json=json)
 
@@ -69,7 +69,7 @@ def osm(
     json: JsonOption = False,
 ) -> None:
     """Turn an OpenStreetMap extract into a network and a starter scenario."""
-    from foresee_dsl.exchange import osm as exchange
+    from foresee_dsl.exchange.maps import osm as exchange
 
     _say(exchange.run(file, out=out), json=json)
 
@@ -81,7 +81,7 @@ def sumo(
     json: JsonOption = False,
 ) -> None:
     """Turn a SUMO network into one of ours and a starter scenario."""
-    from foresee_dsl.exchange import sumo as exchange
+    from foresee_dsl.exchange.maps import sumo as exchange
 
     _say(exchange.run(file, out=out), json=json)
 
@@ -103,7 +103,7 @@ def openscenario(
 
     [dim]foresee import openscenario cut_in.xosc --out cut_in[/dim]
     """
-    from foresee_dsl.exchange import openscenario_import as exchange
+    from foresee_dsl.exchange.openscenario.reading import importer as exchange
 
     _say(exchange.run(file, out=out, ego=ego, road=map_, allow_outside=allow_outside), json=json)
 

@@ -28,8 +28,8 @@ def plan(
     """
     from foresee_dsl.campaign.plan import plan_campaign
     from foresee_dsl.campaign.stages import Stages
-    from foresee_dsl.campaign.store import Store
-    from foresee_dsl.language.project import load_test_cases
+    from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.language.project.loading import load_test_cases
 
     if format not in ("text", "dot", "json"):
         raise typer.BadParameter(f"{format!r} is none: text, dot, json", param_hint="--format")

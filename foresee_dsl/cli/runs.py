@@ -48,8 +48,8 @@ def run(
     from dataclasses import asdict
 
     from foresee_dsl.campaign.steps import case_name, run_test_case
-    from foresee_dsl.language.project import load_test_case
-    from foresee_dsl.simulate.verdict import Verdict
+    from foresee_dsl.language.project.loading import load_test_case
+    from foresee_dsl.simulate.results.verdict import Verdict
 
     case = load_test_case(address, allow_outside=allow_outside)
     result = run_test_case(case, driver, seed)
@@ -129,7 +129,7 @@ def clip(
     from foresee_dsl.campaign.steps import case_name, clip_around, measure_clip
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.language.printer import print_model
-    from foresee_dsl.language.project import load_test_case
+    from foresee_dsl.language.project.loading import load_test_case
     from foresee_dsl.resources import write_whole
 
     loaded = _load_trace(trace)

@@ -48,7 +48,7 @@ def sample(
     [dim]foresee sample my.foresee
     foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
     """
-    from foresee_dsl.language.project import Project
+    from foresee_dsl.language.project.loading import Project
     from foresee_dsl.language.sampling.coverage import coverage
 
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
@@ -90,7 +90,7 @@ def _print_cases(cases: Sequence[Case]) -> None:
 
 
 def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
-    from foresee_dsl.language.concretise import value_text
+    from foresee_dsl.language.project.concretise import value_text
     from foresee_dsl.language.sampling.coverage import values_of
 
     print_json(
@@ -114,8 +114,8 @@ def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Co
 
 
 def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
-    from foresee_dsl.language.concretise import value_text
     from foresee_dsl.language.model import Param
+    from foresee_dsl.language.project.concretise import value_text
     from foresee_dsl.language.sampling.coverage import values_of
 
     names = [param.name for param in scenario.all(Param)]
@@ -152,7 +152,7 @@ def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
 
 
 def _said(reach: Reach) -> str:
-    from foresee_dsl.language.concretise import value_text
+    from foresee_dsl.language.project.concretise import value_text
 
     share = f"{reach.reached} of {reach.bins} {reach.of} ({reach.reached / reach.bins:.0%})"
     if reach.of == "options":

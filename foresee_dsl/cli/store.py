@@ -10,7 +10,7 @@ import typer
 from foresee_dsl.cli.common import JsonOption, console, print_json
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.upkeep import Statistics
+    from foresee_dsl.campaign.storage.maintenance import Statistics
 
 ACTIONS = ("stat", "gc", "export", "merge")
 
@@ -35,8 +35,8 @@ def store(
     foresee store export --to runs.parquet
     foresee store merge part1/store part2/store --into out/store[/dim]
     """
-    from foresee_dsl.campaign.store import Store
-    from foresee_dsl.campaign.upkeep import export, merge, statistics, sweep
+    from foresee_dsl.campaign.storage.maintenance import export, merge, statistics, sweep
+    from foresee_dsl.campaign.storage.store import Store
 
     if action not in ACTIONS:
         raise typer.BadParameter(f"{action!r} is none: {', '.join(ACTIONS)}", param_hint="ACTION")

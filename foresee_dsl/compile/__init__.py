@@ -9,7 +9,7 @@ from foresee_dsl.errors import Diagnostic, InputError
 
 if TYPE_CHECKING:
     from foresee_dsl.compile.bundle import SumoBundle
-    from foresee_dsl.language.document import TestCase
+    from foresee_dsl.language.project.document import TestCase
 
 __all__ = ["compile_test_case", "placement_mistakes"]
 
@@ -35,7 +35,7 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
         CompileError: SUMO's programs are missing or refuse a network.
     """
     from foresee_dsl import kept
-    from foresee_dsl.compile.netconvert import tool_version
+    from foresee_dsl.compile.nets.netconvert import tool_version
 
     found: dict[Diagnostic, None] = {}
     for case in cases:

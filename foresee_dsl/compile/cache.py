@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from foresee_dsl.compile.netconvert import tool_version
+from foresee_dsl.compile.nets.netconvert import tool_version
 from foresee_dsl.compile.templates import template_sources
 from foresee_dsl.errors import CompileError
 from foresee_dsl.resources import cache_folder

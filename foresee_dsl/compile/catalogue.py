@@ -10,8 +10,8 @@ from typing import cast
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.catalogues import SUM_SLACK_M, cruise_speed_mps
 from foresee_dsl.language.model import Quantity, Ref, VehicleModel
+from foresee_dsl.language.project.catalogues import SUM_SLACK_M, cruise_speed_mps
 
 _KMH = 1 / 3.6
 

@@ -11,13 +11,13 @@ from pathlib import Path
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
 from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.geometry import RoadNetwork, buildings_of
-from foresee_dsl.compile.netcache import read_net_once
-from foresee_dsl.compile.scene import build_scene, check_scene
+from foresee_dsl.compile.nets.net_cache import read_net_once
+from foresee_dsl.compile.placement.scene import build_scene, check_scene
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork, buildings_of
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.diagnose import diagnose
-from foresee_dsl.language.document import PlacementError, TestCase
+from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.model import Network
+from foresee_dsl.language.project.document import PlacementError, TestCase
 from foresee_dsl.resources import cache_folder
 
 _TYPES = "types.add.xml"
@@ -60,7 +60,9 @@ def check_case(case: TestCase) -> None:
 
 def _net_of(network: Network | Path) -> Path:
     if isinstance(network, Path):
-        from foresee_dsl.compile.foreign import foreign_net  # reads XML: only where the network is somebody else's
+        from foresee_dsl.compile.foreign.networks import (
+            foreign_net,  # reads XML: only where the network is somebody else's
+        )
 
         return foreign_net(network)
     known = _BUILT.get(id(network))
@@ -73,7 +75,7 @@ def _net_of(network: Network | Path) -> Path:
 
 
 def _build(network: Network, out: Path) -> None:
-    from foresee_dsl.compile.network import build_network  # templates, XML: only where a network is new
+    from foresee_dsl.compile.nets.written_network import build_network  # templates, XML: only where a network is new
 
     build_network(network, out)
 

@@ -13,9 +13,9 @@ from foresee_dsl.derive import presets
 from foresee_dsl.derive.operators import Operator, Situation, operators
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.derive.rollout import predicted_gap_m
-from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Mutant, Origin, Quantity
+from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 
 CHILDREN = 4

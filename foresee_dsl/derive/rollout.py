@@ -11,11 +11,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from foresee_dsl.compile.aside import LINE_OVER_M
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.placement.lateral_offset import LINE_OVER_M
 from foresee_dsl.forecast.geometry import FloatArray, footprints
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.simulate.collision import pairwise_box_distance
+from foresee_dsl.simulate.results.collision import pairwise_box_distance
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 from foresee_dsl.simulate.traffic_kernels import SIDEWAYS_MPS, SIDEWAYS_SHARE
 

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import CUBE, FLAG, FLAGS, FLOAT, FLOATS, HYPERCUBE, INTS, TABLE, compiled, inner
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor
+from foresee_dsl.kernels.compiling import CUBE, FLAG, FLAGS, FLOAT, FLOATS, HYPERCUBE, INTS, TABLE, compiled, inner
 
 COAST_S = 1.5
 """Ours: an object that is not seen any more is carried on for this long. The sensors give back its number within 1 s;

@@ -13,10 +13,10 @@ from foresee_dsl.editor.meanings import dimension_of_field, units_of, words_of_f
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
 from foresee_dsl.editor.symbols import SymbolKind, kind_named
 from foresee_dsl.language import model as m
-from foresee_dsl.language.addresses import FOREIGN_NETWORKS, SUFFIX
 from foresee_dsl.language.checks.values import MEASURED
-from foresee_dsl.language.codes import EXAMPLES
+from foresee_dsl.language.codes.code import EXAMPLES
 from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX
 from foresee_dsl.language.syntax.nodes import CHANGEABLE, Node
 from foresee_dsl.language.units import Dimension
 

@@ -12,9 +12,9 @@ from foresee_dsl.editor.symbols import Occurrence, SymbolKind, occurrences
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
-from foresee_dsl.language.addresses import scenario_files
-from foresee_dsl.language.expand import absolute
 from foresee_dsl.language.parser import MAX_BYTES
+from foresee_dsl.language.project.addresses import scenario_files
+from foresee_dsl.language.project.expand import absolute
 from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.resources import data_folder
 

@@ -12,8 +12,8 @@ from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.editor.syntax import plain
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.addresses import shown
 from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.project.addresses import shown
 from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.language.units import SI_WORD, UNITS, Unit
 

@@ -12,11 +12,11 @@ from foresee_dsl.editor.symbols import Occurrence, SymbolKind
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError, InputError, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.addresses import shown
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.expand import absolute
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.addresses import shown
+from foresee_dsl.language.project.expand import absolute
 
 _RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label")
 _START = Span(1, 1, 1, 1)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.foreign_geometry import plain_number
-from foresee_dsl.compile.netfile import what_is_wrong
+from foresee_dsl.compile.foreign.opendrive_geometry import plain_number
+from foresee_dsl.compile.nets.net_file import what_is_wrong
 from foresee_dsl.exchange.outcome import ExchangeError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, INTS, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, TABLE, compiled, inner
 
 _BLOCK = 16
 """Pieces of a path that share a frame. Ours: about the root of a path's number of pieces, where frames and pieces cost

@@ -10,11 +10,17 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from foresee_dsl.language.catalogues import check_model, cruise_speed_mps
-from foresee_dsl.language.concretise import Reporter, complaint, same_kind, value_text
+from foresee_dsl.language.codes.project_codes import (
+    BAD_CHANGE,
+    NOT_IN_PARENT,
+    UNKNOWN_ACTOR,
+    UNKNOWN_PROPERTY,
+    WRONG_WAS,
+)
 from foresee_dsl.language.conditions import mapped, parts
 from foresee_dsl.language.lints.weaker import weaker
 from foresee_dsl.language.meaning import same_value
+from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Actor,
     ActorItem,
@@ -39,8 +45,8 @@ from foresee_dsl.language.model import (
     Weather,
 )
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
-from foresee_dsl.language.project_codes import BAD_CHANGE, NOT_IN_PARENT, UNKNOWN_ACTOR, UNKNOWN_PROPERTY, WRONG_WAS
-from foresee_dsl.language.suggest import did_you_mean
+from foresee_dsl.language.project.catalogues import check_model, cruise_speed_mps
+from foresee_dsl.language.project.concretise import Reporter, complaint, same_kind, value_text
 
 _T = TypeVar("_T")
 _ItemT = TypeVar("_ItemT", bound=Item)

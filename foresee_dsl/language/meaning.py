@@ -9,7 +9,6 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import (
     Actor,
     Case,
@@ -33,6 +32,7 @@ from foresee_dsl.language.model import (
     VehicleModel,
     When,
 )
+from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1
 """Goes into every hash: raised when the meaning of the language itself changes, so that old pins show as stale."""

@@ -14,8 +14,8 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 from foresee_dsl import kept
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checks.findings import walk
-from foresee_dsl.language.document import Document
 from foresee_dsl.language.model import Catalogue, Definition, Item, Network
+from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
@@ -212,7 +212,7 @@ def _unreadable(path: Path, name: str, error: Exception) -> Diagnostic:
     if isinstance(error, FileNotFoundError):
         near = ""
         if path.parent.is_dir():
-            from foresee_dsl.language.suggest import closest
+            from foresee_dsl.language.messages.suggest import closest
 
             found = closest(path.name, sorted(p.name for p in path.parent.iterdir()))
             near = f"did you mean '{found}'?" if found else ""

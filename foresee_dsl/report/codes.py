@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import MappingProxyType
 
 from foresee_dsl.errors import Diagnostic
-from foresee_dsl.language.codes import Code
+from foresee_dsl.language.codes.code import Code
 
 _SAID_BETTER = {"FS309": "FS250", "FS308": "FS256"}
 """Lints for which the network gives a mistake of its own: where that is reported, the lint is left out."""
@@ -16,7 +16,7 @@ def every_code() -> MappingProxyType[str, Code]:
     """Return all codes by name, in order."""
     from foresee_dsl.campaign.codes import CODES as OF_CAMPAIGNS
     from foresee_dsl.compile.codes import CODES as OF_PLACES  # here: a check without mistakes needs no explanations
-    from foresee_dsl.language.registry import CODES as OF_TEXT
+    from foresee_dsl.language.codes import CODES as OF_TEXT
 
     codes = [*OF_TEXT.values(), *OF_PLACES, *OF_CAMPAIGNS]
     return MappingProxyType({code.code: code for code in sorted(codes, key=lambda code: code.code)})

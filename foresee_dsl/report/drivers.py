@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 
 _KINDS = tuple(verdict for verdict in Verdict if verdict.is_collision)
 _REST = (Verdict.CRASH, Verdict.INVALID)

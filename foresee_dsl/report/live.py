@@ -25,12 +25,12 @@ from rich.progress import (
 from rich.progress import Task as Bar
 from rich.text import Text
 
-from foresee_dsl.campaign.listening import Listener
-from foresee_dsl.campaign.records import RUNS, Kind
+from foresee_dsl.campaign.execution.events import Listener
 from foresee_dsl.campaign.results import FAILURES
-from foresee_dsl.campaign.store import Row
+from foresee_dsl.campaign.storage.records import RUNS, Kind
+from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.terminal import duration
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 
 TITLES = {"seed": "test cases", "clip": "clips", "child": "children"}
 EVERY_S = 5.0

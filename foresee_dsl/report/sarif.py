@@ -10,8 +10,8 @@ from urllib.parse import quote
 
 from foresee_dsl import __version__
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language.codes import Code
-from foresee_dsl.language.mends import mend
+from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.messages.replacements import mend
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _BASE = "%SRCROOT%"

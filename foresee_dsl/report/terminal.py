@@ -16,8 +16,8 @@ from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.resources import write_whole
-from foresee_dsl.simulate.near_misses import NearMiss, NearMisses
-from foresee_dsl.simulate.verdict import ExpectationResult, Impact, RunResult, Verdict
+from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
+from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, RunResult, Verdict
 
 FAMILY_TITLES = {
     "3": "crossing actor",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import ANY_TABLE, BYTE_TABLE, CUBE, FLOAT, FLOATS, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import ANY_TABLE, BYTE_TABLE, CUBE, FLOAT, FLOATS, TABLE, compiled, inner
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled, inner
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
 
 FloatArray = NDArray[np.float64]
 

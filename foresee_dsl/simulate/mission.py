@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.compile.conflicts import Conflict, conflicts_of
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.routeline import Passage
+from foresee_dsl.compile.roads.conflicts import Conflict, conflicts_of
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
 from foresee_dsl.errors import SimulationError
-from foresee_dsl.simulate.dynamics import limits_of
+from foresee_dsl.simulate.actors.dynamics import limits_of
 from foresee_dsl.simulate.trace import STEP_S
 
 __all__ = ["limits_of", "mission_of"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
-from foresee_dsl.simulate.state import Crowd, IntArray
+from foresee_dsl.simulate.actors.states import Crowd, IntArray
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.world import World
 

@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
 from foresee_dsl.errors import DriverError, SimulationError
-from foresee_dsl.simulate.actors import STANDS_MPS
-from foresee_dsl.simulate.cast import Cast
-from foresee_dsl.simulate.conditions import Conditions
-from foresee_dsl.simulate.director import Director
-from foresee_dsl.simulate.dynamics import checked
-from foresee_dsl.simulate.expectations import Expectations
+from foresee_dsl.simulate.actors.dynamics import checked
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
+from foresee_dsl.simulate.actors.population import Cast
 from foresee_dsl.simulate.footprint_kernels import drives_on
 from foresee_dsl.simulate.mission import mission_of
-from foresee_dsl.simulate.on_road import on_road, squares_of
-from foresee_dsl.simulate.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
 from foresee_dsl.simulate.recorder import Recorder
+from foresee_dsl.simulate.results.drivable_area import on_road, squares_of
+from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.trace import SPEED, STEP_S
-from foresee_dsl.simulate.verdict import RunResult, Verdict
+from foresee_dsl.simulate.triggers.conditions import Conditions
+from foresee_dsl.simulate.triggers.director import Director
+from foresee_dsl.simulate.triggers.expectations import Expectations
 from foresee_dsl.simulate.world import World
 
 FloatArray = NDArray[np.float64]

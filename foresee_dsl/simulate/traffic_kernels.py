@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, INTS, TABLE, compiled
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, TABLE, compiled
 from foresee_dsl.simulate.line_kernels import along, heading_at, last_up_to
 from foresee_dsl.simulate.traffic_columns import (
     AXLE,

@@ -13,10 +13,10 @@ from rich.console import Console
 
 from foresee_dsl.campaign.assessment import AssessTask, DriverRun, assess_drivers, hard_brakings, rows_of, run_one
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.report.drivers import as_dict, print_assessment
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, Trace
-from foresee_dsl.simulate.verdict import Verdict
 
 
 def one(driver: str, family: str, verdict: Verdict, way_m: float = 200.0, brakings: int = 1) -> DriverRun:

@@ -9,11 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_campaign import write_project
 
-from foresee_dsl.campaign.file import is_campaign, read_campaign
+from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
 from foresee_dsl.errors import InputError
 from foresee_dsl.resources import data_folder
+from tests.support.small_campaign import write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"
 NIGHTLY = """foresee 1

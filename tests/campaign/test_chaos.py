@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from chaos import check
-from small_campaign import write_project
+
+from tests.support.chaos import check
+from tests.support.small_campaign import write_project
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="it looks for processes in /proc")

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_campaign import Heard, campaign, published, write_project
 
-from foresee_dsl.campaign.cluster import ClusterError, DaskExecutor, dask
-from foresee_dsl.campaign.engine import RunOptions
-from foresee_dsl.campaign.pool import Broken, Task
-from foresee_dsl.campaign.store import Row
+from foresee_dsl.campaign.execution.cluster import ClusterError, DaskExecutor, dask
+from foresee_dsl.campaign.execution.engine import RunOptions
+from foresee_dsl.campaign.execution.pool import Broken, Task
+from foresee_dsl.campaign.storage.store import Row
+from tests.support.small_campaign import Heard, campaign, published, write_project
 
 distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 pytestmark = pytest.mark.filterwarnings("default")  # a cluster that loses a worker warns of much
@@ -77,6 +77,6 @@ def test_the_same_results_when_a_worker_is_killed_half_way(cluster: Any, tmp_pat
 
 
 def test_no_scheduler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("foresee_dsl.campaign.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("foresee_dsl.campaign.execution.cluster.CONNECT_S", 0.5)
     with pytest.raises(ClusterError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
         DaskExecutor("tcp://127.0.0.1:9")

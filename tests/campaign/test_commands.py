@@ -11,9 +11,9 @@ import time
 from pathlib import Path
 
 import pytest
-from small_campaign import published, write_project
 
-from foresee_dsl.campaign.store import Store
+from foresee_dsl.campaign.storage.store import Store
+from tests.support.small_campaign import published, write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"
 OPTIONS = ("--driver", "idm", "--before", "3", "--after", "3", "--children", "2")

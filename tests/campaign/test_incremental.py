@@ -7,16 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from small_campaign import SETTINGS, Heard, campaign, published, write_project
 
-from foresee_dsl.campaign.engine import RunOptions
+from foresee_dsl.campaign.execution.engine import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import Limits, Shard
 from foresee_dsl.campaign.stages import Stages
-from foresee_dsl.campaign.store import Store
-from foresee_dsl.campaign.upkeep import merge
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.campaign.storage.maintenance import merge
+from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.language.project.loading import load_test_cases
+from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 
 
 @pytest.fixture(scope="module")

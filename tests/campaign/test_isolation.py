@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from plug_in import install, scenario
+
+from tests.support.plug_in import install, scenario
 
 FORESEE = Path(sys.executable).parent / "foresee"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from foresee_dsl.campaign.store import Row
+from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.live import EVERY_S, JsonLog, PlainProgress, progress
 
 

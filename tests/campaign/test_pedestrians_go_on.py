@@ -11,7 +11,7 @@ from foresee_dsl.campaign.steps import clip_around, measure_clip, run_test_case
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import SPEED
 
 FOR_S = 5.0

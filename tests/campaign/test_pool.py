@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.pool import Broken, Part, Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import Broken, Part, Task, WorkerPool
 
 
 def outcomes(jobs: int, tasks: Iterable[Task], **limits: float) -> dict[str, object]:

@@ -18,9 +18,9 @@ from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.report.terminal import print_campaign
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 def child(name: str, answer: Preventable | None, verdict: Verdict = Verdict.F4, time_s: float = 5.0) -> ChildOutcome:

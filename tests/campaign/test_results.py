@@ -10,7 +10,7 @@ from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutco
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.report.terminal import save_campaign
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 
 
 def seed(name: str, family: str, verdict: Verdict = Verdict.PASS, points: int = 0) -> SeedOutcome:

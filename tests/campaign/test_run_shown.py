@@ -6,11 +6,11 @@ import io
 import math
 from dataclasses import replace
 
-from handmade import EAST, make_trace, straight
 from rich.console import Console
 
 from foresee_dsl.report.terminal import print_run
-from foresee_dsl.simulate.verdict import Impact, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
+from tests.support.handmade_traces import EAST, make_trace, straight
 
 
 def shown(result: RunResult) -> str:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign import store as store_module
-from foresee_dsl.campaign.store import SCHEMA, Row, Store, StoreError
-from foresee_dsl.campaign.upkeep import export, merge, statistics, sweep
+from foresee_dsl.campaign.storage import store as store_module
+from foresee_dsl.campaign.storage.maintenance import export, merge, statistics, sweep
+from foresee_dsl.campaign.storage.store import SCHEMA, Row, Store, StoreError
 
 
 def row(key: str, kind: str = "child", **more: object) -> Row:

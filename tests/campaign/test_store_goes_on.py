@@ -9,16 +9,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from small_campaign import campaign, published, write_project
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign import keys
-from foresee_dsl.campaign.engine import RunOptions
-from foresee_dsl.campaign.pool import Task, WorkerPool
+from foresee_dsl.campaign.execution.engine import RunOptions
+from foresee_dsl.campaign.execution.pool import Task, WorkerPool
 from foresee_dsl.campaign.settings import Limits
-from foresee_dsl.campaign.store import Store
-from foresee_dsl.campaign.upkeep import sweep
+from foresee_dsl.campaign.storage.maintenance import sweep
+from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.cli import app
+from tests.support.small_campaign import campaign, published, write_project
 
 OPTIONS = ("--driver", "idm", "--before", "3", "--after", "3", "--risky-points", "2")
 WHOLE = [3, 3, 3, 3, 12]

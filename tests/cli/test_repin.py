@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from repin_project import Repository
+
+from tests.support.repin_project import Repository
 
 FORESEE = Path(sys.executable).parent / "foresee"
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foresee_dsl.compile.aside import LINE_OVER_M, moved_aside
-from foresee_dsl.compile.polyline import Polyline
+from foresee_dsl.compile.placement.lateral_offset import LINE_OVER_M, moved_aside
+from foresee_dsl.compile.roads.polyline import Polyline
 
 
 def test_it_goes_over_from_where_it_is_and_stays_beside() -> None:

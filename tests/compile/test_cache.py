@@ -3,12 +3,12 @@
 import threading
 
 import pytest
-from built_networks import four_arms
 
 from foresee_dsl.compile import cache
 from foresee_dsl.compile.cache import cached_net, content_key
-from foresee_dsl.compile.network import build_network
+from foresee_dsl.compile.nets.written_network import build_network
 from foresee_dsl.errors import CompileError
+from tests.support.built_networks import four_arms
 
 
 @pytest.fixture(autouse=True)

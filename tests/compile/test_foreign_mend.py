@@ -6,17 +6,17 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from built_networks import four_arms
 
-from foresee_dsl.compile.foreign import foreign_net
-from foresee_dsl.compile.foreign_crosswalks import crosswalks_of
-from foresee_dsl.compile.foreign_mend import mend_overlaps
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.netconvert import run_netconvert
-from foresee_dsl.compile.network import build_network
-from foresee_dsl.compile.programs import fix_times
-from foresee_dsl.compile.signals import read_signals
+from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
+from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.netconvert import run_netconvert
+from foresee_dsl.compile.nets.signal_programs import fix_times
+from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.errors import CompileError
+from tests.support.built_networks import four_arms
 
 LANES = """<net>
   <edge id=":j_0" function="internal"><lane id=":j_0_0" index="0" length="7.00" shape="50.00,0.00 43.00,0.00"/></edge>

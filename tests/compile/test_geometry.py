@@ -6,17 +6,17 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from built_networks import four_arms
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_worlds import PLAIN, net_of
 
-from foresee_dsl.compile.foreign import foreign_net
-from foresee_dsl.compile.geometry import RoadNetwork, RouteError
-from foresee_dsl.compile.polyline import Polyline
-from foresee_dsl.compile.walkways import walkways
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork, RouteError
+from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import EdgeRoute, Leg, Route
+from tests.support.built_networks import four_arms
+from tests.support.small_worlds import PLAIN, net_of
 
 HALF_LANE = 1.65
 

@@ -3,15 +3,15 @@
 import math
 
 import pytest
-from built_networks import four_arms, point
 from shapely import Polygon
-from small_worlds import EGO, net_of, problems_of, scene_of
 
-from foresee_dsl.compile.checks import footprint
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.network import build_network
+from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.compile.placement.checks import footprint
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building
+from tests.support.built_networks import four_arms, point
+from tests.support.small_worlds import EGO, net_of, problems_of, scene_of
 
 WALKER = "pedestrian walker: pedestrian.adult {{ path [{}] }}\n"
 STREET = four_arms(median=0, via=(), parking=2.2)

@@ -9,9 +9,9 @@ import shapely
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Doc, End, Quantity
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.resources import data_folder
 
 FAMILIES = {"3": 16, "4": 46, "7": 19, "8": 19, "9": 20}

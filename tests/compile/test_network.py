@@ -4,7 +4,14 @@ import math
 from pathlib import Path
 
 import pytest
-from built_networks import (
+
+from foresee_dsl.compile.nets.netconvert import run_netconvert, tool_version, without_header
+from foresee_dsl.compile.nets.written_network import build_network, shift_right
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.model import Doc, Network, Ref
+from foresee_dsl.language.parser import parse
+from foresee_dsl.resources import data_folder
+from tests.support.built_networks import (
     dead_ends,
     drive_everywhere,
     four_arms,
@@ -16,13 +23,6 @@ from built_networks import (
     stage,
     t_junction,
 )
-
-from foresee_dsl.compile.netconvert import run_netconvert, tool_version, without_header
-from foresee_dsl.compile.network import build_network, shift_right
-from foresee_dsl.errors import CompileError
-from foresee_dsl.language.model import Doc, Network, Ref
-from foresee_dsl.language.parser import parse
-from foresee_dsl.resources import data_folder
 
 
 @pytest.fixture(scope="module")

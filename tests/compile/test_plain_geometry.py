@@ -7,12 +7,12 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_worlds import PLAIN, net_of
 
-from foresee_dsl.compile.checks import common_area
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.netcache import read_net_once
-from foresee_dsl.compile.polyline import Polyline
+from foresee_dsl.compile.nets.net_cache import read_net_once
+from foresee_dsl.compile.placement.checks import common_area
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.polyline import Polyline
+from tests.support.small_worlds import PLAIN, net_of
 
 near = st.floats(-6, 6)
 

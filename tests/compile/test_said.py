@@ -8,7 +8,7 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 
 TEXT = """foresee 1
 

@@ -3,7 +3,12 @@
 from pathlib import Path
 
 import pytest
-from built_networks import (
+
+from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, read_links, read_signals
+from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.model import Network
+from tests.support.built_networks import (
     drive_everywhere,
     ends_of,
     four_arms,
@@ -13,11 +18,6 @@ from built_networks import (
     stage,
     t_junction,
 )
-
-from foresee_dsl.compile.network import build_network
-from foresee_dsl.compile.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, read_links, read_signals
-from foresee_dsl.errors import CompileError
-from foresee_dsl.language.model import Network
 
 TOWN03 = Path(__file__).parents[3] / "shared" / "data" / "carla" / "maps" / "net" / "Town03.net.xml"
 

@@ -4,12 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from built_networks import four_arms
 from shapely import Polygon
-from small_worlds import EGO, PLAIN, net_of, scene_of
 
-from foresee_dsl.compile.checks import footprint
-from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.placement.checks import footprint
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from tests.support.built_networks import four_arms
+from tests.support.small_worlds import EGO, PLAIN, net_of, scene_of
 
 NETWORK = four_arms(median=0, via=())
 

@@ -3,11 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import EAST, SOUTH, make_trace, straight, until
-from situations import Actor, case_of, crossing, q, risky, walker
 
-from foresee_dsl.derive.clip import clip, goal
-from foresee_dsl.derive.snapshot import edges_driven, has_passed, remaining_route
+from foresee_dsl.derive.clipping.clip import clip, goal
+from foresee_dsl.derive.clipping.snapshot import edges_driven, has_passed, remaining_route
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import (
     ChangesLane,
@@ -36,6 +34,8 @@ from foresee_dsl.language.model import (
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.simulate.trace import Event
+from tests.support.handmade_traces import EAST, SOUTH, make_trace, straight, until
+from tests.support.situations import Actor, case_of, crossing, q, risky, walker
 
 
 def cut(trace, at_s=11.0, actor="runner", case=None, before_s=5.0, after_s=5.0):

@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import EAST, make_trace, straight, until
-from situations import case_of, crossing, risky
 
-from foresee_dsl.derive.clip import clip
-from foresee_dsl.derive.fidelity import deviation, with_fidelity
+from foresee_dsl.derive.clipping.clip import clip
+from foresee_dsl.derive.clipping.fidelity import deviation, with_fidelity
 from foresee_dsl.language.model import Fidelity, Quantity
+from tests.support.handmade_traces import EAST, make_trace, straight, until
+from tests.support.situations import case_of, crossing, risky
 
 
 def window(trace, first, last):

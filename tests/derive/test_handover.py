@@ -10,27 +10,27 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nets import COMPACT
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import RecordedState
-from foresee_dsl.derive.clip import DRIVES_S, RECORDED_EVERY_S, clip
-from foresee_dsl.derive.fidelity import Deviation, deviation, with_fidelity
+from foresee_dsl.derive.clipping.clip import DRIVES_S, RECORDED_EVERY_S, clip
+from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import expand_clip, expanded_model
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Clip, Ego, Recorded
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.dynamics import Bicycle, BicycleState, front_of, limits_of
-from foresee_dsl.simulate.handover import handed_over
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip, expanded_model
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, front_of, limits_of
+from foresee_dsl.simulate.actors.handover import handed_over
+from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
-from foresee_dsl.simulate.verdict import RunResult
+from tests.support.nets import COMPACT
 
 MOTION = Bicycle(limits_of(COMPACT))
 

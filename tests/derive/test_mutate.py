@@ -3,20 +3,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import EAST, NORTH, Track, make_trace, straight
-from situations import MODELS, case_of, crossing, q, risky, walker
 
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.derive.clip import clip
+from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import Operator, operators
 from foresee_dsl.derive.presets import FOCUSED, PAPER, UnknownPresetError
 from foresee_dsl.derive.validity import fits
-from foresee_dsl.language.expand import expand_clip, expand_mutant
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.simulate.dynamics import GRAVITY_MPS2
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2
+from tests.support.handmade_traces import EAST, NORTH, Track, make_trace, straight
+from tests.support.situations import MODELS, case_of, crossing, q, risky, walker
 
 
 def cut(trace, actor, at_s):

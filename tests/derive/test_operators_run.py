@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.derive.clip import clip
+from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.presets import FOCUSED
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import expand_clip, expand_mutant
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Actor, Change, Clip, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 

@@ -11,16 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nets import COMPACT, build_grid
-from scenes import Cruise, LaneKeeper, Town
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.derive.preventability import Preventable, assess_bundle, contact
-from foresee_dsl.derive.preventability_replay import Replay
+from foresee_dsl.derive.preventability.replay import Replay
 from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
-from foresee_dsl.simulate.verdict import RunResult, Verdict
+from tests.support.nets import COMPACT, build_grid
+from tests.support.scenes import Cruise, LaneKeeper, Town
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 DELAY_S = 0.4 + 0.75

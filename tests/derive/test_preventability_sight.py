@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from nets import VAN, build_grid
-from scenes import Cruise, Town
 
-from foresee_dsl.derive.preventability_sight import in_view, sight_of
+from foresee_dsl.derive.preventability.sight import in_view, sight_of
 from foresee_dsl.simulate.runner import run
+from tests.support.nets import VAN, build_grid
+from tests.support.scenes import Cruise, Town
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 

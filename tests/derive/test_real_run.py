@@ -3,17 +3,17 @@
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.derive.clip import clip
-from foresee_dsl.derive.fidelity import deviation, with_fidelity
+from foresee_dsl.derive.clipping.clip import clip
+from foresee_dsl.derive.clipping.fidelity import deviation, with_fidelity
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.forecast.registry import load_ranker
-from foresee_dsl.language.expand import expand_clip, expand_mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.verdict import Verdict
 
 
 def drive(case):

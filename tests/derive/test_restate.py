@@ -10,7 +10,7 @@ from itertools import takewhile
 
 import pytest
 
-from foresee_dsl.derive.restate import Moment, restated
+from foresee_dsl.derive.clipping.conditions import Moment, restated
 from foresee_dsl.language.conditions import parts
 from foresee_dsl.language.model import (
     Both,
@@ -26,7 +26,7 @@ from foresee_dsl.language.model import (
     Within,
 )
 from foresee_dsl.language.printing.phrases import condition as text_of
-from foresee_dsl.simulate.watch import Run
+from foresee_dsl.simulate.triggers.condition_history import Run
 
 FRAMES = 50
 SINCE = re.compile(r" since -?[0-9.]+ s")

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.derive.clip import clip
-from foresee_dsl.derive.fidelity import Deviation, deviation
+from foresee_dsl.derive.clipping.clip import clip
+from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import expand_clip
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
 

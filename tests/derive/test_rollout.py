@@ -1,14 +1,14 @@
 import math
 
 import pytest
-from handmade import EAST, NORTH, make_trace, straight
-from situations import MODELS, q, walker
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.rollout import predicted_gap_m
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.language.model import Change
-from foresee_dsl.simulate.collision import pairwise_box_distance
+from foresee_dsl.simulate.results.collision import pairwise_box_distance
+from tests.support.handmade_traces import EAST, NORTH, make_trace, straight
+from tests.support.situations import MODELS, q, walker
 
 SPECS = {name: spec_of(model) for name, model in MODELS.items()}
 # The ego drives east at 5 m/s; the other crosses x = 50 northward and is on the ego's way after 12 s, 2 s too late.

@@ -15,20 +15,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import SEDAN, STEP_S, crossing_foe, line, mission
 from shapely import Polygon, affinity, box
 
-from foresee_dsl.drivers import compiled as compiled_module
-from foresee_dsl.drivers import pdm_proposals, pdm_route, pdm_rules
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, compiled
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm_prediction import TIMES_S
-from foresee_dsl.drivers.pdm_reading import Prediction, read_situation
-from foresee_dsl.drivers.pdm_route import GRID_M, build_route
-from foresee_dsl.drivers.pdm_settings import CLEARANCE_M, COLLISION_MARGIN_M, PARTS
-from foresee_dsl.drivers.pdm_situation import EgoOnRoute
-from foresee_dsl.drivers.pdm_steps import Rollout, conflicts
+from foresee_dsl.drivers.pdm import proposals as pdm_proposals
+from foresee_dsl.drivers.pdm import route as pdm_route
+from foresee_dsl.drivers.pdm import rules as pdm_rules
+from foresee_dsl.drivers.pdm.prediction import TIMES_S
+from foresee_dsl.drivers.pdm.reading import Prediction, read_situation
+from foresee_dsl.drivers.pdm.route import GRID_M, build_route
+from foresee_dsl.drivers.pdm.settings import CLEARANCE_M, COLLISION_MARGIN_M, PARTS
+from foresee_dsl.drivers.pdm.situation import EgoOnRoute
+from foresee_dsl.drivers.pdm.steps import Rollout, conflicts
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
+from foresee_dsl.kernels import compiling as compiled_module
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled
+from tests.support.driving import SEDAN, STEP_S, crossing_foe, line, mission
 
 DRIVERS = Path(str(compiled_module.__file__)).parent
 KERNELS = [f.stem for f in sorted(DRIVERS.glob("*.py")) if "@compiled(" in f.read_text(encoding="utf-8")]
@@ -36,7 +38,7 @@ STRAIGHT = math.inf
 PLAIN = """
 import pickle, sys
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm_decision import decide
+from foresee_dsl.drivers.pdm.decision import decide
 assert not hasattr(decide, "py_func")  # not compiled
 task, vehicle, observations = pickle.load(sys.stdin.buffer)
 driver = PdmDriver()
@@ -178,7 +180,7 @@ def _names(tree: ast.AST) -> set[str]:
 def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Path) -> None:
     module = tmp_path / "kernels.py"
     module.write_text(
-        "from foresee_dsl.drivers.compiled import FLOAT, compiled\n@compiled(FLOAT)\ndef half(x):\n    return x / 2\n",
+        "from foresee_dsl.kernels.compiling import FLOAT, compiled\n@compiled(FLOAT)\ndef half(x):\n    return x / 2\n",
         encoding="utf-8",
     )
     ask = "import kernels; assert kernels.half(5.0) == 2.5; print(sum(kernels.half.stats.cache_hits.values()))"
@@ -193,7 +195,7 @@ def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Pat
 
 def test_a_kernel_is_compiled_anew_when_a_file_that_it_is_made_of_changes(tmp_path: Path) -> None:
     (tmp_path / "kernels.py").write_text(
-        "from foresee_dsl.drivers.compiled import FLOAT, compiled\nfrom part_one import FACTOR\n"
+        "from foresee_dsl.kernels.compiling import FLOAT, compiled\nfrom part_one import FACTOR\n"
         "@compiled(FLOAT, made_of='part_*.py')\ndef times(x):\n    return x * FACTOR\n",
         encoding="utf-8",
     )

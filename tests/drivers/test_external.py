@@ -17,23 +17,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import SEDAN, line, mission
 from hypothesis import given
 from hypothesis import strategies as st
-from towns import drive_through, town
 
 from foresee_dsl.campaign.steps import clip_around, measure_clip, mutate_file, run_test_case
 from foresee_dsl.campaign.verify import Status, verify_files
 from foresee_dsl.drivers.external import ExternalDriver
-from foresee_dsl.drivers.external_messages import plain, read_control, read_ready, reset_line, step_line
-from foresee_dsl.drivers.external_process import LONGEST_LINE
+from foresee_dsl.drivers.external.messages import plain, read_control, read_ready, reset_line, step_line
+from foresee_dsl.drivers.external.process import LONGEST_LINE
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver, recorded_address, recorded_driver
 from foresee_dsl.errors import DriverError
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
+from tests.support.driving import SEDAN, line, mission
+from tests.support.towns import drive_through, town
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = f"external:{sys.executable} {ROOT / 'docs' / 'examples' / 'external_driver.py'}"
@@ -380,7 +380,7 @@ PARENT = """
 import sys, time
 from foresee_dsl.drivers.registry import load_driver
 sys.path.insert(0, {tests!r})
-from bench import SEDAN, line, mission
+from tests.support.driving import SEDAN, line, mission
 driver = load_driver({address!r})
 driver.reset(mission(line((60, float("inf")))), SEDAN, 0)
 print(driver._program.pid, flush=True)
@@ -398,7 +398,7 @@ print(driver._program.pid, flush=True)
     ],
 )
 def test_the_program_ends_with_its_parent(program: Write, then: str, how: int | None) -> None:
-    text = PARENT.format(tests=str(Path(__file__).parent), address=program(CHILDREN), then=then)
+    text = PARENT.format(tests=str(ROOT), address=program(CHILDREN), then=then)
     pipe = subprocess.PIPE
     parent = subprocess.Popen([sys.executable, "-c", text], stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
     try:

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import SEDAN, STEP_S, Run, Script, drive, line, mission, moving, standing
-from towns import drive_through, town
 
 from foresee_dsl.drivers.frenetix import FrenetixDriver
-from foresee_dsl.drivers.frenetix_plan import TIMES_S, Frenet, braking_plan
-from foresee_dsl.drivers.frenetix_reference import make_window, window_number
-from foresee_dsl.drivers.pdm_route import build_route
+from foresee_dsl.drivers.frenetix.plan import TIMES_S, Frenet, braking_plan
+from foresee_dsl.drivers.frenetix.reference import make_window, window_number
+from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Mission, Observation
 from foresee_dsl.drivers.registry import describe_drivers, load_driver
 from foresee_dsl.errors import DriverError
-from foresee_dsl.simulate.dynamics import BicycleState
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.actors.dynamics import BicycleState
+from foresee_dsl.simulate.results.verdict import Verdict
+from tests.support.driving import SEDAN, STEP_S, Run, Script, drive, line, mission, moving, standing
+from tests.support.towns import drive_through, town
 
 pytest.importorskip("frenetix", reason="the package frenetix has no wheel for this platform")
 
@@ -74,7 +74,7 @@ def test_without_its_package_it_is_listed_with_what_to_install(monkeypatch: pyte
     ],
 )
 def test_how_long_a_stop_takes(v: float, a: float, way: float, by_hand: float | None) -> None:
-    from foresee_dsl.drivers.frenetix_planner import stop_time, travel
+    from foresee_dsl.drivers.frenetix.planner import stop_time, travel
 
     state = Frenet(0.0, v, a, 0.0, 0.0, 0.0)
     time = stop_time(state, way)

@@ -9,21 +9,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import SEDAN, crossing_foe, drive, line, mission, moving, standing
-from senses import Sensed
-from towns import drive_through, town
 
-from foresee_dsl.drivers import idm_model as model
-from foresee_dsl.drivers.idm import EMERGENCY_TTC_S, IdmDriver
-from foresee_dsl.drivers.idm_traffic import Others, giving_way, leader, read_others, time_to_collision
-from foresee_dsl.drivers.pdm_reading import read_situation
-from foresee_dsl.drivers.pdm_route import build_route
+from foresee_dsl.drivers.idm import EMERGENCY_TTC_S, IdmDriver, model
+from foresee_dsl.drivers.idm.traffic import Others, giving_way, leader, read_others, time_to_collision
+from foresee_dsl.drivers.pdm.reading import read_situation
+from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
-from foresee_dsl.simulate.dynamics import BicycleState
+from foresee_dsl.simulate.actors.dynamics import BicycleState
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import SPEED
-from foresee_dsl.simulate.verdict import Verdict
+from tests.support.driving import SEDAN, crossing_foe, drive, line, mission, moving, standing
+from tests.support.senses import Sensed
+from tests.support.towns import drive_through, town
 
 STRAIGHT = math.inf
 LIMIT = 50 / 3.6

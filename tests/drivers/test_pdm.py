@@ -9,24 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import (
-    SEDAN,
-    STEP_S,
-    Run,
-    Script,
-    crossing_foe,
-    drive,
-    line,
-    mission,
-    moving,
-    standing,
-)
-from senses import Sensed
 
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm_foes import CROSSED, HAS_PRIORITY
-from foresee_dsl.drivers.pdm_route import build_route
-from foresee_dsl.drivers.pdm_signals import SignalMemory
+from foresee_dsl.drivers.pdm.foes import CROSSED, HAS_PRIORITY
+from foresee_dsl.drivers.pdm.route import build_route
+from foresee_dsl.drivers.pdm.signals import SignalMemory
 from foresee_dsl.drivers.protocol import (
     Control,
     Driver,
@@ -39,7 +26,20 @@ from foresee_dsl.drivers.protocol import (
     VehicleLimits,
 )
 from foresee_dsl.errors import DriverError
-from foresee_dsl.simulate.dynamics import BicycleState
+from foresee_dsl.simulate.actors.dynamics import BicycleState
+from tests.support.driving import (
+    SEDAN,
+    STEP_S,
+    Run,
+    Script,
+    crossing_foe,
+    drive,
+    line,
+    mission,
+    moving,
+    standing,
+)
+from tests.support.senses import Sensed
 
 STRAIGHT = math.inf
 LIMIT = 50 / 3.6

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from senses import blurred
 
 from foresee_dsl.drivers.protocol import EgoState, Observation, SeenActor
 from foresee_dsl.drivers.tracking import COAST_S, DOUBT_MPS, STANDING_COAST_S, Tracker, Tracks
+from tests.support.senses import blurred
 
 STEP_S = 0.05
 LATENCY_S = 0.1

@@ -10,9 +10,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from editor_client import FORESEE, PATIENCE_S
 from lsprotocol import types
 from pygls.lsp.client import LanguageClient
+
+from tests.support.editor_client import FORESEE, PATIENCE_S
 
 
 def test_over_a_port(tmp_path: Path) -> None:

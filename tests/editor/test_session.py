@@ -6,9 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from editor_client import Editor, applied, at, session
 from lsprotocol import types
 from pygls.exceptions import JsonRpcException
+
+from tests.support.editor_client import Editor, applied, at, session
 
 TOWN = "networks/town.foresee"
 RUDE = """foresee 1

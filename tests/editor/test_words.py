@@ -133,7 +133,7 @@ def test_highlighting_keeps_every_character() -> None:
 
 def test_the_language_does_not_pull_in_what_editors_need() -> None:
     code = (
-        "import sys, foresee_dsl.language.project, foresee_dsl.language.parser\n"
+        "import sys, foresee_dsl.language.project.loading, foresee_dsl.language.parser\n"
         "from foresee_dsl.editor.highlight import show; show('')\n"
         "print([m for m in ('pygls', 'lsprotocol', 'pygments', 'rich', 'numpy') if m in sys.modules])"
     )

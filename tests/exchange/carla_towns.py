@@ -15,15 +15,15 @@ from rich.console import Console
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.compile.routeline import Passage
+from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.registry import load_driver
-from foresee_dsl.exchange import carla as carla_import
+from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.outcome import Imported
-from foresee_dsl.language.document import TestCase
 from foresee_dsl.language.model import Ego, End, Expect, Predicate, Scenario, Traffic
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.verdict import RunResult
 
 MAPS = {
     "Town10HD": "xodr/Town10HD.xodr",

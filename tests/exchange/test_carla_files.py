@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.exchange.carla_files import pose_of, read_routes, read_triggers, read_vtypes, town_of
-from foresee_dsl.exchange.carla_models import catalogue_of, ego_of, mix_of, vehicles_of
+from foresee_dsl.exchange.carla.files import pose_of, read_routes, read_triggers, read_vtypes, town_of
+from foresee_dsl.exchange.carla.models import catalogue_of, ego_of, mix_of, vehicles_of
 
 ROUTE = '<route id="{id}" town="Town77">{points}</route>'
 POINT = '<waypoint x="{x}" y="{y}" z="0.0" pitch="0.0" roll="0.0" yaw="{yaw}"/>'

@@ -9,21 +9,21 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_town import carla_place, small_town, write_routes, write_triggers
 
 from foresee_dsl.compile import compile_test_case, placement_mistakes
-from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.exchange import carla as carla_import
-from foresee_dsl.exchange.carla_files import Pose
-from foresee_dsl.exchange.carla_net import prepared_net
+from foresee_dsl.exchange.carla import importer as carla_import
+from foresee_dsl.exchange.carla.files import Pose
+from foresee_dsl.exchange.carla.net import prepared_net
+from foresee_dsl.exchange.maps.places_on_net import lanes_at, through_of, way_between
 from foresee_dsl.exchange.outcome import Imported
-from foresee_dsl.exchange.places_on_net import lanes_at, through_of, way_between
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case, load_test_cases
+from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.runner import run
+from tests.support.small_town import carla_place, small_town, write_routes, write_triggers
 
 FORESEE = Path(sys.executable).parent / "foresee"
 WAYS = {"3": ("south", "north_back"), "4": ("south", "east_back"), "7": ("south", "north_back")}

@@ -8,14 +8,14 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from osc_files import XODR
 from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
-from foresee_dsl.exchange import carla as carla_import
-from foresee_dsl.exchange import carla_route
+from foresee_dsl.exchange.carla import exporter as carla_route
+from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.outcome import ExchangeError
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.language.project.loading import load_test_cases
+from tests.support.openscenario_files import XODR
 
 SCENARIO = """foresee 1
 
@@ -58,7 +58,7 @@ def test_a_route_begins_where_the_ego_is_and_ends_at_its_goal(tmp_path: Path) ->
 
 def test_a_moved_net_is_moved_back(tmp_path: Path) -> None:
     """A net's offset is what its coordinates were moved by: CARLA knows nothing of it."""
-    from foresee_dsl.compile.foreign import foreign_net
+    from foresee_dsl.compile.foreign.networks import foreign_net
 
     plain = carla_route.run([str(written(tmp_path))], out=tmp_path / "plain.xml").files[0].read_text()
     net = foreign_net(tmp_path / "Town77.xodr").read_text()

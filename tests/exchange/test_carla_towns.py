@@ -11,12 +11,12 @@ from carla_towns import MAPS, cases_of, drive_alone, import_town, passages, with
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.compile.foreign import foreign_net
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.routing import RouteError
-from foresee_dsl.exchange.carla_files import CarlaRoute, Pose, read_routes
-from foresee_dsl.exchange.places_on_net import Way, way_between
-from foresee_dsl.language.document import TestCase
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, read_routes
+from foresee_dsl.exchange.maps.places_on_net import Way, way_between
+from foresee_dsl.language.project.document import TestCase
 
 FAMILIES = {
     "Town10HD": {"3": 16, "4": 46, "7": 19, "8": 19, "9": 20},

@@ -10,22 +10,22 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from odd_maps import Road, write_map
-from small_town import write_routes, write_triggers
 
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.foreign import foreign_net
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.exchange import carla as carla_import
-from foresee_dsl.exchange import opendrive
-from foresee_dsl.exchange.carla_files import CarlaRoute, family_of, pose_of, read_routes, read_triggers, town_in
-from foresee_dsl.exchange.carla_journey import journey_of, strays
-from foresee_dsl.exchange.heights import Heights, bridges, flat_notes
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.exchange.carla import importer as carla_import
+from foresee_dsl.exchange.carla.files import CarlaRoute, family_of, pose_of, read_routes, read_triggers, town_in
+from foresee_dsl.exchange.carla.journey import journey_of, strays
+from foresee_dsl.exchange.maps import opendrive
+from foresee_dsl.exchange.maps.heights import Heights, bridges, flat_notes
+from foresee_dsl.exchange.maps.places_on_net import lanes_at, way_between
 from foresee_dsl.exchange.outcome import ExchangeError
-from foresee_dsl.exchange.places_on_net import lanes_at, way_between
-from foresee_dsl.language.catalogues import bundled_models
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.language.project.catalogues import bundled_models
+from foresee_dsl.language.project.loading import load_test_cases
+from tests.support.odd_maps import Road, write_map
+from tests.support.small_town import write_routes, write_triggers
 
 LOW = Road("7", -150, 0, 0, 300)
 OVER = ((0, 0, 0), (50, 0, 0.08), (125, 6, 0), (175, 6, -0.08), (250, 0, 0))
@@ -176,7 +176,7 @@ def test_places_on_the_way_are_driven_over(tmp_path: Path) -> None:
 
 def block(folder: Path) -> Path:
     """A net with two ways, by netconvert."""
-    from foresee_dsl.compile.netconvert import run_netconvert
+    from foresee_dsl.compile.nets.netconvert import run_netconvert
 
     nodes = {"w": (-100, 0), "a": (0, 0), "b": (200, 0), "e": (300, 0), "c": (0, 100), "d": (200, 100)}
     edges = {"in": "wa", "short": "ab", "out": "be", "down": "ac", "along": "cd", "up": "db"}

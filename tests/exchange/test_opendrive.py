@@ -12,8 +12,8 @@ import pytest
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.exchange import opendrive
-from foresee_dsl.language.project import load_test_cases
+from foresee_dsl.exchange.maps import opendrive
+from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.runner import run
 
 MAP = Path(__file__).parent / "hill_road.xodr"

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import fromstring
 
 import pytest
 
-from foresee_dsl.compile.foreign_geometry import RoadMap
+from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap
 from foresee_dsl.errors import CompileError
 
 

@@ -11,19 +11,21 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from osc_checker import issues
-from osc_files import XODR
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.exchange import openscenario_export, openscenario_import, openscenario_trajectories
-from foresee_dsl.exchange.openscenario_library import library
+from foresee_dsl.exchange.openscenario.reading import importer as openscenario_import
+from foresee_dsl.exchange.openscenario.writing import exporter as openscenario_export
+from foresee_dsl.exchange.openscenario.writing import trajectories as openscenario_trajectories
+from foresee_dsl.exchange.openscenario.writing.library import library
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.model import Mutant, Origin
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import HEADING, STEP_S, Trace, X, Y
+from tests.support.openscenario_checker import issues
+from tests.support.openscenario_files import XODR
 
 CROSSING = """foresee 1
 
@@ -217,8 +219,8 @@ def test_the_way_back_keeps_entities_times_and_places(scenario: Path, exported: 
 
 def test_the_map_is_where_the_net_is(scenario: Path, exported: Path) -> None:
     """Lanes of the map, read back, lie on those of the net that was driven on."""
-    from foresee_dsl.compile.foreign import foreign_net
-    from foresee_dsl.compile.geometry import RoadNetwork
+    from foresee_dsl.compile.foreign.networks import foreign_net
+    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 
     ours = compile_test_case(load_test_case(scenario)).network
     theirs = RoadNetwork.from_net(foreign_net(exported.with_suffix(".xodr")))

@@ -15,11 +15,11 @@ from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.exchange import openscenario_import
+from foresee_dsl.exchange.openscenario.reading import importer as openscenario_import
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language.model import When
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import SPEED, Y
 
 _TTC = '<TimeToCollisionCondition value="4" rule="lessThan" freespace="true" coordinateSystem="entity" ' \

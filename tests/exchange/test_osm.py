@@ -12,14 +12,14 @@ from typer.testing import CliRunner
 from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.foreign import foreign_net
-from foresee_dsl.compile.geometry import RoadNetwork
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.exchange import osm, sumo
+from foresee_dsl.exchange.maps import osm, sumo
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language.model import AlongEdge, Ego, GoalAt, StartAt
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
 
 TOWN = Path(__file__).parent / "small_town.osm"
 

@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
-from handmade import EAST, NORTH, WEST, make_trace, straight
 
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.baselines import ExhaustiveRanker, ProximityRanker, RandomRanker
 from foresee_dsl.forecast.foresee import ForeseeRanker
 from foresee_dsl.forecast.protocol import Ranker
 from foresee_dsl.forecast.registry import load_ranker, ranker_names
+from tests.support.handmade_traces import EAST, NORTH, WEST, make_trace, straight
 
 EGO = straight("car", 0, 0, EAST, 5)
 TRACE = make_trace(

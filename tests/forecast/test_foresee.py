@@ -3,10 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import EAST, NORTH, SOUTH, WEST, make_trace, straight
 
 from foresee_dsl.forecast.foresee import ForeseeRanker, _Egos, close_encounters
 from foresee_dsl.forecast.settings import ForeseeSettings
+from tests.support.handmade_traces import EAST, NORTH, SOUTH, WEST, make_trace, straight
 
 # The ego drives east along y = 0 at 5 m/s from x = 0; it is at x = 50 after 10 s.
 EGO = straight("car", 0, 0, EAST, 5)

@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from handmade import EAST, WEST, make_trace, straight, until
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,6 +13,7 @@ from foresee_dsl.forecast.geometry import (
     paths_cut,
     thinned_path,
 )
+from tests.support.handmade_traces import EAST, WEST, make_trace, straight, until
 
 
 def minima(values, within=10.0, prominence=0.1):

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from handmade import EAST, NORTH, make_trace, straight, until
 from shapely import LineString, Point, Polygon
 
 from foresee_dsl.forecast import path_kernels
@@ -25,7 +24,8 @@ from foresee_dsl.forecast.geometry import (
     paths_cut,
 )
 from foresee_dsl.simulate import footprint_kernels, line_kernels
-from foresee_dsl.simulate.collision import corners, pairwise_box_distance
+from foresee_dsl.simulate.results.collision import corners, pairwise_box_distance
+from tests.support.handmade_traces import EAST, NORTH, make_trace, straight, until
 
 
 def winding(rng: np.random.Generator, pieces: int) -> np.ndarray:

@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from examples_at_work import found_in
 
-from foresee_dsl.language import lint_codes, project_codes
-from foresee_dsl.language.codes import Code
-from foresee_dsl.language.examples import FRAMES
+from foresee_dsl.language.codes.code import Code, lint_codes, project_codes
+from foresee_dsl.language.codes.examples import FRAMES
 from foresee_dsl.report.codes import every_code
+from tests.support.examples_at_work import found_in
 
 CODES = every_code()
 NO_EXAMPLE = {"FS001", "FS020", "FS134"}

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from meaning_examples import SCENARIO, q
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.concretise import cases, concretise
-from foresee_dsl.language.document import Document
+from foresee_dsl.language.codes.project_codes import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
 from foresee_dsl.language.model import (
     Actor,
     Assignment,
@@ -24,7 +22,9 @@ from foresee_dsl.language.model import (
     Tags,
     When,
 )
-from foresee_dsl.language.project_codes import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
+from foresee_dsl.language.project.concretise import cases, concretise
+from foresee_dsl.language.project.document import Document
+from tests.support.meaning_examples import SCENARIO, q
 
 
 def refs(value: object) -> list[Ref]:

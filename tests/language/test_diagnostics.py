@@ -10,16 +10,16 @@ import time
 from pathlib import Path
 
 import pytest
-from examples_at_work import pin_by_hand
 
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError, Span
-from foresee_dsl.language.checked_files import check_paths
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.diagnostics import render_all, render_concise, render_full, to_json
+from foresee_dsl.language.codes import CODES
+from foresee_dsl.language.messages.diagnostics import render_all, render_concise, render_full, to_json
 from foresee_dsl.language.parser import load, parse
-from foresee_dsl.language.registry import CODES
+from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.report.codes import every_code, joined
+from tests.support.examples_at_work import pin_by_hand
 
 CASES = Path(__file__).parents[1] / "cases" / "language"
 ERRORS = sorted((CASES / "errors").glob("*.foresee"))

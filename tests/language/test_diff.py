@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from meaning_examples import SCENARIO, case_of, change, clip_of, model, mutant_of, q
 
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.concretise import concretise
 from foresee_dsl.language.diff import (
     apply,
     compare_addresses,
@@ -21,7 +19,6 @@ from foresee_dsl.language.diff import (
     texts,
     to_dict,
 )
-from foresee_dsl.language.expand import expand_clip, expand_mutant, expanded_model
 from foresee_dsl.language.model import (
     Catalogue,
     Definition,
@@ -36,6 +33,9 @@ from foresee_dsl.language.model import (
     Weather,
 )
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.concretise import concretise
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant, expanded_model
+from tests.support.meaning_examples import SCENARIO, case_of, change, clip_of, model, mutant_of, q
 
 
 def lines(a: Definition, b: Definition) -> list[str]:

@@ -25,9 +25,8 @@ from foresee_dsl.language.diff import (
 )
 from foresee_dsl.language.diff.matching import signature
 from foresee_dsl.language.meaning import meaning_hash
-
-from .strategies import any_definition
-from .variations import varied
+from tests.support.strategies import any_definition
+from tests.support.variations import varied
 
 EXAMPLES = 320
 """How many models are compared with others in CI: each with four of its variations, and one more for `git diff`."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.concretise import concretise
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.concretise import concretise
 
 TEXT = """foresee 1
 

@@ -5,12 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from meaning_examples import MODELS, NETWORK, SCENARIO, case_of, change, clip_of, mutant_of, point, q, state
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.concretise import concretise
-from foresee_dsl.language.document import Document, TestCase
-from foresee_dsl.language.expand import expand_clip, expand_mutant, expanded_model
+from foresee_dsl.language.codes.project_codes import (
+    BAD_CHANGE,
+    EMPTY_WINDOW,
+    INCOMPLETE_CLIP,
+    UNKNOWN_ACTOR,
+    UNKNOWN_MODEL,
+    UNKNOWN_PARAMETER,
+    WRONG_CLASS,
+    WRONG_WAS,
+)
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.model import (
     Actor,
@@ -35,15 +41,20 @@ from foresee_dsl.language.model import (
     When,
     Window,
 )
-from foresee_dsl.language.project_codes import (
-    BAD_CHANGE,
-    EMPTY_WINDOW,
-    INCOMPLETE_CLIP,
-    UNKNOWN_ACTOR,
-    UNKNOWN_MODEL,
-    UNKNOWN_PARAMETER,
-    WRONG_CLASS,
-    WRONG_WAS,
+from foresee_dsl.language.project.concretise import concretise
+from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant, expanded_model
+from tests.support.meaning_examples import (
+    MODELS,
+    NETWORK,
+    SCENARIO,
+    case_of,
+    change,
+    clip_of,
+    mutant_of,
+    point,
+    q,
+    state,
 )
 
 PARENT = case_of(concretise(SCENARIO, "r02"))

@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.language.parser import format_text, parse
-
-from .layouts import moved
+from tests.support.layouts import moved
 
 ROOT = Path(__file__).parents[2]
 GOLDENS = sorted((ROOT / "tests" / "cases" / "language" / "fmt").glob("*.foresee"))

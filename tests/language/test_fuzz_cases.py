@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.diagnostics import render_concise
+from foresee_dsl.language.messages.diagnostics import render_concise
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.language.project import Project
+from foresee_dsl.language.project.loading import Project
 from tests.fuzz.oracle import Judge, peak_mb
 
 _SHOWN = 6

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.language.checked_files import check_paths
-from foresee_dsl.language.examples import FRAMES, example
+from foresee_dsl.language.codes.examples import FRAMES, example
 from foresee_dsl.language.lints.weaker import weaker
 from foresee_dsl.language.model import Expect, Scenario
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.report.codes import every_code
 
 HEAD = FRAMES["scenario"].text.partition("@")[0]

@@ -7,10 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
-from meaning_examples import MODELS, NETWORK, SCENARIO, case_of, clip_of, model, point, q
 
-from foresee_dsl.language.concretise import concretise
-from foresee_dsl.language.expand import expand_clip
 from foresee_dsl.language.meaning import clip_pin, meaning_hash, models_named, pin_of, same_value
 from foresee_dsl.language.model import (
     Actor,
@@ -31,6 +28,9 @@ from foresee_dsl.language.model import (
     UseNetwork,
     Weather,
 )
+from foresee_dsl.language.project.concretise import concretise
+from foresee_dsl.language.project.expand import expand_clip
+from tests.support.meaning_examples import MODELS, NETWORK, SCENARIO, case_of, clip_of, model, point, q
 
 CONCRETE = concretise(SCENARIO, "r01")
 

@@ -9,25 +9,8 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.catalogues import bundled_models
-from foresee_dsl.language.diff import diff_addresses, render_text
-from foresee_dsl.language.document import Problem, TestCase
-from foresee_dsl.language.expand import expanded_model
-from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.model import Network, UseNetwork
-from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import (
-    STALE_PIN,
-    Project,
-    diagnose,
-    load_catalogue,
-    load_test_case,
-    load_test_cases,
-    parse_address,
-    recorded_children,
-    scenario_files,
-)
-from foresee_dsl.language.project_codes import (
+from foresee_dsl.language.codes import CODES
+from foresee_dsl.language.codes.project_codes import (
     BAD_ADDRESS,
     MISSING_FILE,
     OUTSIDE,
@@ -42,7 +25,24 @@ from foresee_dsl.language.project_codes import (
     WRONG_KIND,
     WRONG_WAS,
 )
-from foresee_dsl.language.registry import CODES
+from foresee_dsl.language.diff import diff_addresses, render_text
+from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.model import Network, UseNetwork
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.catalogues import bundled_models
+from foresee_dsl.language.project.document import Problem, TestCase
+from foresee_dsl.language.project.expand import expanded_model
+from foresee_dsl.language.project.loading import (
+    STALE_PIN,
+    Project,
+    diagnose,
+    load_catalogue,
+    load_test_case,
+    load_test_cases,
+    parse_address,
+    recorded_children,
+    scenario_files,
+)
 
 SAMPLES = Path(__file__).parent.parent / "cases" / "language"
 

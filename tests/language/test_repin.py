@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from repin_project import Repository
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.language.project_codes import MISSING_FILE, STALE_PIN, WRONG_KIND, WRONG_WAS
+from foresee_dsl.language.codes.project_codes import MISSING_FILE, STALE_PIN, WRONG_KIND, WRONG_WAS
+from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.language.repinning.repin import State, plan, write
 from foresee_dsl.language.repinning.text import describe, summary
+from tests.support.repin_project import Repository
 
 
 @pytest.fixture

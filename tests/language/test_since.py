@@ -10,7 +10,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.model import Ref, Scenario, Sustained, When
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project import load_test_case
+from foresee_dsl.language.project.loading import load_test_case
 
 NETWORK = Path(__file__).parents[2] / "scenarios" / "networks" / "town.foresee"
 TEXT = f"""foresee 1

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from nets import build_grid
-from scenes import Town
+
+from tests.support.nets import build_grid
+from tests.support.scenes import Town
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,6 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from scenes import Cruise, LaneKeeper, Town
 
 from foresee_dsl.compile.bundle import PlacedActor, Steering, SumoBundle
 from foresee_dsl.language.model import (
@@ -24,9 +23,10 @@ from foresee_dsl.language.model import (
     Stops,
     When,
 )
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y
-from foresee_dsl.simulate.verdict import Verdict
+from tests.support.scenes import Cruise, LaneKeeper, Town
 
 NORTH = ("n10_n11", "n11_n12", "n12_n13")
 EAST = ("n01_n11", "n11_n21", "n21_n31")

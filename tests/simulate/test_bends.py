@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from nets import COMPACT, VAN
-from scenes import Cruise, Town
 
-from foresee_dsl.compile.polyline import Polyline
-from foresee_dsl.simulate.bends import TURNS_WITH, BendSpeeds, approached
-from foresee_dsl.simulate.dynamics import lateral_limit_mps2
-from foresee_dsl.simulate.followers import PathFollower
+from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH, BendSpeeds, approached
+from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
+from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, YAW_RATE
+from tests.support.nets import COMPACT, VAN
+from tests.support.scenes import Cruise, Town
 
 _ANGLES = np.linspace(-math.pi / 2, 0, 30)
 # 60 m east, a left turn of radius 20 m, 100 m north.

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from foresee_dsl.simulate.collision import (
+from foresee_dsl.simulate.results.collision import (
     Box,
     box_distance,
     box_distances,

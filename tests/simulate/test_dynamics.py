@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
-from foresee_dsl.simulate.dynamics import Bicycle, BicycleState, centre_of_front, front_of, limits_of
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, front_of, limits_of
 
 DT = 0.05
 SEDAN = VehicleLimits(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from nets import COMPACT
-from scenes import Cruise, LaneKeeper, Town
 
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.drivers.protocol import Control, Observation
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.verdict import RunResult, Verdict
+from tests.support.nets import COMPACT
+from tests.support.scenes import Cruise, LaneKeeper, Town
 
 EDGES = ("n01_n11", "n11_n21", "n21_n31")
 

@@ -8,7 +8,8 @@ from types import ModuleType
 
 import pytest
 
-from foresee_dsl.simulate import followers, traffic_kernels
+from foresee_dsl.simulate import traffic_kernels
+from foresee_dsl.simulate.actors.moved_actors import path_followers as followers
 
 
 @pytest.mark.parametrize("module", [traffic_kernels, followers], ids=lambda m: m.__name__.rpartition(".")[2])

@@ -7,11 +7,11 @@ import random
 
 import numpy as np
 import pytest
-from scenes import LaneKeeper, Town, snapshot
 
 from foresee_dsl.drivers.protocol import Control, Observation
-from foresee_dsl.simulate.on_road import on_road
+from foresee_dsl.simulate.results.drivable_area import on_road
 from foresee_dsl.simulate.runner import run
+from tests.support.scenes import LaneKeeper, Town, snapshot
 
 EAST = ("n01_n11", "n11_n21")
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nets import ADULT
-from scenes import Cruise, Town
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Steering
-from foresee_dsl.compile.polyline import Polyline
+from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
-from foresee_dsl.simulate.collision import Mover, pairwise_box_distance
-from foresee_dsl.simulate.dynamics import BicycleState
-from foresee_dsl.simulate.lookout import Hindrance, Lookout
+from foresee_dsl.simulate.actors.dynamics import BicycleState
+from foresee_dsl.simulate.actors.vehicle_ahead import Hindrance, Lookout
+from foresee_dsl.simulate.results.collision import Mover, pairwise_box_distance
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+from tests.support.nets import ADULT
+from tests.support.scenes import Cruise, Town
 
 CAR = VehicleLimits("car.compact", 4.0, 1.8, 2.6, 0.85, 45.0, 2.6, 4.5, 8.0, math.radians(35), math.radians(400), 0.9)
 STRAIGHT = Polyline.of([(0.0, 0.0), (600.0, 0.0)])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import pytest
-from scenes import Cruise, LaneKeeper, Town
 
 from foresee_dsl.language.model import Expect, Scenario, When
 from foresee_dsl.language.parser import parse
-from foresee_dsl.simulate.margins import Outcome, every, some
+from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.verdict import ExpectationResult
+from foresee_dsl.simulate.triggers.robustness import Outcome, every, some
+from tests.support.scenes import Cruise, LaneKeeper, Town
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 STANDS = ("n30_n20", "n20_n10")

@@ -1,18 +1,12 @@
 """The driver's mission: line, stop lines, signals and foes."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "compile"))
-
-from built_networks import four_arms, t_junction
-from small_worlds import EGO, PLAIN, case_of
-
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.simulate.mission import limits_of, mission_of
+from tests.support.built_networks import four_arms, t_junction
+from tests.support.small_worlds import EGO, PLAIN, case_of
 
 
 def mission(turn, start="south", network=PLAIN, more=""):

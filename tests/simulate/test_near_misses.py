@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from handmade import EAST, NORTH, SIZES, WEST, Track, make_trace, straight, until
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foresee_dsl.simulate.metrics import minimum_distance, pet
-from foresee_dsl.simulate.near_misses import HORIZON_S, NearMiss, near_misses
+from foresee_dsl.simulate.results.metrics import minimum_distance, pet
+from foresee_dsl.simulate.results.near_misses import HORIZON_S, NearMiss, near_misses
 from foresee_dsl.simulate.trace import STEP_S, Trace
+from tests.support.handmade_traces import EAST, NORTH, SIZES, WEST, Track, make_trace, straight, until
 
 STEP_OFF_MPS2 = 2.5
 

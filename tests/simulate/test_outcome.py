@@ -11,10 +11,18 @@ from hypothesis import strategies as st
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.drivers.protocol import VehicleLimits
-from foresee_dsl.simulate.collision import Mover, overlaps
-from foresee_dsl.simulate.dynamics import Bicycle, BicycleState
-from foresee_dsl.simulate.outcome import FLUSH_M, Decision, Judge, classify, contact_sides, impact, off_road_points
-from foresee_dsl.simulate.verdict import Verdict
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.results.collision import Mover, overlaps
+from foresee_dsl.simulate.results.outcome import (
+    FLUSH_M,
+    Decision,
+    Judge,
+    classify,
+    contact_sides,
+    impact,
+    off_road_points,
+)
+from foresee_dsl.simulate.results.verdict import Verdict
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 DEG = math.radians(1)

@@ -13,16 +13,14 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 import shapely
-from nets import ADULT, COMPACT
-from scenes import Cruise, Town
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import ActorKind, SumoBundle
-from foresee_dsl.compile.geometry import RoadNetwork
-from foresee_dsl.compile.roads import Lane
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.parts import Lane
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor, Views
-from foresee_dsl.language.project import load_test_case
-from foresee_dsl.simulate.dynamics import limits_of
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.actors.dynamics import limits_of
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.rasters import (
     BIRDS_EYE_CHANNELS,
@@ -43,6 +41,8 @@ from foresee_dsl.simulate.rasters.ground import GroundMap
 from foresee_dsl.simulate.rasters.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS, SIGNAL_HEADS_M
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import signals as heads
+from tests.support.nets import ADULT, COMPACT
+from tests.support.scenes import Cruise, Town
 
 ABOVE = {name: k for k, name in enumerate(BIRDS_EYE_CHANNELS)}
 AHEAD = {name: k for k, name in enumerate(FORWARD_CHANNELS)}

@@ -7,11 +7,11 @@ from dataclasses import replace
 from decimal import Decimal
 
 import pytest
-from scenes import LaneKeeper, Town, deviations, snapshot
 
 from foresee_dsl.language.model import ChangesLane, Comparison, Measure, Quantity, When
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.world import World
+from tests.support.scenes import LaneKeeper, Town, deviations, snapshot
 
 FAR = 1e9
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import Cruise, LaneKeeper, Town
 
 from foresee_dsl.drivers.protocol import Control, Observation
 from foresee_dsl.language.model import Comparison, Expect, Measure, Predicate, Quantity
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
 from foresee_dsl.simulate.trace import FIELDS, X
-from foresee_dsl.simulate.verdict import Verdict
+from tests.support.scenes import Cruise, LaneKeeper, Town
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 GREEN = (("n11", "phase_0", 0.0),)
@@ -165,7 +165,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from foresee_dsl.simulate.runner import run
-from scenes import LaneKeeper, Town
+from tests.support.scenes import LaneKeeper, Town
 town = Town(Path(sys.argv[2]), Path(sys.argv[3]))
 bundle = town.bundle([town.ego(("n01_n11", "n11_n21", "n21_n31"), 30.0), *town.traffic(11, 12)])
 print(run(bundle, LaneKeeper(5.0), seed=3).trace.digest)
@@ -175,6 +175,6 @@ print(run(bundle, LaneKeeper(5.0), seed=3).trace.digest)
 def test_the_same_in_another_process(town: Town, tmp_path: Path) -> None:
     bundle = town.bundle([town.ego(EAST, 30.0), *town.traffic(11, 12)])
     here = {run(bundle, LaneKeeper(5.0), seed=3).trace.digest for _ in range(2)}
-    command = [sys.executable, "-c", _AGAIN, str(Path(__file__).parent), str(town.net), str(town.types)]
+    command = [sys.executable, "-c", _AGAIN, str(Path(__file__).parents[2]), str(town.net), str(town.types)]
     there = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     assert here == {there.strip()}  # and nothing but the digest was printed

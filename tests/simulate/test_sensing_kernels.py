@@ -13,11 +13,11 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from nets import ADULT, COMPACT, CRATE, VAN
 
 from foresee_dsl.simulate.sensing import STANDARD, noise_kernels, object_kernels, sight_kernels
 from foresee_dsl.simulate.sensing.objects import ObjectList
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
+from tests.support.nets import ADULT, COMPACT, CRATE, VAN
 
 KERNELS = (noise_kernels, object_kernels, sight_kernels)
 HOUSES = (((10.0, 8.0), (30.0, 8.0), (30.0, 30.0), (10.0, 30.0)), ((-40.0, -30.0), (-15.0, -30.0), (-15.0, -9.0)))

@@ -8,19 +8,19 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from nets import COMPACT, VAN
-from scenes import Cruise, LaneKeeper, Town, snapshot
-from small_worlds import EGO, case_of, scene_of
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.protocol import Observation
 from foresee_dsl.language.model import Clip, Quantity, Window
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL, STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-from foresee_dsl.simulate.verdict import Verdict
+from tests.support.nets import COMPACT, VAN
+from tests.support.scenes import Cruise, LaneKeeper, Town, snapshot
+from tests.support.small_worlds import EGO, case_of, scene_of
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")
 LATE = replace(STANDARD, noise=NO_NOISE, dropouts=NO_DROPOUTS, localisation=EXACT)

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from scenes import Town
 
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.simulate.world import GHOST_TYPE, World
+from tests.support.scenes import Town
 
 
 def _world(town: Town, *more, **scene):  # type: ignore[no-untyped-def]  # actors and scene fields

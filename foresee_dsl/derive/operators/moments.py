@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from foresee_dsl.compile.polyline import Polyline
+from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.derive.operators.situation import Situation, drawn
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.derive.validity import touches_nobody
 from foresee_dsl.language.model import Change, Delay, Quantity, Timing, Walked
-from foresee_dsl.simulate.actors import STANDS_MPS
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 

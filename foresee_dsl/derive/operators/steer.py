@@ -7,11 +7,11 @@ import math
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.scene import DRY_FRICTION
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.derive.operators.situation import Situation, drawn
 from foresee_dsl.derive.presets import Preset, SteerSettings
 from foresee_dsl.language.model import Change, Quantity, Steers
-from foresee_dsl.simulate.dynamics import GRAVITY_MPS2, lateral_limit_mps2
+from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, lateral_limit_mps2
 from foresee_dsl.simulate.trace import STEP_S
 
 

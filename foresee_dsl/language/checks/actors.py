@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.findings import CLASSES, VEHICLE_CLASSES, Findings, walk
 from foresee_dsl.language.keywords import TAKEN
-from foresee_dsl.language.suggest import did_you_mean
+from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.syntax.nodes import CHANGEABLE
 
 _WAYS = ("route", "edge_route", "path")

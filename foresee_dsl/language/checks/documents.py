@@ -13,7 +13,7 @@ from foresee_dsl.language.checks.findings import Findings
 from foresee_dsl.language.checks.network import check_catalogue, check_network
 from foresee_dsl.language.checks.parameters import check_parameters
 from foresee_dsl.language.checks.values import check_values
-from foresee_dsl.language.document import Document
+from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import EXAMPLES, NOUNS
-from foresee_dsl.language.document import Document
+from foresee_dsl.language.codes.code import EXAMPLES, NOUNS
 from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 
 VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")

@@ -9,11 +9,11 @@ from typing import Any, get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.findings import Findings, fields_of, walk
-from foresee_dsl.language.codes import NOUNS
+from foresee_dsl.language.codes.code import NOUNS
+from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.printing.phrases import condition
 from foresee_dsl.language.printing.phrases import value as written
-from foresee_dsl.language.suggest import did_you_mean
 from foresee_dsl.language.units import Dimension
 
 _ALIASES: tuple[tuple[Any, Dimension], ...] = (

@@ -8,13 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.addresses import FOREIGN_NETWORKS, is_file, parse_address, shown
-from foresee_dsl.language.catalogues import entries
+from foresee_dsl.language.codes.project_codes import WRONG_KIND
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of, to_dict
 from foresee_dsl.language.diff.plain import texts
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import absolute, expanded_model
 from foresee_dsl.language.meaning import models_named
 from foresee_dsl.language.model import (
     Catalogue,
@@ -28,8 +25,11 @@ from foresee_dsl.language.model import (
     UseNetwork,
     VehicleModel,
 )
-from foresee_dsl.language.project import Project
-from foresee_dsl.language.project_codes import WRONG_KIND
+from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, is_file, parse_address, shown
+from foresee_dsl.language.project.catalogues import entries
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import absolute, expanded_model
+from foresee_dsl.language.project.loading import Project
 
 _Network = Network | Path | None
 _RUNS = (Scenario, Extension, Clip, Mutant)

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language import lint_codes
-from foresee_dsl.language.document import Document
+from foresee_dsl.language.codes import lint_codes
+from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.scan import Lines, Raw, scan
 
 _COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*')

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.document import TestCase
-from foresee_dsl.language.expand import absolute
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.project import Project
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import absolute
+from foresee_dsl.language.project.loading import Project
 
 COMMITS = 200
 """How many commits that touch the parent's files are looked through, newest first (ours: 60 ms each, measured)."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from foresee_dsl.language.diagnostics import render_all
 from foresee_dsl.language.diff import Difference, render_groups
+from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.repinning.repin import Child, State
 
 

@@ -18,7 +18,7 @@ from decimal import Decimal
 from fractions import Fraction
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.document import Document
+from foresee_dsl.language.codes.project_codes import TOO_FEW_DRAWS
 from foresee_dsl.language.model import (
     Assignment,
     Case,
@@ -34,7 +34,7 @@ from foresee_dsl.language.model import (
     Scenario,
     ScenarioItem,
 )
-from foresee_dsl.language.project_codes import TOO_FEW_DRAWS
+from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.sampling.requirements import holds, said
 from foresee_dsl.language.units import UNITS
 

@@ -11,8 +11,8 @@ from pydantic_core import ErrorDetails
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes import EXAMPLES, NOUNS
-from foresee_dsl.language.suggest import closest, unit_mend
+from foresee_dsl.language.codes.code import EXAMPLES, NOUNS
+from foresee_dsl.language.messages.suggest import closest, unit_mend
 from foresee_dsl.language.syntax.nodes import Mistake, Node
 from foresee_dsl.language.units import Dimension
 

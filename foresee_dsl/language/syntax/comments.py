@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from lark import Token
 
 from foresee_dsl.errors import Span
-from foresee_dsl.language.document import Comments
+from foresee_dsl.language.project.document import Comments
 from foresee_dsl.language.syntax.nodes import Key, Node
 
 _Place = tuple[int, int]

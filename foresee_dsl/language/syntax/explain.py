@@ -11,8 +11,8 @@ from typing import Any
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 from lark.lexer import PatternStr
 
-from foresee_dsl.language.codes import ACTION_USAGE, EXAMPLES, NOUNS, USAGE
-from foresee_dsl.language.suggest import closest
+from foresee_dsl.language.codes.code import ACTION_USAGE, EXAMPLES, NOUNS, USAGE
+from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.syntax.grammar import STARTS, statement_parser
 from foresee_dsl.language.units import UNITS, Dimension
 

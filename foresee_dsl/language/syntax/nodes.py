@@ -11,7 +11,7 @@ from lark import Token, Tree
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.suggest import did_you_mean
+from foresee_dsl.language.messages.suggest import did_you_mean
 
 _Tree = Tree[Token]
 _Child = _Tree | Token | None

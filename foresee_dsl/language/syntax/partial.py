@@ -12,9 +12,9 @@ from dataclasses import replace
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.document import Document
+from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model import Definition
-from foresee_dsl.language.suggest import closest
+from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan

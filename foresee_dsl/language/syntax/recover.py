@@ -13,9 +13,9 @@ from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
 from foresee_dsl.errors import Span
-from foresee_dsl.language.codes import USAGE
+from foresee_dsl.language.codes.code import USAGE
 from foresee_dsl.language.keywords import TAKEN
-from foresee_dsl.language.suggest import closest
+from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.syntax.explain import PLACES, Refusal
 from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH, Mistake

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.polyline import Points
+from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.simulate.rasters.birdseye import Pose
 from foresee_dsl.simulate.rasters.ground import GroundMap
 from foresee_dsl.simulate.rasters.layout import (

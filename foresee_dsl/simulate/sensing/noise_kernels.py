@@ -1,4 +1,4 @@
-"""Noise from hashes, compiled (`foresee_dsl.drivers.compiled` says what that asks for); `noise` says what it is."""
+"""Noise from hashes, compiled (`foresee_dsl.kernels.compiling` says what that asks for); `noise` says what it is."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import INT, INTS, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import INT, INTS, TABLE, compiled, inner
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

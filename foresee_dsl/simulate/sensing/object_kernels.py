@@ -1,4 +1,4 @@
-"""The rows of the object list, compiled (`foresee_dsl.drivers.compiled` says what that asks for).
+"""The rows of the object list, compiled (`foresee_dsl.kernels.compiling` says what that asks for).
 
 Sight, what is missed, and errors: one call a scan. Between two scans SUMO has thrown everything out of the processor's
 caches, so that a call costs more than what is reckoned in it.
@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, INT, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INT, TABLE, compiled, inner
 from foresee_dsl.simulate.sensing.noise_kernels import chance, error
 from foresee_dsl.simulate.sensing.sight_kernels import BOX_X, BOX_Y, GAP, WHO, find
 

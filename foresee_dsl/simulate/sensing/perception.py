@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
-from foresee_dsl.simulate.cast import Cast
+from foresee_dsl.simulate.actors.population import Cast
 from foresee_dsl.simulate.rasters import RunViews
 from foresee_dsl.simulate.rasters.layout import CAMERA_RANGE_M
 from foresee_dsl.simulate.sensing.noise import Streams

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.polyline import Points
+from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorSettings
 from foresee_dsl.simulate.sensing.sight_kernels import MARKS, clear_points, in_sight
 from foresee_dsl.simulate.sensing.walls import Walls

@@ -1,4 +1,4 @@
-"""Lines of sight past boxes and walls, compiled (`foresee_dsl.drivers.compiled` says what that asks for).
+"""Lines of sight past boxes and walls, compiled (`foresee_dsl.kernels.compiling` says what that asks for).
 
 All is relative to an eye at some height over a flat ground. A body hides a point when the straight line from the eye to
 the point runs through the body's footprint and, somewhere on that stretch, lower than the body's top. So a child
@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.compiled import FLOAT, FLOATS, TABLE, compiled, inner
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, TABLE, compiled, inner
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.polyline import Points
+from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.simulate.sensing.sight_kernels import walls_near
 
 FloatArray = NDArray[np.float64]

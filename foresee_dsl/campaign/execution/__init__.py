@@ -1,0 +1,1 @@
+"""How a campaign's tasks are run: worker processes here or on a Dask cluster."""

@@ -1,0 +1,235 @@
+"""A Dask cluster as the executor: a task of Dask is a batch of ours, run by the same isolated workers as here.
+
+A Dask worker runs no simulation itself. It starts a host (`campaign.execution.batch_host`), a process that keeps a pool
+of isolated workers; so what a driver does to its process never reaches Dask. The host ends with the Dask worker.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import os
+import pickle
+import queue
+import struct
+import subprocess
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from importlib import import_module
+from typing import IO, TYPE_CHECKING, Any
+
+from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Task, Update
+from foresee_dsl.errors import ForeseeError
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.execution.engine import RunOptions
+
+_TICK_S = 0.2
+"""How often `stop` is asked."""
+CONNECT_S = 10
+"""How long to wait for a scheduler. Ours: one that is there answers within a second."""
+
+
+class ClusterError(ForeseeError):
+    """The cluster cannot be reached, or `distributed` is not installed."""
+
+
+def dask(scheduler: str = "") -> Callable[[RunOptions], DaskExecutor]:
+    """Return what makes an executor on a cluster.
+
+    Args:
+        scheduler: the scheduler's address (`tcp://10.0.0.1:8786`), or "" for a cluster of processes here.
+    """
+    return lambda options: DaskExecutor(scheduler, jobs=options.jobs, memory_mb=options.limits.memory_mb)
+
+
+class DaskExecutor:
+    """Runs tasks on the workers of a Dask cluster."""
+
+    def __init__(self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = 4096) -> None:
+        """Connect.
+
+        Args:
+            scheduler: its address; "" starts a cluster here. jobs: its workers then. memory_mb: for each of ours.
+
+        Raises:
+            ClusterError: there is no scheduler at the address, or `distributed` is not installed.
+        """
+        self._client = _client(scheduler, jobs)
+        self._memory_mb = memory_mb
+        self._numbers = 0
+        self._tasks: dict[int, Task] = {}
+        self._queue: list[tuple[tuple[int, ...], int]] = []
+        self._batches: dict[Any, list[int]] = {}
+        self._lost: Counter[int] = Counter()
+        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+        """Queue more tasks; smaller priorities go first."""
+        for task in tasks:
+            self._numbers += 1
+            self._tasks[self._numbers] = task
+            heapq.heappush(self._queue, (priority, self._numbers))
+
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+        """Yield what becomes of the tasks until none is left, or `stop` says so."""
+        while self._tasks and not stop():
+            self._submit()
+            with contextlib.suppress(queue.Empty):
+                future = self._ended.get(timeout=_TICK_S)
+                yield from self._take(future)
+
+    def close(self) -> None:
+        """Give up what is under way and leave the cluster; one that was started here ends."""
+        with contextlib.suppress(Exception):  # a cluster that is gone already
+            self._client.cancel(list(self._batches))
+        self._batches.clear()
+        self._tasks.clear()
+        cluster = self._client.cluster
+        self._client.close()
+        if cluster is not None:
+            cluster.close()
+
+    def _submit(self) -> None:
+        """Keep two batches for each thread of the cluster under way: one that runs, and one that waits there."""
+        try:
+            threads = max(1, sum(self._client.nthreads().values()))
+        except Exception as err:  # Dask's are of many kinds; all of them mean that nobody answers
+            raise ClusterError(f"the Dask scheduler is gone ({err}): what was finished is kept, and the same command "
+                               "goes on from there") from err  # fmt: skip
+        while self._queue and len(self._batches) < 2 * threads:
+            size = max(1, min(BATCH, len(self._queue) // (2 * threads)))
+            numbers = [heapq.heappop(self._queue)[1] for _ in range(min(size, len(self._queue)))]
+            tasks = [_inlined(self._tasks[number]) for number in numbers]
+            # Not pure: a batch that was lost is sent again, not remembered.
+            future = self._client.submit(run_batch, pickle.dumps(tasks), self._memory_mb, pure=False)
+            self._batches[future] = numbers
+            future.add_done_callback(self._ended.put)
+
+    def _take(self, future: Any) -> Iterator[Update]:  # noqa: ANN401 - Dask's, which has no types
+        numbers = self._batches.pop(future, None)
+        if numbers is None:
+            return
+        if future.status != "finished":
+            yield from self._again(numbers, str(future.exception() if future.status == "error" else future.status))
+            return
+        updates: list[tuple[int, Any]] = pickle.loads(future.result())  # noqa: S301 - from our own workers
+        for index, value in updates:
+            number = numbers[index]
+            task = self._tasks[number]
+            update = Update(task, replace(value, task=task) if isinstance(value, Broken) else value)
+            if update.final:
+                del self._tasks[number]
+            yield update
+
+    def _again(self, numbers: list[int], why: str) -> Iterator[Update]:
+        """Send tasks again that were lost with their Dask worker or its host; in the end one by one, then not."""
+        for number in numbers:
+            self._lost[number] += 1
+            if self._lost[number] < DEATHS:
+                heapq.heappush(self._queue, ((-1, number), number))
+            else:
+                task = self._tasks.pop(number)
+                yield Update(task, Broken(task, f"lost with its Dask worker {DEATHS} times: {why}"))
+
+
+def run_batch(packed: bytes, memory_mb: float) -> bytes:
+    """Run a batch of tasks in this Dask worker's host; this is what Dask calls.
+
+    Args:
+        packed: a pickled list of tasks. memory_mb: what a worker may take.
+
+    Returns:
+        A pickled list of what became of them: each task's index, and a part, an outcome or a `Broken`.
+
+    Raises:
+        ClusterError: the host ended.
+    """
+    return _host(memory_mb).run(packed)
+
+
+class _Host:
+    """A process `campaign.execution.batch_host`, seen from the Dask worker's thread that it works for."""
+
+    def __init__(self, memory_mb: float) -> None:
+        line, self._lifeline = os.pipe()
+        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.batch_host", str(line), str(memory_mb)]
+        self._process = subprocess.Popen(  # noqa: S603 - this interpreter, our own module
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[line], start_new_session=True
+        )
+        os.close(line)
+
+    def run(self, packed: bytes) -> bytes:
+        if self._process.stdin is None or self._process.stdout is None:
+            raise ClusterError("the host of the isolated workers has no pipes")
+        try:
+            write(self._process.stdin, packed)
+            answer = read(self._process.stdout)
+        except OSError:
+            answer = None
+        if answer is None:
+            self.end()
+            raise ClusterError(f"the host of the isolated workers ended with exit code {self._process.wait()}")
+        return answer
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def end(self) -> None:
+        with contextlib.suppress(OSError):
+            os.close(self._lifeline)
+
+
+_HOSTS = threading.local()
+"""A host for each thread of a Dask worker: threads work on different batches."""
+
+
+def _host(memory_mb: float) -> _Host:
+    host: _Host | None = getattr(_HOSTS, "host", None)
+    if host is None or not host.alive:
+        _HOSTS.host = host = _Host(memory_mb)
+    return host
+
+
+def write(stream: IO[bytes], data: bytes) -> None:
+    """Write bytes with their length in front."""
+    stream.write(struct.pack(">Q", len(data)) + data)
+    stream.flush()
+
+
+def read(stream: IO[bytes]) -> bytes | None:
+    """Return the next bytes with a length in front, or None at the end of the stream."""
+    head = stream.read(8)
+    if len(head) < 8:
+        return None
+    (length,) = struct.unpack(">Q", head)
+    data = stream.read(length)
+    return data if len(data) == length else None
+
+
+def _inlined(task: Task) -> Task:
+    """Return a task that stands on no file here."""
+    argument = task.argument
+    if not is_dataclass(argument) or isinstance(argument, type):
+        return task
+    values = {f.name: getattr(argument, f.name) for f in fields(argument)}
+    changed = {name: value.inline() for name, value in values.items() if hasattr(value, "inline")}
+    return replace(task, argument=replace(argument, **changed))
+
+
+def _client(scheduler: str, jobs: int) -> Any:  # noqa: ANN401 - Dask's client; the package has no types
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as err:
+        raise ClusterError("Dask is not installed: pip install 'foresee-dsl[dask]'") from err
+    try:
+        if scheduler:
+            return distributed.Client(scheduler, timeout=CONNECT_S)
+        cluster = distributed.LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None)
+        return distributed.Client(cluster)
+    except (OSError, ValueError) as err:
+        raise ClusterError(f"no Dask scheduler at {scheduler or 'this machine'}: {err}") from err

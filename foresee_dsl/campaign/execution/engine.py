@@ -1,0 +1,207 @@
+"""The campaign: what is not in the store yet is run, and everything found is put together.
+
+A step is run once for its key, whoever asks for it, and is in the store before anything is said of it or follows from
+it: whenever this process ends, the same command goes on from there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foresee_dsl.campaign.assembly import Assembly, assemble
+from foresee_dsl.campaign.execution.broken_runs import broken_row
+from foresee_dsl.campaign.execution.events import Listener
+from foresee_dsl.campaign.execution.executors import Executor, local
+from foresee_dsl.campaign.execution.pool import Broken, Part, Update
+from foresee_dsl.campaign.folder import CampaignFolder
+from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
+from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.storage.attachments import CaseFiles
+from foresee_dsl.campaign.storage.records import Made, encode
+from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.project.document import TestCase
+
+ORDER = {"seed": 0, "forecast": 0, "clip": 1, "mutants": 1, "child": 2}
+"""Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their children
+before those of second rank: where time runs out, the best points were studied."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a campaign is done; none of it changes a result.
+
+    Attributes:
+        jobs: worker processes here. limits: what a run may take. shard: the part of the campaign.
+        retry: run again what broke in an earlier campaign (died, hung, raised).
+        executor: makes what runs the tasks, other than processes here.
+        stop: asked ten times a second whether to stop.
+    """
+
+    jobs: int = 1
+    limits: Limits = field(default_factory=Limits)
+    shard: Shard = field(default_factory=Shard)
+    retry: bool = False
+    executor: Callable[[RunOptions], Executor] | None = None
+    stop: Callable[[], bool] = lambda: False
+
+
+def run_campaign(
+    cases: Sequence[TestCase],
+    settings: CampaignSettings,
+    *,
+    out: Path,
+    store: Store,
+    listener: Listener,
+    options: RunOptions = RunOptions(),
+) -> CampaignResult:
+    """Run a whole campaign and write its folder.
+
+    Args:
+        cases: the test cases, already loaded (so that mistakes show before anything runs).
+        settings: what to do.
+        out: the campaign's folder; its `children` and `traces` are replaced, all at once, at the end.
+        store: where results are kept, open to be written.
+        listener: is told of progress.
+        options: how to do it.
+
+    Returns:
+        The result; when it was stopped, with what was finished and `interrupted` set.
+
+    Raises:
+        InputError: a test case is impossible on its network; nothing was run or written.
+        StoreError: the store cannot be written any more; what was finished is in it.
+    """
+    started = time.monotonic()
+    mistakes = placement_mistakes(cases)
+    if mistakes:
+        raise InputError(mistakes)
+    stages = Stages(cases, settings, store, out, options.shard)
+    folder = CampaignFolder(out)
+    with folder.working() as work:
+        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listener, options).go(started)
+        found = assemble(stages, out)
+        result = _result(settings, found, broken, time.monotonic() - started, stopped)
+        folder.publish(result, found.traces, store.blobs)
+    return result
+
+
+def _result(
+    settings: CampaignSettings, found: Assembly, broken: Sequence[str], wall_s: float, stopped: bool
+) -> CampaignResult:
+    return CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
+
+
+class _Run:
+    """What is under way in a campaign."""
+
+    def __init__(self, stages: Stages, store: Store, files: CaseFiles, listener: Listener, options: RunOptions) -> None:
+        self._stages, self._store, self._files = stages, store, files
+        self._listener, self._options = listener, options
+        self._executor: Executor | None = None
+        self._nodes: dict[str, Node] = {}
+        """The step of each task that is under way, by its key."""
+        self._waiting: dict[str, list[Node]] = {}
+        """Steps whose result a task under way may give, by key."""
+        self._expected: dict[str, int] = {}
+        """Keys that tasks under way may give, and how many of these tasks."""
+        self._broken: list[str] = []
+        self._cut = False
+        """Whether it was stopped while it looked at what there is to do."""
+
+    def go(self, started: float) -> tuple[list[str], bool]:
+        """Run what is missing; return what could not be done, and whether it was stopped before the end."""
+        if self._options.retry:
+            self._store.execute("DELETE FROM runs WHERE broken = 1")
+        budget_s = self._options.limits.budget_s
+
+        def stop() -> bool:
+            return self._options.stop() or (budget_s is not None and time.monotonic() - started > budget_s)
+
+        try:
+            self._meet(self._stages.seeds, stop)
+            if self._executor is not None:
+                for update in self._executor.updates(stop):
+                    self._take(update, stop)
+            return self._broken, self._cut or bool(self._nodes)
+        finally:
+            if self._executor is not None:
+                self._executor.close()
+
+    def _meet(self, nodes: Iterable[Node], stop: Callable[[], bool]) -> None:
+        """Go through steps and what follows from them as far as it is known; hand out what is missing."""
+        ahead = list(reversed(tuple(nodes)))
+        while ahead and not stop():
+            node = ahead.pop()
+            self._listener.planned(node.kind, 1)
+            row = self._stages.row(node)
+            if row is not None and self._stages.has_more_time(node, row, self._options.limits):
+                self._store.drop(row.key)
+                row = None
+            if row is None:
+                self._hand_out(node)
+            else:
+                self._listener.known(row)
+                ahead.extend(reversed(self._stages.after(node, row)))
+        self._cut = self._cut or bool(ahead)
+
+    def _hand_out(self, node: Node) -> None:
+        self._waiting.setdefault(node.key, []).append(node)
+        if self._expected.get(node.key):
+            return  # a task that is under way gives it
+        task = self._stages.task(node, self._files, self._options.limits)
+        self._nodes[node.key] = node
+        for key in self._stages.expected(node):
+            self._expected[key] = self._expected.get(key, 0) + 1
+        if self._executor is None:
+            self._executor = (self._options.executor or local)(self._options)
+        self._executor.add([task], (ORDER[node.kind] > 0, node.draft.rank if node.draft else 0, ORDER[node.kind]))
+
+    def _take(self, update: Update, stop: Callable[[], bool]) -> None:
+        if isinstance(update.value, Part):
+            self._keep(update.value.value, stop)
+            return
+        node = self._nodes.pop(update.task.key)
+        keys = self._stages.expected(node)
+        for key in keys:
+            self._expected[key] -= 1
+        if isinstance(update.value, Broken):
+            # The part that it was at is the first that it has not given.
+            key = next((k for k in keys if not self._store.has(k)), node.key)
+            row = broken_row(key, node, update.value)
+            if row is not None:
+                self._add(row, None, stop)
+            else:
+                self._waiting.pop(key, None)
+                self._broken.append(f"{node.kind} {update.task.name}: {update.value.reason}")
+                self._listener.broken(self._broken[-1])
+
+    def _keep(self, made: Made, stop: Callable[[], bool]) -> None:
+        run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
+        row = Row(
+            key=made.key,
+            kind=made.kind,
+            name=made.name,
+            record=encode(made.record, made.kind),
+            driver=made.driver,
+            verdict=run.verdict.value if run else "",
+            reason=run.reason if run else "",
+            simulated_s=run.duration_s if run else 0.0,
+            wall_s=made.wall_s,
+        )
+        self._add(row, made.trace, stop)
+
+    def _add(self, row: Row, trace: bytes | None, stop: Callable[[], bool]) -> None:
+        row = self._store.add(row, trace)
+        waiting = self._waiting.pop(row.key, [])
+        for k, node in enumerate(waiting):
+            if k == 0:
+                self._listener.finished(row)
+            else:
+                self._listener.known(row)
+            self._meet(self._stages.after(node, row), stop)

@@ -1,0 +1,217 @@
+"""One worker process: it gets batches of tasks over a pipe and says what it begins and what it has done.
+
+So whoever waits knows at each moment which task a process is at: when it dies, hangs or takes too much memory, that
+task is the culprit, and nothing has to be run again to find it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from inspect import isgenerator
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.execution.lifeline import end_with
+
+PRELOAD = ("foresee_dsl.campaign.execution.preloading",)
+"""Imported once in the fork server, so that a new worker starts warm."""
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
+
+_REPORTED_S = 2.0
+"""How long the fork server may take to say how a process ended. Ours: a hundred times what it takes."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A function of an installed package and its argument.
+
+    Attributes:
+        name: for people. function: returns the outcome, or yields one part of it after the other.
+        deadline_s: wall time for the outcome, or for each part; None: as long as it takes.
+        key: by which whoever gave it knows it again.
+    """
+
+    name: str
+    function: Callable[[Any], Any]
+    argument: object
+    deadline_s: float | None = None
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class Message:
+    """What a worker says of the task with a number: `started`, `part` (with a value), `done` (with a value), `raised`
+    (with the exception in words)."""
+
+    what: str
+    number: int
+    value: Any = None
+
+
+class Worker:
+    """A worker process, seen from the one that started it."""
+
+    def __init__(self) -> None:
+        """Start a process.
+
+        Raises:
+            OSError, EOFError: the fork server was killed at this moment; another try starts a new one.
+        """
+        context = forkserver()
+        self._pipe, theirs = context.Pipe()
+        line, self._lifeline = context.Pipe(duplex=False)
+        self._process: BaseProcess = context.Process(target=_serve, args=(theirs, line), daemon=True)
+        try:
+            self._process.start()
+        except BaseException:
+            self._pipe.close()
+            self._lifeline.close()
+            raise
+        finally:
+            theirs.close()
+            line.close()
+        self.waiting: list[tuple[int, Task]] = []
+        """What it was given and has not begun."""
+        self.current: tuple[int, Task] | None = None
+        self.since_s = 0.0
+        """When (on the monotonic clock) it began what it does now, or its last part."""
+        self.finished = 0
+        """How many tasks it has ended so far."""
+
+    @property
+    def connection(self) -> Connection:
+        """For `multiprocessing.connection.wait`: ready when there is a message, or when the process is gone."""
+        return self._pipe
+
+    @property
+    def pid(self) -> int:
+        """Its process's number."""
+        return self._process.pid or 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether it has nothing to do."""
+        return self.current is None and not self.waiting
+
+    def give(self, batch: Sequence[tuple[int, Task]]) -> None:
+        """Give it numbered tasks to do, one after the other.
+
+        Raises:
+            OSError: the process is gone.
+        """
+        self._pipe.send([(number, pickle.dumps(task)) for number, task in batch])
+        self.waiting.extend(batch)
+
+    def messages(self) -> Iterator[Message]:
+        """Yield what it has said since.
+
+        Raises:
+            EOFError: the process is gone (after all that it had said).
+        """
+        while self._pipe.poll():
+            try:
+                message: Message = self._pipe.recv()
+            except (OSError, pickle.UnpicklingError) as err:  # killed in the middle of a message
+                raise EOFError from err
+            self._note(message)
+            yield message
+
+    def _note(self, message: Message) -> None:
+        self.since_s = time.monotonic()
+        if message.what == "started":
+            self.current = self.waiting.pop(0)
+        elif message.what in ("done", "raised"):
+            self.current = None
+            self.finished += 1
+
+    def overdue(self) -> bool:
+        """Whether what it does now has taken longer than it may."""
+        limit_s = self.current[1].deadline_s if self.current else None
+        return limit_s is not None and time.monotonic() - self.since_s > limit_s
+
+    def memory_bytes(self) -> int:
+        """Return how much memory the process has in use; 0 where the system does not say (no Linux)."""
+        try:
+            pages = Path(f"/proc/{self.pid}/statm").read_text(encoding="ascii").split()[1]
+        except (OSError, IndexError):
+            return 0
+        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+    def kill(self, *, gone: bool = False) -> str:
+        """End the process now, or one that is `gone`, and say how it had ended."""
+        if gone:
+            self._process.join(_REPORTED_S)
+        code = self._process.exitcode
+        # Without its fork server (killed, too) nobody knows how a process ended, or whether it did.
+        if code is None or code == 255:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, signal.SIGKILL)
+        self._lifeline.close()
+        self._pipe.close()
+        self._process.join(5)
+        return _ending(code)
+
+
+def forkserver() -> ForkServerContext:
+    """Return the context in which workers start. libsumo must never be forked while it runs: hence a fork server."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(PRELOAD))
+    for variable in _ONE_THREAD:
+        os.environ.setdefault(variable, "1")
+    return context
+
+
+def _ending(code: int | None) -> str:
+    if code is None:
+        return "its process broke off the connection"
+    if code >= 0:
+        return f"its process died with exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    meaning = {"SIGSEGV": " (a crash inside a library)", "SIGABRT": " (a library gave up)", "SIGKILL": " (killed from "
+               "outside, as when memory runs out)"}.get(name, "")  # fmt: skip
+    return f"its process died of {name}{meaning}"
+
+
+def _serve(pipe: Connection, lifeline: Connection) -> None:
+    """Work until the starter has nothing more, or is gone."""
+    end_with(lifeline.fileno())
+    # Ctrl-C reaches the whole group; only the starter decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with contextlib.suppress(OSError):  # where memory runs out, a worker goes first, not the starter
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+    while True:
+        try:
+            batch: list[tuple[int, bytes]] = pipe.recv()
+        except (EOFError, OSError):
+            return
+        for number, packed in batch:
+            _do(pipe, number, packed)
+
+
+def _do(pipe: Connection, number: int, packed: bytes) -> None:
+    pipe.send(Message("started", number))
+    try:
+        task: Task = pickle.loads(packed)  # noqa: S301 - from the process that started this one
+        outcome = task.function(task.argument)
+        if isgenerator(outcome):
+            for part in outcome:
+                pipe.send(Message("part", number, part))
+            outcome = None
+        pipe.send(Message("done", number, outcome))
+    except Exception as err:  # whatever it raises is this task's outcome, not this process's end
+        pipe.send(Message("raised", number, f"{type(err).__name__}: {err}"))

@@ -1,0 +1,240 @@
+"""Worker processes: tasks in, outcomes out; a task that dies, hangs, or takes all memory is one broken outcome."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import multiprocessing.connection
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from foresee_dsl.campaign.execution.isolation import Task, Worker
+
+__all__ = ["BATCH", "DEATHS", "Broken", "Part", "Task", "Update", "WorkerPool"]
+
+DEATHS = 3
+"""So often a task's process has to die before the task is to blame. Ours: somebody's `kill`, or the kernel's when
+memory is short, hits an innocent one now and then; a crash inside a library comes back every time."""
+BATCH = 8
+"""Tasks that a process gets at once, at most. Ours: handing one over costs 0.2 ms, so 8 hide it; more would leave other
+workers without work at the end."""
+MEMORY_MB = 4096
+"""Memory of a worker, unless said otherwise. Ours: ten times what the bundled drivers take."""
+_TICK_S = 0.1
+"""How often deadlines and memory are looked at. Ours: a process allocates some 200 MB in that time."""
+_STARTS = 5
+"""So many processes in a row may die before they begin anything."""
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A task that gave nothing: its process died (`crash`), it took too long (`timeout`) or too much memory (`memory`),
+    or it raised."""
+
+    task: Task
+    reason: str
+    how: Literal["crash", "timeout", "memory", "raised"] = "crash"
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of a task that gives several."""
+
+    value: Any
+
+
+@dataclass(frozen=True)
+class Update:
+    """What became of a task: a `Part`, a `Broken`, or its outcome (None of one that gives parts)."""
+
+    task: Task
+    value: Any
+
+    @property
+    def final(self) -> bool:
+        """Whether the task has ended."""
+        return not isinstance(self.value, Part)
+
+
+class WorkerPool:
+    """Runs tasks in `jobs` processes; new ones may be added while others run.
+
+    A process runs one task after the other, in batches, as long as all is well. When it dies at a task, the task is
+    run again alone in a process of its own, until that has happened `DEATHS` times; the rest of its batch goes to
+    others.
+    """
+
+    def __init__(self, jobs: int, *, memory_mb: float = MEMORY_MB) -> None:
+        """Start nothing yet.
+
+        Args:
+            jobs: processes. memory_mb: what each of them may take.
+        """
+        self._jobs = max(1, jobs)
+        self._memory = memory_mb * 1e6
+        self._memory_mb = memory_mb
+        self._queue: list[tuple[tuple[int, ...], int]] = []
+        self._tasks: dict[int, Task] = {}
+        self._deaths: Counter[int] = Counter()
+        self._workers: list[Worker] = []
+        self._numbers = 0
+        self._failed_starts = 0
+        self._looked_s = 0.0
+
+    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+        """Queue more tasks; smaller priorities go first, and among equals who came first."""
+        for task in tasks:
+            self._numbers += 1
+            self._tasks[self._numbers] = task
+            heapq.heappush(self._queue, (priority, self._numbers))
+
+    def results(self) -> Iterator[tuple[Task, Any | Broken]]:
+        """Yield each task with its outcome until none is left."""
+        for update in self.updates():
+            if update.final:
+                yield update.task, update.value
+
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+        """Yield what becomes of the tasks until none is left, or `stop` says so (it is asked ten times a second).
+
+        Raises:
+            RuntimeError: processes die as soon as they start, so nothing can be run at all.
+        """
+        while self._tasks and not stop():
+            self._hand_out()
+            busy = {worker.connection: worker for worker in self._workers if not worker.idle}
+            for ready in multiprocessing.connection.wait(list(busy), timeout=_TICK_S):
+                worker = next(w for connection, w in busy.items() if connection is ready)
+                yield from self._listen(worker)
+            if time.monotonic() - self._looked_s >= _TICK_S:
+                self._looked_s = time.monotonic()
+                for worker in tuple(self._workers):
+                    yield from self._look_after(worker)
+
+    def close(self) -> None:
+        """End the workers now; what they were doing is lost."""
+        self._queue.clear()
+        self._tasks.clear()
+        for worker in self._workers:
+            worker.kill()
+        self._workers.clear()
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """The processes' numbers."""
+        return tuple(worker.pid for worker in self._workers)
+
+    def _hand_out(self) -> None:
+        while self._queue:
+            worker = next((w for w in self._workers if w.idle), None)
+            if worker is not None and worker.finished and self._deaths[self._queue[0][1]]:
+                self._drop(worker)  # a suspect runs in a process that nothing else has run in
+                worker = None
+            if worker is None:
+                if len(self._workers) == self._jobs:
+                    return
+                worker = self._started()
+                self._workers.append(worker)
+            batch = self._batch()
+            try:
+                worker.give(batch)
+            except OSError:  # it died while it had nothing to do
+                self._requeue(number for number, _ in batch)
+                self._drop(worker)
+
+    def _started(self) -> Worker:
+        """Start a worker; when the fork server is killed at that very moment, with a new one."""
+        while True:
+            try:
+                return Worker()
+            except (OSError, EOFError) as err:
+                self._note_failed_start(f"{type(err).__name__} {err}")
+                time.sleep(_TICK_S)  # until the system knows that the old one is gone
+
+    def _note_failed_start(self, how: str) -> None:
+        self._failed_starts += 1
+        if self._failed_starts >= _STARTS:
+            raise RuntimeError(f"worker processes die as soon as they start: {how}")
+
+    def _batch(self) -> list[tuple[int, Task]]:
+        """Take the next tasks off the queue: few when few are left; a suspect alone."""
+        size = max(1, min(BATCH, math.ceil(len(self._queue) / (2 * self._jobs))))
+        batch: list[tuple[int, Task]] = []
+        while self._queue and len(batch) < size:
+            number = self._queue[0][1]
+            if batch and self._deaths[number]:
+                break
+            heapq.heappop(self._queue)
+            batch.append((number, self._tasks[number]))
+            if self._deaths[number]:
+                break
+        return batch
+
+    def _requeue(self, numbers: Iterable[int]) -> None:
+        for number in numbers:
+            # Before all others. Suspects last of these: the innocent rest of their batch need not wait for them.
+            heapq.heappush(self._queue, ((-1, self._deaths[number]), number))
+
+    def _listen(self, worker: Worker) -> Iterator[Update]:
+        try:
+            for message in worker.messages():
+                self._failed_starts = 0
+                task = self._tasks[message.number]
+                if message.what == "part":
+                    yield Update(task, Part(message.value))
+                elif message.what == "done":
+                    yield self._ended(message.number, message.value)
+                elif message.what == "raised":
+                    yield self._ended(message.number, Broken(task, message.value, "raised"))
+        except EOFError:
+            yield from self._died(worker)
+
+    def _ended(self, number: int, value: object) -> Update:
+        self._deaths.pop(number, None)
+        return Update(self._tasks.pop(number), value)
+
+    def _died(self, worker: Worker) -> Iterator[Update]:
+        culprit = worker.current
+        how = self._drop(worker, gone=True)
+        if culprit is None:
+            if not worker.finished:
+                self._note_failed_start(how)
+            return
+        number, task = culprit
+        self._deaths[number] += 1
+        if self._deaths[number] < DEATHS:
+            self._requeue([number])
+        else:
+            yield self._ended(number, Broken(task, f"{how}, {DEATHS} times"))
+
+    def _drop(self, worker: Worker, *, gone: bool = False) -> str:
+        """End a worker; what it had not begun goes back into the queue. Say how it ended."""
+        self._workers.remove(worker)
+        self._requeue(number for number, _ in worker.waiting)
+        return worker.kill(gone=gone)
+
+    def _look_after(self, worker: Worker) -> Iterator[Update]:
+        if worker.connection.poll():
+            return  # it has said more than was read
+        if worker.current is None:
+            # Between two batches: a process that has grown is replaced before it costs an innocent task its run.
+            if worker.idle and worker.memory_bytes() > self._memory / 2:
+                self._drop(worker)
+            return
+        number, task = worker.current
+        if worker.overdue():
+            self._drop(worker)
+            reason = f"took longer than {task.deadline_s:g} s of wall time and was ended"
+            yield self._ended(number, Broken(task, reason, "timeout"))
+        elif worker.memory_bytes() > self._memory:
+            alone = not worker.finished
+            self._drop(worker)
+            if alone:
+                reason = f"took more than {self._memory_mb:g} MB of memory and was ended"
+                yield self._ended(number, Broken(task, reason, "memory"))
+            else:  # what earlier tasks left behind may be to blame
+                self._deaths[number] += 1
+                self._requeue([number])

@@ -1,0 +1,189 @@
+"""Looking after stores: what is in one, what nobody needs any more, joining several, and tables for other tools."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl import __version__
+from foresee_dsl.campaign.storage.records import KINDS
+from foresee_dsl.campaign.storage.store import Row, Store, StoreError
+from foresee_dsl.campaign.storage.traces import name_of
+
+TABLE = (
+    "key",
+    "kind",
+    "name",
+    "driver",
+    "tool",
+    "verdict",
+    "reason",
+    "broken",
+    "simulated_s",
+    "wall_s",
+    "trace",
+    "made_s",
+)
+"""The columns of an exported table: a row's, without its record."""
+_STALE_S = 3600.0
+"""A half-written blob older than this is nobody's any more. Ours: writing one takes milliseconds."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is in a store.
+
+    Attributes:
+        kinds: by kind of step, its number by verdict ("" where it is no run). tools: rows by version of this tool.
+        broken: runs that crashed, hung, or took too much. traces, trace_bytes: blobs. database_bytes: the rows.
+        simulated_s, wall_s: all runs together.
+    """
+
+    kinds: dict[str, dict[str, int]]
+    tools: dict[str, int]
+    broken: int
+    traces: int
+    trace_bytes: int
+    database_bytes: int
+    simulated_s: float
+    wall_s: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {"schema": 1, **vars(self)}
+
+
+def statistics(store: Store) -> Statistics:
+    """Count what is in a store."""
+    kinds: dict[str, dict[str, int]] = {}
+    found = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
+    for kind, verdict, count in sorted(found, key=lambda f: KINDS.index(f[0])):
+        kinds.setdefault(kind, {})[verdict] = count
+    sizes = [file.stat().st_size for name, file in store.blobs.files() if name]
+    ((broken, simulated_s, wall_s),) = store.execute(
+        "SELECT coalesce(sum(broken), 0), coalesce(sum(simulated_s), 0), coalesce(sum(wall_s), 0) FROM runs"
+    )
+    return Statistics(
+        kinds=kinds,
+        tools=dict(store.execute("SELECT tool, count(*) FROM runs GROUP BY tool ORDER BY tool")),
+        broken=broken,
+        traces=len(sizes),
+        trace_bytes=sum(sizes),
+        database_bytes=sum(file.stat().st_size for file in store.folder.glob("runs.sqlite*")),
+        simulated_s=simulated_s,
+        wall_s=wall_s,
+    )
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What was thrown away: rows, files, and their bytes."""
+
+    rows: int
+    files: int
+    size: int
+
+
+def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
+    """Throw away what nothing points to: traces without a row, rows without their trace, half-written files.
+
+    Args:
+        store: open to be written.
+        older: also the rows of other versions of this tool, which no campaign of this one takes.
+        damaged: also look into every trace, and throw away those that are not what they were.
+    """
+    rows = 0
+    if older:
+        rows += _deleted(store, "DELETE FROM runs WHERE tool != ?", (__version__,))
+    needed = {name for (name,) in store.execute("SELECT DISTINCT trace FROM runs WHERE trace != ''")}
+    files, size, there = 0, 0, set()
+    for name, file in list(store.blobs.files()):
+        status = file.stat()
+        if name in needed and not (damaged and name_of(file.read_bytes()) != name):
+            there.add(name)
+        elif name or time.time() - status.st_mtime > _STALE_S:
+            file.unlink(missing_ok=True)
+            files, size = files + 1, size + status.st_size
+    for name in needed - there:
+        rows += _deleted(store, "DELETE FROM runs WHERE trace = ?", (name,))
+    store.vacuum()
+    return Swept(rows, files, size)
+
+
+def merge(sources: Sequence[Path], into: Path) -> tuple[int, int]:
+    """Put the results of several stores into one; the sources stay as they are.
+
+    Args:
+        sources: stores' folders. into: another folder, a store or not yet.
+
+    Returns:
+        How many results were new there, and how many were known.
+
+    Raises:
+        StoreError: one of them is no store that this version reads, or cannot be written.
+    """
+    new = known = 0
+    with Store(into) as target:
+        for folder in sources:
+            if folder.resolve() == into.resolve():
+                continue
+            with Store(folder, write=False) as source:
+                for row in source.rows():
+                    trace = source.blobs.get(row.trace) if row.trace else None
+                    if row.trace and trace is None:
+                        continue  # a result without its trace is none
+                    if target.has(row.key):
+                        known += 1
+                    else:
+                        target.add(row, trace)
+                        new += 1
+    return new, known
+
+
+def export(store: Store, file: Path) -> int:
+    """Write the results as a table, a row each: `.parquet` (for DuckDB, polars, pandas) or `.csv`, by the file's name.
+
+    Returns:
+        How many rows.
+
+    Raises:
+        StoreError: another suffix, or `pyarrow` is not installed.
+        OSError: the file cannot be written.
+    """
+    if file.suffix == ".csv":
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with file.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(TABLE)
+            count = 0
+            for row in _bare(store):
+                writer.writerow([getattr(row, column) for column in TABLE])
+                count += 1
+        return count
+    if file.suffix != ".parquet":
+        raise StoreError(f"{file} must end in .parquet or .csv")
+    try:
+        arrow: Any = import_module("pyarrow")
+        parquet: Any = import_module("pyarrow.parquet")
+    except ImportError as err:
+        raise StoreError("Parquet needs pyarrow: pip install 'foresee-dsl[parquet]'; or export to a .csv file") from err
+    rows = list(_bare(store))
+    table = arrow.table({column: [getattr(row, column) for row in rows] for column in TABLE})
+    file.parent.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(table, file, compression="zstd")
+    return len(rows)
+
+
+def _bare(store: Store) -> Iterator[Row]:
+    return (replace(row, record=b"") for row in store.rows(records=False))
+
+
+def _deleted(store: Store, statement: str, values: tuple[object, ...]) -> int:
+    before = store.execute("SELECT count(*) FROM runs")[0][0]
+    store.execute(statement, values)
+    return int(before - store.execute("SELECT count(*) FROM runs")[0][0])

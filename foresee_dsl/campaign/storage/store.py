@@ -1,0 +1,272 @@
+"""The store: what was run, by key. A row a result in SQLite, and its trace as a blob that was written before the row.
+
+One process writes at a time (a lock says which); any number may read. What is committed survives the end of every
+process; a row whose trace was lost counts as not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import sqlite3
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl import __version__
+from foresee_dsl.campaign.storage.traces import Blobs
+from foresee_dsl.errors import ForeseeError
+
+SCHEMA = 1
+"""`user_version` of the database: raised when a table changes."""
+_TABLES = """
+CREATE TABLE runs (
+  key TEXT PRIMARY KEY, kind TEXT NOT NULL, name TEXT NOT NULL, driver TEXT NOT NULL, tool TEXT NOT NULL,
+  verdict TEXT NOT NULL, reason TEXT NOT NULL, broken INTEGER NOT NULL, simulated_s REAL NOT NULL, wall_s REAL NOT NULL,
+  trace TEXT NOT NULL, made_s REAL NOT NULL, record BLOB NOT NULL
+)
+"""
+COLUMNS = (
+    "key", "kind", "name", "record", "driver", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "tool",
+    "made_s",
+)  # fmt: skip
+"""In the order of `Row`'s fields."""
+_BROKEN = COLUMNS.index("broken")
+_SELECT = f"SELECT {', '.join(COLUMNS)} FROM runs"  # noqa: S608 - no value of anybody's
+_INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - no value of anybody's
+_BUSY_MS = 10_000
+"""How long a statement waits for a reader that holds the database. Ours: `stat` reads a large store in a second."""
+
+
+class StoreError(ForeseeError):
+    """The store cannot be read or written, or another process has it; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One result.
+
+    Attributes:
+        key: see `keys`. kind: of step. name: for people. driver: its address ("" where none drove).
+        verdict: of a run, else "". broken: no run gave it; its process died, hung or raised.
+        simulated_s, wall_s: what it took; of a run that was ended as it took too long, the time that it was given.
+        trace: the blob's name, or "".
+        record: the result, as `records.encode` wrote it.
+    """
+
+    key: str
+    kind: str
+    name: str
+    record: bytes
+    driver: str = ""
+    verdict: str = ""
+    reason: str = ""
+    broken: bool = False
+    simulated_s: float = 0.0
+    wall_s: float = 0.0
+    trace: str = ""
+    tool: str = __version__
+    made_s: float = 0.0
+
+
+class Store:
+    """A store's folder: `runs.sqlite`, `blobs/`, and `lock` while somebody writes."""
+
+    def __init__(self, folder: Path, *, write: bool = True) -> None:
+        """Open a store; to write, it is made where there is none.
+
+        Raises:
+            StoreError: it is another version's, damaged, or another process writes to it; or there is none to read.
+            OSError: the folder cannot be made or written to.
+        """
+        self.folder = folder
+        self.blobs = Blobs(folder / "blobs")
+        self._lock: int | None = None
+        self._database: sqlite3.Connection | None = None
+        if write:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock = _locked(folder / "lock")
+        elif not (folder / "runs.sqlite").is_file():
+            raise StoreError(f"there is no store in {folder}: `foresee campaign` makes one")
+        try:
+            with self._errors():
+                self._database = self._open(write)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def get(self, key: str) -> Row | None:
+        """Return the row of a key, or None; None too where its trace is gone."""
+        with self._errors():
+            found = self._db.execute(f"{_SELECT} WHERE key = ?", (key,)).fetchone()
+        if found is None:
+            return None
+        row = _row(found)
+        return row if not row.trace or self.blobs.has(row.trace) else None
+
+    def has(self, key: str) -> bool:
+        """Say whether `get` would return a row, without reading its record."""
+        with self._errors():
+            found = self._db.execute("SELECT trace FROM runs WHERE key = ?", (key,)).fetchone()
+        return found is not None and (not found[0] or self.blobs.has(found[0]))
+
+    def add(self, row: Row, trace: bytes | None = None) -> Row:
+        """Keep a result; when this returns, it outlives this process. Return the row with its trace's name.
+
+        A row of the same key stays, unless its trace was lost.
+
+        Raises:
+            StoreError: it cannot be written (a full disk); what was there before is there still.
+        """
+        with self._errors():
+            name = self.blobs.put(trace) if trace is not None else ""
+            row = Row(**{**vars(row), "trace": name, "made_s": row.made_s or time.time()})
+            with self._db:
+                if not self.has(row.key):
+                    self._db.execute("DELETE FROM runs WHERE key = ?", (row.key,))
+                self._db.execute(_INSERT, tuple(getattr(row, column) for column in COLUMNS))
+        return row
+
+    def drop(self, key: str) -> None:
+        """Forget the result of a key, so that it can be another one; its trace stays until `store gc`."""
+        self.execute("DELETE FROM runs WHERE key = ?", (key,))
+
+    def of_other_versions(self) -> int:
+        """Return how many results other versions of this tool made, which no campaign of this one takes."""
+        return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
+
+    def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
+        """Yield rows in the order of their keys; `records=False` leaves out what makes them large."""
+        columns = ", ".join(column if records or column != "record" else "x''" for column in COLUMNS)
+        with self._errors():
+            for found in self._db.execute(f"SELECT {columns} FROM runs {where} ORDER BY key", values):  # noqa: S608
+                yield _row(found)
+
+    def mean_wall_s(self, driver: str) -> dict[str, float]:
+        """Return the mean wall time of each kind of step, of those that this driver drove or nobody did."""
+        asked = "SELECT kind, avg(wall_s) FROM runs WHERE NOT broken AND driver IN (?, '') GROUP BY kind"
+        with self._errors():
+            return dict(self._db.execute(asked, (driver,)).fetchall())
+
+    def execute(self, statement: str, values: tuple[object, ...] = ()) -> list[Any]:
+        """Run one statement (of this package) as a transaction of its own and return all that it gives."""
+        with self._errors(), self._db:
+            return self._db.execute(statement, values).fetchall()
+
+    def vacuum(self) -> None:
+        """Give the room of deleted rows back to the disk."""
+        with self._errors():
+            self._db.execute("VACUUM")
+            self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def close(self) -> None:
+        """Close it and let go of the lock."""
+        if self._database is not None:
+            with contextlib.suppress(sqlite3.Error):
+                self._database.close()
+            self._database = None
+        if self._lock is not None:
+            os.close(self._lock)  # the lock goes with it
+            self._lock = None
+
+    @property
+    def _db(self) -> sqlite3.Connection:
+        if self._database is None:
+            raise StoreError(f"the store {self.folder} is closed")
+        return self._database
+
+    def _open(self, write: bool) -> sqlite3.Connection:
+        file = self.folder / "runs.sqlite"
+        # Readers of a write-ahead log write beside it, too; where they may not, nobody else does either.
+        how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
+        address = file.resolve().as_uri() + ("" if write else how)
+        database = sqlite3.connect(address, uri=True, timeout=_BUSY_MS / 1000)
+        try:
+            (schema,) = database.execute("PRAGMA user_version").fetchone()
+            (tables,) = database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            if tables or not write:
+                _check_schema(schema, self.folder)
+            if write:
+                # NORMAL: a commit is safe from the end of any process; a power cut may undo the last ones, not break
+                # the file. FULL would cost a wait for the disk at each run.
+                database.execute("PRAGMA journal_mode = WAL")
+                database.execute("PRAGMA synchronous = NORMAL")
+                if not tables:
+                    with database:
+                        database.execute(_TABLES)
+                        database.execute(f"PRAGMA user_version = {SCHEMA}")
+        except BaseException:
+            database.close()
+            raise
+        return database
+
+    @contextlib.contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.DatabaseError as err:
+            raise StoreError(_explained(self.folder, err)) from err
+        except OSError as err:
+            raise StoreError(_explained(self.folder, err)) from err
+
+
+def _row(found: tuple[Any, ...]) -> Row:
+    values = list(found)
+    values[_BROKEN] = bool(values[_BROKEN])
+    return Row(*values)
+
+
+def _check_schema(schema: int, folder: Path) -> None:
+    if schema == SCHEMA:
+        return
+    if schema > SCHEMA:
+        what = "a newer version of foresee-dsl made it: use that version"
+    else:
+        what = (
+            "an older version of foresee-dsl, whose results this one would not take, or something else made it: move "
+            "it away"
+        )
+    raise StoreError(
+        f"the store {folder} has schema {schema}, this version ({__version__}) reads {SCHEMA}: {what}, or name another "
+        "folder with --store; nothing was changed"
+    )
+
+
+def _explained(folder: Path, err: Exception) -> str:
+    said = str(getattr(err, "strerror", None) or err)
+    kept = "what was finished before is kept, and the same command goes on from there"
+    if "not a database" in said or "malformed" in said:
+        return f"the store {folder} is damaged ({said}): move the folder away, or name another with --store"
+    if "readonly" in said or "read-only" in said.lower() or "unable to open" in said:
+        return f"the store {folder} cannot be written ({said}): name another folder with --store; {kept}"
+    return f"the store {folder} cannot be written ({said}): {kept} once there is room"
+
+
+def _locked(file: Path) -> int:
+    """Take the lock of a store and return its file's descriptor; the kernel lets go of it when this process ends."""
+    descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        owner = os.read(descriptor, 100).decode(errors="replace").strip()
+        os.close(descriptor)
+        raise StoreError(
+            f"another campaign (process {owner or 'unknown'}) is writing to the store {file.parent}: wait for it, "
+            "or use another folder with --store (and join the two afterwards with `foresee store merge`)"
+        ) from None
+    except OSError as err:
+        os.close(descriptor)
+        raise StoreError(f"the store {file.parent} cannot be locked ({err.strerror}): is it on a network drive "
+                         "without locks? Name another folder with --store") from err  # fmt: skip
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+    return descriptor

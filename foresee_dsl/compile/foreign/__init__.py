@@ -1,0 +1,1 @@
+"""Networks and maps that were made elsewhere, prepared for SUMO."""

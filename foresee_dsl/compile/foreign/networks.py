@@ -1,0 +1,177 @@
+"""Takes over networks that were not written in the language: SUMO nets and OpenDRIVE maps."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is netfile's
+
+from foresee_dsl.compile.cache import cached_net
+from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossings
+from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
+from foresee_dsl.compile.nets.net_file import check_size, parse_net, parse_xml
+from foresee_dsl.compile.nets.net_parts import NetParts, read_net
+from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
+from foresee_dsl.compile.nets.signal_programs import fix_times, give_programs
+from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.units import UNITS
+
+_EDITION = "8"
+"""Raise it when an OpenDRIVE map becomes another net than before."""
+
+_NET_EDITION = "3"
+"""The same for a SUMO net."""
+
+_LARGEST_M = 1e8
+"""Ours: more than UTM's northings (1e7 m), and far below where millimetres are lost."""
+
+SUFFIXES = (".net.xml", ".xodr")
+"""The file names that are accepted."""
+
+_SPEED_UNITS = {word: UNITS[word] for word in ("m/s", "km/h", "mph")}
+"""OpenDRIVE's e_unitSpeed; metres a second where none is given."""
+_DRIVEN = ("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop")
+"""OpenDRIVE's types of lanes that their road's limit holds for; SUMO's table has 80 km/h for entries and exits."""
+_TYPEMAPS = ("opendriveNetconvert.typ.xml", "opendriveNetconvertPedestrians.typ.xml")
+_OPTIONS = (
+    *("--opendrive.internal-shapes", "true"),
+    *("--crossings.guess", "true"),
+    *("--offset.disable-normalization", "true"),
+    *("--no-turnarounds.except-deadend", "true"),
+    *("--no-warnings", "true"),
+)
+
+
+def foreign_net(path: Path) -> Path:
+    """Return a net, in the cache, for a `.net.xml` (without the comments in front) or an `.xodr` map.
+
+    Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates. A net is taken as it is, but for
+    signals that react to traffic: the copy's have the same stages with fixed times.
+
+    Raises:
+        CompileError: the file is missing, unreadable, of another kind than its name says, or refused by netconvert.
+    """
+    try:
+        check_size(path)
+        data = path.read_bytes()
+    except OSError as err:
+        raise CompileError(f"the network {path} cannot be read: {err.strerror or err}") from err
+    if path.name.endswith(".net.xml"):
+        return cached_net(("net.xml", _NET_EDITION, data), lambda out: _copy_net(path, data, out))
+    if path.name.endswith(".xodr"):
+        return cached_net(("xodr", _EDITION, data), lambda out: _convert_map(path, out))
+    raise CompileError(f"the network {path} is of no known kind: its name must end in {' or '.join(SUFFIXES)}")
+
+
+def limit_of(road: Element, at_m: float) -> float | None:
+    """Return the speed limit (m/s) that an OpenDRIVE road's `<type>` gives at a length along it, or None."""
+    limit = None
+    for kind in sorted(road.iterfind("type"), key=lambda e: float(e.get("s", "0"))):
+        if float(kind.get("s", "0")) <= at_m:
+            speed = kind.find("speed")
+            limit = _speed(speed) if speed is not None else None
+    return limit
+
+
+def _speed(speed: Element) -> float | None:
+    try:
+        value = float(speed.get("max", "")) * _SPEED_UNITS[speed.get("unit", "m/s")].to_si
+    except (ValueError, KeyError):  # "no limit", "undefined"
+        return None
+    return value if 0 < value < math.inf else None
+
+
+def _give_lanes_their_limits(root: Element) -> None:
+    """Write the roads' limits into their lanes: netconvert reads a lane's limit, but not its road's."""
+    for road in root.iterfind("road"):
+        for section in road.iterfind("lanes/laneSection"):
+            limit = limit_of(road, float(section.get("s", "0")))
+            for lane in section.iter("lane"):
+                if limit is not None and lane.get("type") in _DRIVEN and lane.find("speed") is None:
+                    SubElement(lane, "speed", {"sOffset": "0", "max": f"{limit:.3f}", "unit": "m/s"})
+
+
+def _copy_net(path: Path, data: bytes, out: Path) -> None:
+    root = parse_net(path)
+    if root.find("edge") is None or root.find("location") is None:
+        raise CompileError(f"{path} is not a complete SUMO network: it has no edges or no location")
+    if fix_times(root):
+        write_net(root, out)
+    else:
+        out.write_bytes(without_header(data))
+    try:
+        _check_sound(read_net(out))
+        read_signals(out, None)
+    except TypeError as err:  # rows of one number cannot be put in order
+        raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
+    except (KeyError, ValueError, IndexError) as err:
+        said = f"there is no {err}" if isinstance(err, KeyError) else str(err)
+        raise CompileError(f"{path} is no sound SUMO network: {said}") from err
+
+
+def _check_sound(parts: NetParts) -> None:
+    """Raise a `ValueError` for what no network has: edges without lanes, lanes without a place."""
+    for edge in parts.edges.values():
+        if not edge.lanes or [lane.index for lane in edge.lanes] != list(range(len(edge.lanes))):
+            raise ValueError(f"the lanes of edge {edge.id} are not numbered from 0 on")
+    for lane in parts.lanes.values():
+        figures = (lane.length_m, lane.speed_mps, lane.width_m, *(value for point in lane.shape for value in point))
+        if len(lane.shape) < 2 or not all(abs(figure) < _LARGEST_M for figure in figures):  # NaN neither
+            raise ValueError(f"lane {lane.id} has no shape, length, speed or width that can be meant")
+        if min(lane.length_m, lane.speed_mps, lane.width_m) < 0:
+            raise ValueError(f"the length, speed or width of lane {lane.id} is negative")
+
+
+def _convert_map(path: Path, out: Path) -> None:
+    root = parse_xml(path, "OpenDRIVE", "an OpenDRIVE map")
+    if root.find("road") is None:
+        raise CompileError(f"{path} is an OpenDRIVE map without roads")
+    maps = sumo_home() / "data" / "typemap"
+    with tempfile.TemporaryDirectory(prefix="foresee-map-") as name:
+        folder = Path(name)
+        try:
+            _give_lanes_their_limits(root)
+        except ValueError as err:
+            raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
+        (folder / "map.xodr").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+        types = ",".join(str(maps / file) for file in _TYPEMAPS)
+        files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
+        run_netconvert([*files, *_OPTIONS], folder)
+        net = parse_net(folder / "map.net.xml")
+        if write_crossings(net, crosswalks_of(root), folder / "crossings.con.xml"):
+            run_netconvert([*files, *_OPTIONS, "--connection-files", "crossings.con.xml"], folder)
+            net = parse_net(folder / "map.net.xml")
+        close_parking(net)
+        mend_overlaps(net)
+        give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
+        write_net(net, out)
+
+
+def close_parking(root: Element) -> int:
+    """Close the parking lanes of a net that came from an OpenDRIVE map, and return how many there are.
+
+    netconvert lets vehicles drive on them with 5 km/h. It keeps the lanes' types in their edge's, from the right, as
+    in `sidewalk|parking|driving`; sidewalks that were added later stand in front of those.
+    """
+    closed = 0
+    for edge in root.iterfind("edge"):
+        types = edge.get("type", "").split("|")
+        lanes = edge.findall("lane")
+        for lane, kind in zip(lanes[len(lanes) - len(types) :], types, strict=False):
+            if kind == "parking" and len(types) <= len(lanes):
+                lane.attrib.pop("allow", None)
+                lane.set("disallow", "all")
+                lane.set("type", "parking")
+                closed += 1
+    return closed
+
+
+def write_net(root: Element, out: Path) -> None:
+    """Write a net from its tree; the same tree gives the same bytes.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    out.write_bytes(tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")

@@ -1,0 +1,225 @@
+"""Where a place on an OpenDRIVE road is: reference lines and lanes, as far as positions need them."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.compile.nets.net_file import parse_xml
+from foresee_dsl.errors import CompileError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by netfile
+
+_SPIRAL_STEP_M = 0.25
+"""A clothoid is summed up in steps of this (ours: Simpson's rule, error below a micrometre at 0.1 1/m)."""
+
+_LARGEST = 1e12
+"""Far beyond any coordinate (ours); cubes of it are still numbers."""
+
+Cubic = tuple[float, float, float, float, float]
+"""`s` from which it holds, then a, b, c, d of a + b ds + c ds^2 + d ds^3."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A point, m, and a heading, rad, counter-clockwise from east."""
+
+    x: float
+    y: float
+    heading_rad: float
+
+    def beside(self, left_m: float) -> Pose:
+        """Return the pose so far to the left."""
+        sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
+        return Pose(self.x - left_m * sine, self.y + left_m * cosine, self.heading_rad)
+
+
+class RoadMap:
+    """The roads of an OpenDRIVE map, by id."""
+
+    def __init__(self, root: Element) -> None:
+        """Take the map's root; roads are worked out when they are asked for."""
+        self._roads = {road.get("id", ""): road for road in root.iterfind("road")}
+
+    @classmethod
+    def read(cls, path: Path) -> RoadMap:
+        """Read a map.
+
+        Raises:
+            CompileError: it is no OpenDRIVE map.
+        """
+        return cls(parse_xml(path, "OpenDRIVE", "an OpenDRIVE map"))
+
+    def at(self, road: str, s: float, t: float) -> Pose:
+        """Return the pose on a road at a length along it, `t` to the left of its reference line.
+
+        Raises:
+            CompileError: no such road, or it is shorter.
+        """
+        element = self._road(road)
+        geometries = element.findall("planView/geometry")
+        length = number(element, "length", math.inf)
+        if not geometries or not -1e-3 <= s <= length + 0.1:
+            raise CompileError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
+        starts = [number(g, "s") for g in geometries]
+        geometry = geometries[max(bisect.bisect_right(starts, s) - 1, 0)]
+        return _along(geometry, s - number(geometry, "s")).beside(t)
+
+    def lane(self, road: str, lane: int, s: float, offset: float = 0.0) -> Pose:
+        """Return the pose in the middle of a lane (or `offset` beside it, left positive), in the road's direction.
+
+        Raises:
+            CompileError: no such road or lane.
+        """
+        element = self._road(road)
+        side = 1 if lane > 0 else -1
+        t = _cubic_at(_cubics(element.iterfind("lanes/laneOffset"), "s"), s)
+        section = self._section(element, s)
+        ds = s - number(section, "s", 0.0)
+        lanes = {int(number(e, "id")): e for e in section.iterfind(f"{'left' if lane > 0 else 'right'}/lane")}
+        for number_ in range(side, lane + side, side):
+            if number_ not in lanes:
+                raise CompileError(f"the map's road {road} has no lane {lane} at {s:g} m")
+            width = _cubic_at(_cubics(lanes[number_].iterfind("width"), "sOffset"), ds)
+            t += side * (width / 2 if number_ == lane else width)
+        return self.at(road, s, t + offset)
+
+    def _road(self, road: str) -> Element:
+        if road not in self._roads:
+            raise CompileError(f"the map has no road {road}")
+        return self._roads[road]
+
+    @staticmethod
+    def _section(road: Element, s: float) -> Element:
+        sections = road.findall("lanes/laneSection")
+        if not sections:
+            raise CompileError(f"the map's road {road.get('id')} has no lanes")
+        starts = [number(e, "s", 0.0) for e in sections]
+        return sections[max(bisect.bisect_right(starts, s) - 1, 0)]
+
+
+def _along(geometry: Element, ds: float) -> Pose:
+    """Return the pose on one piece of a reference line."""
+    x, y, heading = (number(geometry, name) for name in ("x", "y", "hdg"))
+    shape = next(iter(geometry), None)
+    if shape is None or shape.tag == "line":
+        u, v, turned = ds, 0.0, 0.0
+    elif shape.tag == "arc":
+        u, v, turned = _arc(number(shape, "curvature"), ds)
+    elif shape.tag == "spiral":
+        length = max(number(geometry, "length"), 1e-9)
+        start, end = number(shape, "curvStart"), number(shape, "curvEnd")
+        u, v, turned = _spiral(start, (end - start) / length, ds)
+    elif shape.tag == "poly3":
+        cubic = tuple(number(shape, name) for name in "abcd")
+        u, v, turned = _explicit(cubic, ds)
+    elif shape.tag == "paramPoly3":
+        whole = shape.get("pRange", "arcLength") != "normalized"
+        p = ds if whole else ds / max(number(geometry, "length"), 1e-9)
+        us, vs = ([number(shape, f"{c}{axis}") for c in "abcd"] for axis in "UV")
+        u, v = _poly(us, p), _poly(vs, p)
+        turned = math.atan2(_slope(vs, p), _slope(us, p))
+    else:
+        raise CompileError(f"the map has a piece of road of the unknown kind <{shape.tag}>")
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return Pose(x + u * cosine - v * sine, y + u * sine + v * cosine, heading + turned)
+
+
+def _arc(curvature: float, ds: float) -> tuple[float, float, float]:
+    turned = curvature * ds
+    if abs(curvature) < 1e-12:
+        return ds, 0.0, 0.0
+    return math.sin(turned) / curvature, (1 - math.cos(turned)) / curvature, turned
+
+
+def _spiral(curvature: float, change: float, ds: float) -> tuple[float, float, float]:
+    """Sum up a clothoid by Simpson's rule."""
+    steps = 2 * max(math.ceil(abs(ds) / _SPIRAL_STEP_M), 1)
+    h = ds / steps
+    u = v = 0.0
+    for k in range(steps + 1):
+        s = k * h
+        weight = 1 if k in (0, steps) else 4 if k % 2 else 2
+        turned = curvature * s + change * s * s / 2
+        u, v = u + weight * math.cos(turned), v + weight * math.sin(turned)
+    return u * h / 3, v * h / 3, curvature * ds + change * ds * ds / 2
+
+
+def _explicit(cubic: Sequence[float], ds: float) -> tuple[float, float, float]:
+    """Return the point a length along v = cubic(u): u is found by Newton's method."""
+    u = ds
+    for _ in range(20):
+        length = _length(cubic, u)
+        u -= (length - ds) / math.hypot(1.0, _slope(cubic, u))
+        if abs(length - ds) < 1e-9:
+            break
+    return u, _poly(cubic, u), math.atan(_slope(cubic, u))
+
+
+def _length(cubic: Sequence[float], u: float) -> float:
+    steps = 20
+    h = u / steps
+    total = sum((1 if k in (0, steps) else 4 if k % 2 else 2) * math.hypot(1, _slope(cubic, k * h)) for k in range(21))
+    return total * h / 3
+
+
+def _poly(cubic: Sequence[float], p: float) -> float:
+    a, b, c, d = cubic
+    return a + p * (b + p * (c + p * d))
+
+
+def _slope(cubic: Sequence[float], p: float) -> float:
+    _, b, c, d = cubic
+    return b + p * (2 * c + 3 * d * p)
+
+
+def _cubics(elements: Iterable[Element], start: str) -> list[Cubic]:
+    found = []
+    for e in elements:
+        a, b, c, d = (number(e, name, 0.0) for name in "abcd")
+        found.append((number(e, start, 0.0), a, b, c, d))
+    return found
+
+
+def _cubic_at(cubics: Sequence[Cubic], s: float) -> float:
+    found = 0.0
+    for start, a, b, c, d in cubics:
+        if start <= s + 1e-9:
+            found = _poly((a, b, c, d), s - start)
+    return found
+
+
+def number(element: Element, name: str, default: float | None = None) -> float:
+    """Return an attribute as a number.
+
+    Raises:
+        CompileError: it is missing (and there is no default), no number, or larger than anything that is meant.
+    """
+    try:
+        return plain_number(element, name, default)
+    except ValueError as err:
+        raise CompileError(f"the map's {err}") from err
+
+
+def plain_number(element: Element, name: str, default: float | None = None) -> float:
+    """Return an attribute as a number.
+
+    Raises:
+        ValueError: as for `number`; the message begins with `attribute`.
+    """
+    text = element.get(name)
+    if text is None and default is not None:
+        return default
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= _LARGEST:  # NaN neither
+        said = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
+        raise ValueError(f"attribute {name} of <{element.tag}> {said}")
+    return value

@@ -1,0 +1,1 @@
+"""SUMO networks: written by netconvert, read back, with their signals."""

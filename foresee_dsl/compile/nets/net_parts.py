@@ -1,0 +1,193 @@
+"""Turns SUMO's `.net.xml` into the parts of a road network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.roads.parts import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
+from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.language.model import Turn
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
+
+_SUMO_CLASS: dict[LaneKind, str] = {"car": "passenger", "bicycle": "bicycle", "pedestrian": "pedestrian"}
+_DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width: what a lane without `width` has
+_TURNS: dict[str, Turn] = {
+    "s": "straight",
+    "l": "left",
+    "L": "left",  # SUMO's capital letters: half left, half right
+    "r": "right",
+    "R": "right",
+    "t": "back",
+    "T": "back",
+    "invalid": "straight",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class NetParts:
+    """Everything that we read from a net file; dictionaries are in the file's order."""
+
+    lanes: dict[str, Lane]
+    edges: dict[str, Edge]
+    junctions: dict[str, Junction]
+    movements: tuple[Movement, ...]
+    crossings: dict[str, Crossing]
+    walking_areas: dict[str, WalkingArea]
+    footways: tuple[tuple[str, str], ...]
+    """Pairs of edge or lane ids that people walk between: sidewalk lane, crossing lane or walking area."""
+
+
+def read_net(net_file: Path) -> NetParts:
+    """Read a SUMO network.
+
+    Raises:
+        CompileError: it cannot be read, or is no SUMO network.
+    """
+    root = parse_net(net_file)
+    functions: dict[str, str] = {}
+    lanes: dict[str, Lane] = {}
+    edges: dict[str, Edge] = {}
+    for element in root.iterfind("edge"):
+        name, function = element.attrib["id"], element.get("function", "normal")
+        functions[name] = function
+        own = tuple(_lane(child, name, function) for child in element.iterfind("lane"))
+        lanes.update((lane.id, lane) for lane in own)
+        if function == "normal":
+            edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
+    junctions, rows = _junctions(root)
+    connections = [element.attrib for element in root.iterfind("connection")]
+    return NetParts(
+        lanes=lanes,
+        edges=edges,
+        junctions=junctions,
+        movements=tuple(_movements(connections, edges, lanes, rows)),
+        crossings=_crossings(connections, lanes, functions, rows),
+        walking_areas={
+            name: WalkingArea(id=name, junction=_junction_of(name), polygon=lanes[f"{name}_0"].shape)
+            for name, function in functions.items()
+            if function == "walkingarea"
+        },
+        footways=tuple(_footways(connections, lanes, functions)),
+    )
+
+
+def _lane(element: Element, edge: str, function: str) -> Lane:
+    get = element.attrib
+    return Lane(
+        id=get["id"],
+        edge=edge,
+        index=int(get["index"]),
+        shape=_points(get["shape"]),
+        length_m=float(get["length"]),
+        speed_mps=float(get["speed"]),
+        width_m=float(get.get("width", _DEFAULT_WIDTH_M)),
+        kinds=_kinds(get.get("allow"), get.get("disallow")),
+        internal=function != "normal",
+        parking=get.get("type") == "parking",
+    )
+
+
+def _points(text: str) -> Points:
+    pairs = (pair.split(",") for pair in text.split())
+    return tuple((float(pair[0]), float(pair[1])) for pair in pairs)
+
+
+def _kinds(allow: str | None, disallow: str | None) -> frozenset[LaneKind]:
+    if allow is not None and allow != "all":
+        words = set(allow.split())
+        return frozenset(kind for kind, word in _SUMO_CLASS.items() if word in words)
+    words = set((disallow or "").split())
+    if "all" in words:
+        return frozenset()
+    return frozenset(kind for kind, word in _SUMO_CLASS.items() if word not in words)
+
+
+def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
+    """Return the junctions, and for each lane inside one its row in the junction's requests."""
+    junctions: dict[str, Junction] = {}
+    rows: dict[str, int] = {}
+    for element in root.iterfind("junction"):
+        get = element.attrib
+        if get.get("type") == "internal":
+            continue
+        rows.update((lane, k) for k, lane in enumerate(get.get("intLanes", "").split()))
+        requests = sorted((int(r.attrib["index"]), r.attrib) for r in element.iterfind("request"))
+        junctions[get["id"]] = Junction(
+            id=get["id"],
+            type=get.get("type", ""),
+            x=float(get["x"]),
+            y=float(get["y"]),
+            polygon=_points(get["shape"]) if get.get("shape") else (),
+            requests=tuple((int(r["response"], 2), int(r["foes"], 2)) for _, r in requests),
+        )
+    return junctions, rows
+
+
+def _movements(
+    connections: Iterable[dict[str, str]], edges: dict[str, Edge], lanes: dict[str, Lane], rows: dict[str, int]
+) -> Iterable[Movement]:
+    connections = list(connections)
+    onward = {f"{c['from']}_{c['fromLane']}": c["via"] for c in connections if c["from"][0] == ":" and "via" in c}
+    for get in connections:
+        if get["from"] not in edges or get["to"] not in edges:
+            continue
+        via: list[str] = []
+        step = get.get("via")
+        while step is not None:
+            via.append(step)
+            step = onward.get(step)
+        chain = (f"{get['from']}_{get['fromLane']}", *via, f"{get['to']}_{get['toLane']}")
+        direction = get.get("dir", "s")
+        yield Movement(
+            from_edge=get["from"],
+            to_edge=get["to"],
+            from_lane=chain[0],
+            to_lane=chain[-1],
+            via=tuple(via),
+            junction=edges[get["from"]].end,
+            turn=_TURNS.get(direction, "straight"),
+            direction=direction,
+            tls=get.get("tl"),
+            link=int(get.get("linkIndex", -1)),
+            index=next((rows[lane] for lane in reversed(via) if lane in rows), -1),
+            kinds=frozenset.intersection(*(lanes[lane].kinds for lane in chain)),
+        )
+
+
+def _crossings(
+    connections: Iterable[dict[str, str]], lanes: dict[str, Lane], functions: dict[str, str], rows: dict[str, int]
+) -> dict[str, Crossing]:
+    signals = {c["to"]: (c["tl"], int(c["linkIndex"])) for c in connections if c["to"][0] == ":" and "tl" in c}
+    found = {}
+    for name, function in functions.items():
+        if function == "crossing":
+            lane = lanes[f"{name}_0"]
+            tls, link = signals.get(name, (None, -1))
+            found[name] = Crossing(
+                id=name, lane=lane, junction=_junction_of(name), tls=tls, link=link, index=rows.get(lane.id, -1)
+            )
+    return found
+
+
+def _footways(
+    connections: Iterable[dict[str, str]], lanes: dict[str, Lane], functions: dict[str, str]
+) -> Iterable[tuple[str, str]]:
+    for get in connections:
+        ends = [(get["from"], f"{get['from']}_{get['fromLane']}"), (get["to"], f"{get['to']}_{get['toLane']}")]
+        if all(lanes[lane].kinds == {"pedestrian"} for _, lane in ends):
+            first, second = (edge if functions[edge] == "walkingarea" else lane for edge, lane in ends)
+            if "via" in get:
+                yield first, get["via"]
+            else:
+                yield first, second
+
+
+def _junction_of(internal_edge: str) -> str:
+    """`:j4_c0` lies in junction `j4`."""
+    return internal_edge[1:].rsplit("_", 1)[0]

@@ -1,0 +1,181 @@
+"""Signal programs for networks that come without any: stages for opposite approaches, named by where they come from."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import SubElement  # no parsing: that is netfile's
+
+from foresee_dsl.compile.bundle import Signal
+from foresee_dsl.compile.nets.signals import NAMED_STAGES, program, read_links
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.templates import number
+from foresee_dsl.language.model import Junction, Point, Quantity, Stage
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+GREEN_S = 20.0
+"""Ours: as long as the shorter stages of the bundled town; who comes with 30 km/h from 160 m away still sees it."""
+_FIXED = ("static", "rail_signal", "rail_crossing")
+"""SUMO's types of programs that no road traffic changes."""
+OPPOSITE_RAD = math.radians(135)
+"""Approaches whose directions differ by this much or more share a stage (ours: within 45 degrees of opposite)."""
+_COMPASS = ("n", "ne", "e", "se", "s", "sw", "w", "nw")
+_ORDER = ("n", "s", "e", "w", "ne", "sw", "nw", "se")
+"""How they stand in a stage's name: `ns_go`, `ew_go`."""
+
+
+def give_programs(root: Element) -> int:
+    """Put programs of ours in the place of those that netconvert made up.
+
+    Each junction with a signal of its own gets a stage for each pair of opposite approaches, and one for each approach
+    that has no opposite: 20 s of green, then amber and all red as in our own networks; who turns left gives way to
+    oncoming traffic, and people walk where only turning vehicles, which yield to them, cross their way. A stage is
+    called by where its traffic comes from: `ns_go`, `e_go`. Joint signals of several junctions keep their programs, and
+    so do those at which there would be one stage only.
+
+    Args:
+        root: of a SUMO net; changed in place.
+
+    Returns:
+        How many programs were replaced.
+    """
+    replaced = 0
+    headings = _last_headings(root)
+    for logic in root.iterfind("tlLogic"):
+        made = _program(root, logic.get("id", ""), headings)
+        states = {len(phase.get("state", "")) for phase in logic.iterfind("phase")}
+        if made is None or states != {len(made.phases[0].state)}:  # it controls more than this junction
+            continue
+        for child in list(logic):
+            logic.remove(child)
+        for phase in made.phases:
+            shown = {"duration": number(phase.duration_s), "state": phase.state, "name": made.stages[phase.stage]}
+            SubElement(logic, "phase", shown)
+        SubElement(logic, "param", {"key": NAMED_STAGES, "value": "named"})
+        logic.set("type", "static")
+        replaced += 1
+    return replaced
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """What `fix_times` changed: programs that reacted to traffic, and further programs of a signal, left out."""
+
+    reacting: int
+    others: int
+
+    def __bool__(self) -> bool:
+        """Whether anything was changed."""
+        return bool(self.reacting or self.others)
+
+
+def fix_times(root: Element) -> Fixed:
+    """Give every signal for road traffic one program of fixed times, with the stages that it has.
+
+    What a program that reacts to traffic has seen is not in the states that runs begin from (SUMO refuses to load
+    them), and a run switches through its phases in their order.
+
+    Args:
+        root: of a SUMO net; changed in place.
+    """
+    last: dict[str, Element] = {}
+    reacting = others = 0
+    for logic in root.findall("tlLogic"):
+        if logic.get("id", "") in last:  # SUMO begins with the program that it has read last
+            root.remove(last[logic.get("id", "")])
+            others += 1
+        last[logic.get("id", "")] = logic
+    for logic in last.values():
+        if logic.get("type", "static") in _FIXED:
+            continue
+        logic.set("type", "static")
+        for phase in logic.iterfind("phase"):
+            phase.set("duration", phase.get("duration") or phase.get("minDur") or f"{GREEN_S:g}")
+            for name in ("minDur", "maxDur", "next"):
+                phase.attrib.pop(name, None)
+        reacting += 1
+    return Fixed(reacting, others)
+
+
+def stages_of(headings: Mapping[str, float]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return stages (name and approaches), from the headings (rad, counter-clockwise from east) of the approaches.
+
+    Each approach joins the one that comes nearest to being its opposite, if that is within 45 degrees of it.
+    """
+    left = sorted(headings)
+    found: list[tuple[str, tuple[str, ...]]] = []
+    pairs = sorted(
+        (-_apart(headings[one], headings[other]), one, other) for i, one in enumerate(left) for other in left[i + 1 :]
+    )
+    for apart, one, other in pairs:
+        if -apart >= OPPOSITE_RAD and one in left and other in left:
+            axis = headings[one] + wrap(headings[other] + math.pi - headings[one]) / 2
+            found.append((_named(axis, axis + math.pi), (one, other)))
+            left = [edge for edge in left if edge not in (one, other)]
+    found += [(_named(headings[edge]), (edge,)) for edge in left]
+    return _told_apart(sorted(found))
+
+
+def _program(root: Element, tls: str, headings: Mapping[str, float]) -> Signal | None:
+    """Our program for a signal; None where its movements are not those of one junction."""
+    try:
+        links = read_links(root, tls)
+    except KeyError:  # a movement that is not in the junction's right-of-way table
+        return None
+    entering = {link.edge: headings[link.edge] for link in links if link.edge in headings}
+    if not entering or [link.index for link in links] != list(range(len(links))):
+        return None
+    edges = sorted({*entering, *(edge for link in links for edge in link.crosses)})
+    road_of = {edge: f"road_{k}" for k, edge in enumerate(edges)}  # ids of a foreign net need not be names
+    stages = tuple(
+        Stage(name=name, duration=Quantity.of(GREEN_S, "time", 0), green=tuple(road_of[edge] for edge in green))
+        for name, green in stages_of(entering)
+    )
+    if len(stages) < 2:  # it is there for people who cross; netconvert has given them a phase
+        return None
+    zero = Quantity.of(0.0, "length", 0)
+    return program(Junction(name="foreign", at=Point(x=zero, y=zero), stages=stages), links, road_of)
+
+
+def _last_headings(root: Element) -> dict[str, float]:
+    """The direction (rad) in which each edge comes to its end, from the last two points of its first lane."""
+    found = {}
+    for edge in root.iterfind("edge"):
+        lane = edge.find("lane")
+        if edge.get("function") is None and lane is not None:
+            (x0, y0), (x1, y1) = (
+                [float(v) for v in pair.split(",")[:2]] for pair in lane.get("shape", "").split()[-2:]
+            )
+            found[edge.get("id", "")] = math.atan2(y1 - y0, x1 - x0)
+    return found
+
+
+def _from(heading_rad: float) -> str:
+    """Where traffic with a heading comes from, as a compass point: northbound traffic comes from `s`."""
+    clockwise_from_north = math.pi / 2 - (heading_rad + math.pi)
+    return _COMPASS[round(clockwise_from_north / (math.pi / 4)) % len(_COMPASS)]
+
+
+def _named(*headings: float) -> str:
+    words = sorted({_from(heading) for heading in headings}, key=_ORDER.index)
+    plain = all(len(word) == 1 for word in words)
+    return f"{('' if plain else '_').join(words)}_go"
+
+
+def _told_apart(stages: Sequence[tuple[str, tuple[str, ...]]]) -> list[tuple[str, tuple[str, ...]]]:
+    """Number the stages of one name: `e_go`, `e_2_go`."""
+    seen: Counter[str] = Counter()
+    told = []
+    for name, edges in stages:
+        seen[name] += 1
+        told.append((name if seen[name] == 1 else f"{name.removesuffix('_go')}_{seen[name]}_go", edges))
+    return told
+
+
+def _apart(one_rad: float, other_rad: float) -> float:
+    return abs(wrap(one_rad - other_rad))

@@ -1,0 +1,266 @@
+"""Builds a SUMO network from one written in the language."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.compile.nets import signals
+from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.nets.net_parts import read_net
+from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
+from foresee_dsl.compile.templates import render
+from foresee_dsl.errors import CompileError
+from foresee_dsl.language.model import Building, Count, Junction, Length, Network, Point, Quantity, Road, Speed
+
+LANE_WIDTH_M = 3.3
+"""Ours: between the 3.25 m and 3.5 m that are usual on urban main roads."""
+SPEED_MPS = 50 / 3.6
+"""The usual urban limit (Vienna Convention countries)."""
+CORNER_RADIUS_M = 5.0
+"""Ours: with a 2 m sidewalk the kerb's radius is 7 m; SUMO's default of 4 m is too tight for buses (their lane's centre
+would turn with 5.6 m where there is no sidewalk)."""
+CROSSING_WIDTH_M = 4.0
+"""SUMO's default (netconvert --default.crossing-width)."""
+BACK = "_back"
+"""Appended to a road's name: its edge in the other direction."""
+
+_CONTROL_TYPES = {
+    "signals": "traffic_light",
+    "priority": "priority",
+    "right_before_left": "right_before_left",
+    "stop": "allway_stop",
+}
+_OPTIONS = (
+    *("--no-internal-links", "false"),
+    *("--offset.disable-normalization", "true"),  # coordinates stay those of the file
+    *("--no-turnarounds.except-deadend", "true"),  # traffic turns round only where it could go nowhere else
+    *("--walkingareas", "true"),
+    *("--precision", "3"),  # millimetres
+    *("--no-warnings", "true"),
+)
+
+XY = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Node:
+    """One `<node>`."""
+
+    id: str
+    type: str
+    x: float
+    y: float
+
+
+@dataclass(frozen=True)
+class Edge:
+    """One `<edge>`: all its car lanes have the same width; `parking` and `sidewalk` are None where there is none."""
+
+    id: str
+    start: str
+    end: str
+    lanes: int
+    lane_width: float
+    speed: float
+    spread: str
+    shape: tuple[XY, ...]
+    parking: float | None
+    sidewalk: float | None
+    priority: int
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One `<crossing>`: over all edges of one road at one junction."""
+
+    node: str
+    edges: tuple[str, ...]
+
+
+def build_network(network: Network, out: Path) -> None:
+    """Write the SUMO net of a network to `out`: the same network gives the same bytes.
+
+    Junctions keep their names. Road `west` becomes the edges `west` and `west_back`.
+
+    Raises:
+        CompileError: netconvert refused it, a signal names a road that does not reach it, or a building stands on a
+            road.
+    """
+    junctions = {item.name: item for item in network.body if isinstance(item, Junction)}
+    roads = tuple(item for item in network.body if isinstance(item, Road))
+    _check_names(junctions, roads)
+    edges = tuple(edge for road in roads for edge in road_edges(road, junctions))
+    with tempfile.TemporaryDirectory(prefix="foresee-net-") as name:
+        folder = Path(name)
+        files = _write_plain(folder, tuple(junctions.values()), roads, edges)
+        net = folder / "net.net.xml"
+        run_netconvert([*files, *_OPTIONS, "--output-file", net.name], folder)
+        controlled = tuple(j for j in junctions.values() if j.control == "signals")
+        if controlled:
+            root = parse_net(net)
+            roads_of = {edge: road.name for road in roads for edge in edges_at(road, road.start)}
+            programs = [signals.program(j, signals.read_links(root, j.name), roads_of) for j in controlled]
+            signals.write_programs(programs, folder / "signals.tll.xml")
+            final = folder / "final.net.xml"
+            extra = ["--tllogic-files", "signals.tll.xml"]
+            run_netconvert([*files, *extra, *_OPTIONS, "--output-file", final.name], folder)
+            signals.check_same_links(net, final)
+            net = final
+        _check_buildings(network, net)
+        out.write_bytes(without_header(net.read_bytes()))
+
+
+def road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[Edge, ...]:
+    """Return the edges of a road: one or two.
+
+    A one-way road lies with its middle on the line between its junctions; a two-way road drives on the right of that
+    line, with half of the median on either side.
+    """
+    lanes = _count(road.lanes, 1)
+    back = _count(road.back, lanes)
+    if lanes < 1:
+        raise CompileError(f"road {road.name} needs at least one lane")
+    ends = (junctions[road.start].at, junctions[road.end].at)
+    line = [_xy(p) for p in (ends[0], *road.via, ends[1])]
+    sidewalk = None if road.sidewalk is None or _si(road.sidewalk) == 0 else _si(road.sidewalk)
+    parking = None if road.parking is None else _si(road.parking)
+    half_median = _si_or(road.median, 0.0) / 2
+    width = _si_or(road.lane_width, LANE_WIDTH_M)
+    speed = _si_or(road.speed, SPEED_MPS)
+
+    def edge(name: str, start: str, end: str, count: int, shape: Sequence[XY]) -> Edge:
+        return Edge(
+            id=name,
+            start=start,
+            end=end,
+            lanes=count,
+            lane_width=width,
+            speed=speed,
+            spread="right" if back else "center",
+            shape=tuple(shift_right(shape, half_median) if back else shape),
+            parking=parking,
+            sidewalk=sidewalk,
+            priority=_priority(lanes + back, speed),
+        )
+
+    there = edge(road.name, road.start, road.end, lanes, line)
+    return (there, edge(road.name + BACK, road.end, road.start, back, line[::-1])) if back else (there,)
+
+
+def shift_right(line: Sequence[XY], distance: float) -> list[XY]:
+    """Return a polyline moved to its right by a distance (m); corners are mitred, very sharp ones cut short."""
+    if distance == 0:
+        return list(line)
+    normals = []
+    for (x0, y0), (x1, y1) in itertools.pairwise(line):
+        length = math.hypot(x1 - x0, y1 - y0)
+        if length == 0:
+            raise CompileError(f"a road has the point ({x0:g} m, {y0:g} m) twice in a row")
+        normals.append(((y1 - y0) / length, -(x1 - x0) / length))
+    moved = []
+    for k, (x, y) in enumerate(line):
+        (ax, ay), (bx, by) = normals[max(k - 1, 0)], normals[min(k, len(normals) - 1)]
+        scale = distance / max(1 + ax * bx + ay * by, 0.5)
+        moved.append((x + (ax + bx) * scale, y + (ay + by) * scale))
+    return moved
+
+
+def edges_at(road: Road, junction: str) -> tuple[str, ...]:
+    """Return the ids of a road's edges that touch a junction."""
+    if junction not in (road.start, road.end):
+        return ()
+    return (road.name, road.name + BACK) if is_two_way(road) else (road.name,)
+
+
+def is_two_way(road: Road) -> bool:
+    """True when the road has a lane in the other direction."""
+    return _count(road.back, _count(road.lanes, 1)) > 0
+
+
+def _write_plain(
+    folder: Path, junctions: Sequence[Junction], roads: Sequence[Road], edges: Sequence[Edge]
+) -> list[str]:
+    """Write netconvert's input; return the options that name it."""
+    nodes = [Node(j.name, _CONTROL_TYPES[j.control], *_xy(j.at)) for j in junctions]
+    walked = {edge.id for edge in edges if edge.sidewalk is not None}
+    crossings = [
+        Crossing(j.name, found)
+        for j in junctions
+        if j.crossings is not None
+        for road in roads
+        if road.name in j.crossings or not j.crossings
+        if (found := tuple(e for e in edges_at(road, j.name) if e in walked))
+    ]
+    render("nodes.nod.xml", folder / "nodes.nod.xml", nodes=nodes, radius=CORNER_RADIUS_M)
+    render("edges.edg.xml", folder / "edges.edg.xml", edges=edges)
+    render("connections.con.xml", folder / "connections.con.xml", crossings=crossings, width=CROSSING_WIDTH_M)
+    return [
+        *("--node-files", "nodes.nod.xml"),
+        *("--edge-files", "edges.edg.xml"),
+        *("--connection-files", "connections.con.xml"),
+    ]
+
+
+def _check_names(junctions: dict[str, Junction], roads: Sequence[Road]) -> None:
+    seen: set[str] = set()
+    for road in roads:
+        for end in (road.start, road.end):
+            if end not in junctions:
+                raise CompileError(f"road {road.name} names the junction {end}, which is not in the network")
+        for edge in edges_at(road, road.start):
+            if edge in seen:
+                raise CompileError(f"two roads have the edge {edge}: a road may not be called like another one's back")
+            seen.add(edge)
+    if not roads:
+        raise CompileError("the network has no roads")
+
+
+def _check_buildings(network: Network, net: Path) -> None:
+    """A building on a lane would be driven through, and blind whoever is inside."""
+    buildings = {item.name: [_xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
+    if not buildings:
+        return
+    import shapely
+
+    parts = read_net(net)
+    bands = {
+        lane.id: shapely.LineString(lane.shape).buffer(lane.width_m / 2, cap_style="flat")
+        for lane in parts.lanes.values()
+        if (lane.kinds or lane.parking) and lane.edge not in parts.walking_areas
+    }
+    for name, outline in buildings.items():
+        shape = shapely.Polygon(outline)
+        if not shape.is_valid:
+            raise CompileError(f"the outline of building {name} crosses itself")
+        for lane, band in bands.items():
+            if shape.intersects(band):
+                at = shapely.intersection(shape, band).centroid
+                raise CompileError(f"building {name} stands on {lane}, at ({at.x:.0f} m, {at.y:.0f} m)")
+
+
+def _priority(lanes: int, speed_mps: float) -> int:
+    """SUMO's rank of a road: the wider goes first, among equals the faster."""
+    return 1000 * lanes + round(speed_mps * 3.6)
+
+
+def _xy(point: Point) -> XY:
+    return _si(point.x), _si(point.y)
+
+
+def _count(value: Count | None, default: int) -> int:
+    return default if value is None else round(_si(value))
+
+
+def _si_or(value: Length | Speed | None, default: float) -> float:
+    return default if value is None else _si(value)
+
+
+def _si(value: Length | Speed | Count) -> float:
+    if not isinstance(value, Quantity):
+        raise CompileError(f"a network cannot use the parameter {value.name}")
+    return value.si

@@ -1,0 +1,1 @@
+"""Where everybody is at the first frame."""

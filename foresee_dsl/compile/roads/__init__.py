@@ -1,0 +1,1 @@
+"""The road network as geometry: lines, lanes, routes, junctions, and where people walk."""

@@ -1,0 +1,195 @@
+"""Where people walk: sidewalks, corners and crossings as a graph, and random walks on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from foresee_dsl.compile.roads.lane_grid import distance_to
+from foresee_dsl.compile.roads.parts import Crossing
+from foresee_dsl.compile.roads.polyline import XY, Points, distance, distinct, lengths, whole_millimetres
+
+if TYPE_CHECKING:
+    import networkx as nx
+    import numpy as np
+
+    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+
+ON_CROSSING_M = 0.05
+"""A path whose points are so near to a crossing's centreline was laid along it (clips round to 1 mm, nets to 1 cm)."""
+
+_End = tuple[str, int]
+"""The beginning (0) or end (1) of a footway's centreline; a walking area is (id, -1)."""
+
+
+class CrossingPart(NamedTuple):
+    """A stretch of a path that runs over a crossing (m along the path), and the signal that it obeys ("" and -1 for
+    none)."""
+
+    enter_s: float
+    exit_s: float
+    tls: str
+    link: int
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A pedestrian's path, m, and its crossings in order."""
+
+    points: Points
+    crossings: tuple[CrossingPart, ...]
+
+    @property
+    def stops(self) -> tuple[tuple[float, float, str, int], ...]:
+        """The crossings with a signal: (enters m, leaves m, tls, link)."""
+        return tuple((c.enter_s, c.exit_s, c.tls, c.link) for c in self.crossings if c.tls)
+
+
+@dataclass(frozen=True, eq=False)
+class Walkways:
+    """The footways of a network.
+
+    Attributes:
+        shapes: the centreline of each sidewalk and crossing by lane id. crossings: the crossings among them.
+        joints: pairs of what touches: ends of footways, and walking areas.
+    """
+
+    shapes: dict[str, Points]
+    crossings: dict[str, Crossing]
+    joints: tuple[tuple[_End, _End], ...]
+
+    @cached_property
+    def graph(self) -> nx.Graph[_End]:
+        """Nodes are ends of footways and walking areas; edges with the attribute `way` are footways, the others join
+        what touches."""
+        import networkx as nx  # here: it takes long to import, and only background traffic needs it
+
+        graph: nx.Graph[_End] = nx.Graph()
+        for way in self.shapes:
+            graph.add_edge((way, 0), (way, 1), way=way)
+        graph.add_edges_from(self.joints)
+        return graph
+
+    @property
+    def sidewalks(self) -> tuple[str, ...]:
+        """Lanes that are no crossings, in the net's order."""
+        return tuple(way for way in self.shapes if way not in self.crossings)
+
+    def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Walk | None:
+        """Walk at random from the sidewalk nearest to a point, over crossings too, turning round only at dead ends.
+
+        Args:
+            from_xy: m.
+            length_m: how far, at least.
+            rng: draws the first direction and each way onward.
+
+        Returns:
+            The walk; None where the network has no sidewalk.
+        """
+        best = self._nearest(from_xy)
+        if best is None:
+            return None
+        way, start = best
+        forward = bool(rng.integers(2))
+        points: list[XY] = [start, *_rest(self.shapes[way], start, forward)]
+        end: _End = (way, 1 if forward else 0)
+        walked = lengths(points)[-1]
+        while walked < length_m:
+            choices = self._onward(end) or [end]
+            begin = choices[int(rng.integers(len(choices)))]
+            way, at = begin
+            shape = self.shapes[way] if at == 0 else self.shapes[way][::-1]
+            points += shape
+            end = (way, 1 - at)
+            walked = lengths(points)[-1]
+        path = distinct(whole_millimetres(points))
+        return Walk(path, self.crossings_on(path))
+
+    def crossings_on(self, path: Points) -> tuple[CrossingPart, ...]:
+        """Return the stretches of a path that run along the centreline of a crossing."""
+        if path not in self._on_crossings:
+            self._on_crossings[path] = self._find_crossings(path)
+        return self._on_crossings[path]
+
+    @cached_property
+    def _on_crossings(self) -> dict[Points, tuple[CrossingPart, ...]]:
+        return {}
+
+    def _find_crossings(self, path: Points) -> tuple[CrossingPart, ...]:
+        s = lengths(path)
+        found: list[CrossingPart] = []
+        for way, crossing in self.crossings.items():
+            shape = self.shapes[way]
+            on = [distance_to(x, y, shape) <= ON_CROSSING_M for x, y in path]
+            first = len(found)
+            for k in (k for k in range(len(path) - 1) if on[k] and on[k + 1]):
+                if len(found) > first and found[-1].exit_s == s[k]:
+                    found[-1] = found[-1]._replace(exit_s=s[k + 1])
+                else:
+                    found.append(CrossingPart(s[k], s[k + 1], crossing.tls or "", crossing.link))
+        return tuple(sorted(found))
+
+    def _nearest(self, xy: XY) -> tuple[str, XY] | None:
+        best: tuple[float, str, XY] | None = None
+        for way in self.sidewalks:
+            foot, _ = _foot(xy, self.shapes[way])
+            away = distance(foot, xy)
+            if best is None or away < best[0]:
+                best = away, way, foot
+        return (best[1], best[2]) if best is not None else None
+
+    def _onward(self, end: _End) -> list[_End]:
+        """Return the ends of other footways that are joined to an end, directly or across a walking area."""
+        found: list[_End] = []
+        for node in self.graph.adj[end]:
+            if node[0] == end[0] and node[1] >= 0:
+                continue
+            if node[1] >= 0:
+                found.append(node)
+            else:
+                found += [other for other in self.graph.adj[node] if other != end and other[1] >= 0]
+        return found
+
+
+@lru_cache(maxsize=32)
+def walkways(network: RoadNetwork) -> Walkways:
+    """Return the footways of a network."""
+    shapes = {
+        lane.id: distinct(lane.shape)
+        for lane in network.lanes.values()
+        if lane.kinds == {"pedestrian"} and lane.edge not in network.walking_areas
+    }
+    joints = tuple(
+        (
+            (first, -1) if first in network.walking_areas else (first, 1),
+            (second, -1) if second in network.walking_areas else (second, 0),
+        )
+        for first, second in network.footways
+    )
+    return Walkways(shapes, {c.lane.id: c for c in network.crossings.values()}, joints)
+
+
+def _rest(shape: Points, start: XY, forward: bool) -> Iterator[XY]:
+    """The corners of a polyline after a point on it."""
+    _, here = _foot(start, shape)
+    corners = list(zip(lengths(shape), shape, strict=True))
+    if forward:
+        return (point for s, point in corners if s > here)
+    return (point for s, point in reversed(corners) if s < here)
+
+
+def _foot(point: XY, shape: Points) -> tuple[XY, float]:
+    """The point of a polyline that is nearest to a point, and the length along it there."""
+    s, best = lengths(shape), (math.inf, shape[0], 0.0)
+    for k, ((x0, y0), (x1, y1)) in enumerate(pairwise(shape)):
+        dx, dy = x1 - x0, y1 - y0
+        share = min(max(((point[0] - x0) * dx + (point[1] - y0) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+        foot = (x0 + share * dx, y0 + share * dy)
+        away = distance(point, foot)
+        if away < best[0]:
+            best = away, foot, s[k] + share * (s[k + 1] - s[k])
+    return best[1], best[2]

@@ -1,0 +1,1 @@
+"""Clips: the seconds around a risky point, restated as a file that rebuilds them exactly."""

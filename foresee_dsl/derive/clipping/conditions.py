@@ -1,0 +1,184 @@
+"""Says a condition again for a window that begins in the middle of a run.
+
+Times count from the window's beginning, what is known of actors that are gone is worked in, and a `for` that had begun
+says `since` when.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from foresee_dsl.language.conditions import mentioned, parts
+from foresee_dsl.language.model import (
+    Both,
+    Comparison,
+    Condition,
+    Either,
+    Measure,
+    Not,
+    Point,
+    Predicate,
+    Quantity,
+    Sustained,
+    Within,
+)
+from foresee_dsl.language.printing.phrases import place as text_of
+from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.triggers.condition_history import Run
+
+Said = Condition | bool
+"""A condition, or what it is known to be from the window's beginning on."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The beginning of a window.
+
+    Attributes:
+        time_s: in the run.
+        gone: actors that have left.
+        places: where the places on routes are, by their text: a route begins elsewhere now.
+    """
+
+    time_s: float
+    gone: frozenset[str]
+    places: Mapping[str, Point]
+
+
+def restated(
+    condition: Condition, moment: Moment, runs: Mapping[int, Run] | None = None, *, held: bool | None = None
+) -> Said:
+    """Return a condition as the window has to say it: true at the same frames as in the run.
+
+    Args:
+        condition: as its author wrote it.
+        moment: the window's beginning.
+        runs: since when what a `for` is about holds, by the place of the `for` among the condition's `parts`; absent
+            where it does not hold. None for a condition that nobody has looked at yet.
+        held: of an `every` or `next`, whether the condition has to be false before it fires; None of what fires once.
+            It is exact to the frame as well when the condition is false and when it cannot be said, where that tells
+            whether the trigger fires again.
+    """
+    # The first time that all parts of an `and` are true, all is known. Beside an `or`, a `for` may still be unknown.
+    again = held or (
+        held is not None and any(isinstance(part, Either | Not) and _lasts(part) for part in parts(condition))
+    )
+    return _Teller(moment, runs, again=again).tell(condition, 0, positive=True)
+
+
+class _Teller:
+    def __init__(self, moment: Moment, runs: Mapping[int, Run] | None, *, again: bool) -> None:
+        self._moment, self._runs, self._again = moment, runs, again
+
+    def tell(self, condition: Condition, number: int, *, positive: bool) -> Said:
+        """Say a part; `positive`: it stands under an even number of `not`."""
+        if isinstance(condition, Not):
+            inner = self.tell(condition.condition, number + 1, positive=not positive)
+            return not inner if isinstance(inner, bool) else Not(condition=inner)
+        if isinstance(condition, Sustained):
+            return self._sustained(condition, number, positive=positive)
+        if isinstance(condition, Both | Either):
+            found, after = [], number + 1
+            for part in condition.conditions:
+                found.append(self.tell(part, after, positive=positive))
+                after += sum(1 for _ in parts(part))
+            return both(*found) if isinstance(condition, Both) else either(*found)
+        return self._fact(condition, positive=positive)
+
+    def _fact(self, condition: Condition, *, positive: bool) -> Said:
+        if isinstance(condition, Within):
+            point = self._moment.places.get(_place(condition))
+            condition = condition if point is None else condition.model_copy(update={"of": point})
+        if mentioned(condition) & self._moment.gone:
+            if isinstance(condition, Predicate):
+                return condition.what == "arrived"  # who has left has; it touches nobody
+            return not positive  # it will never be said, so that it never makes the whole true
+        if isinstance(condition, Comparison) and isinstance(condition.left, Measure) and condition.left.what == "time":
+            return self._time(condition)
+        return condition
+
+    def _time(self, condition: Comparison) -> Said:
+        left_s = si_of(condition.right) - self._moment.time_s
+        if left_s < -1e-9 or (abs(left_s) <= 1e-9 and condition.op in (">=", "<")):
+            return condition.op[0] == ">"
+        return condition.model_copy(update={"right": seconds(left_s)})
+
+    def _sustained(self, condition: Sustained, number: int, *, positive: bool) -> Said:
+        inner = self.tell(condition.condition, number + 1, positive=positive)
+        if inner is False:
+            return False
+        fresh = condition.model_copy(update={"condition": at_least(0) if inner is True else inner, "since": None})
+        if self._runs is None:
+            return fresh if condition.since is None else self._since(fresh, si_of(condition.since))
+        run = self._runs.get(number)
+        if run is None:
+            return fresh  # it does not hold at the window's first frame either, and so says the window
+        left = _frames(si_of(condition.duration)) - _frames_since(run.since_s, self._moment.time_s)
+        if inner is True and run.known:
+            return at_least(left) if left > 0 else True
+        return self._half_way(fresh, run, left, positive=positive)
+
+    def _half_way(self, fresh: Sustained, run: Run, left: int, *, positive: bool) -> Condition:
+        """Say a `for` of which `left` frames are left: `since` says when it began, and that it was false before that.
+
+        Where that is unknown, `since` is as good if only "true" matters; where only "false" does (under `not`), the
+        time before the window may be left unknown altogether.
+        """
+        begun = self._since(fresh, run.since_s)
+        held = run.since_s < self._moment.time_s - STEP_S / 2
+        if run.known:
+            return begun if held or self._again or not positive else fresh
+        if not held or not (positive or self._again):
+            return fresh
+        return Either(conditions=(begun, fresh)) if self._again and left > 0 else begun
+
+    def _since(self, condition: Sustained, time_s: float) -> Sustained:
+        frames = _frames_since(time_s, self._moment.time_s)
+        return condition.model_copy(update={"since": seconds(-frames * STEP_S)})
+
+
+def both(*conditions: Said) -> Said:
+    """Return `and`, worked out as far as it is known."""
+    left = tuple(c for c in conditions if not isinstance(c, bool))
+    if not all(c for c in conditions if isinstance(c, bool)):
+        return False
+    return Both(conditions=left) if len(left) > 1 else (left[0] if left else True)
+
+
+def either(*conditions: Said) -> Said:
+    """Return `or`, worked out as far as it is known."""
+    left = tuple(c for c in conditions if not isinstance(c, bool))
+    if any(c for c in conditions if isinstance(c, bool)):
+        return True
+    return Either(conditions=left) if len(left) > 1 else (left[0] if left else False)
+
+
+def at_least(frames: int) -> Comparison:
+    """Return `time >= TIME`."""
+    return Comparison(left=Measure(what="time"), op=">=", right=seconds(frames * STEP_S))
+
+
+def seconds(value: float) -> Quantity:
+    """Return a time with two decimals, which hold every multiple of the step exactly, or more where it needs them."""
+    return Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
+
+
+def _frames(time_s: float) -> int:
+    """Return how many steps a time takes, as `simulate.watch` counts them."""
+    return max(0, math.ceil(time_s / STEP_S - 1e-6))
+
+
+def _frames_since(time_s: float, now_s: float) -> int:
+    """Return how many frames there were from a time on and before now."""
+    return math.floor((now_s - time_s) / STEP_S + 1e-6)
+
+
+def _lasts(condition: Condition) -> bool:
+    return any(isinstance(part, Sustained) for part in parts(condition))
+
+
+def _place(condition: Within) -> str:
+    return "" if condition.of.kind == "named" else text_of(condition.of, frozenset())

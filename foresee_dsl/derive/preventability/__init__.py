@@ -1,0 +1,170 @@
+"""Whether a careful and competent driver would have avoided a failure: UN Regulation 157's model, driven in its place.
+
+The failing run is driven again, the ego on its recorded way at its recorded speed, until the careful driver has
+perceived the risk (`derive.preventability_risk`) and its delay is over. From then on it brakes, along the same way. The
+other actors do what the test case says, in the real simulation, and may react to the braking ego. A lateral escape is
+not modelled.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Literal
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.derive.preventability.replay import Replay
+from foresee_dsl.derive.preventability.risk import Perception, perceive
+from foresee_dsl.derive.preventability.sight import sight_of
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.collision import Mover
+from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
+from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+
+SAME_TIME_S = 0.1
+"""The replay without braking has to end with the same contact within this time. Ours: two steps."""
+SAME_PLACE_M = 0.1
+"""And with the ego within this distance. Ours: the tolerance of a clip's fidelity."""
+
+
+class Preventable(StrEnum):
+    """Would a careful and competent driver have avoided it?"""
+
+    YES = "preventable"
+    NO = "unavoidable"
+    UNKNOWN = "undecided"
+
+    @property
+    def origin(self) -> Literal["yes", "no", "unknown"]:
+        """Return how a mutant's `origin` says it."""
+        if self is Preventable.YES:
+            return "yes"
+        return "no" if self is Preventable.NO else "unknown"
+
+
+@dataclass(frozen=True)
+class Preventability:
+    """What the replay of a failure found.
+
+    Attributes:
+        verdict: yes, no, or not decided. why: a sentence for people.
+        struck: who struck whom in the failure: `runner struck the ego`; "" where nobody was struck.
+        impact_mps: relative speed at the failure's contact, m/s; None without a contact.
+        perceived_s: when the risk was perceived. braked_s: when braking began, or would have; None where it was not.
+        braked_impact_mps: relative speed at the contact that braking left, m/s; None where it left none.
+    """
+
+    verdict: Preventable
+    why: str
+    struck: str = ""
+    impact_mps: float | None = None
+    perceived_s: float | None = None
+    braked_s: float | None = None
+    braked_impact_mps: float | None = None
+
+
+def contact(result: RunResult) -> Impact | None:
+    """Return the contact that a run ended with, None where it ended otherwise."""
+    return result.impact if result.verdict.is_collision else None
+
+
+def assess(child: TestCase, result: RunResult) -> Preventability:
+    """Say whether a careful and competent driver would have avoided a failure; drives the test case up to twice.
+
+    Args:
+        child: a test case. result: its run, which failed.
+
+    Raises:
+        ValueError: the run did not fail.
+        SimulationError: the scene cannot be set up in SUMO.
+    """
+    if not result.verdict.is_failure:
+        raise ValueError(f"{child.id} did not fail: {result.reason}")
+    return assess_bundle(compile_test_case(child), result)
+
+
+def assess_bundle(bundle: SumoBundle, result: RunResult) -> Preventability:
+    """Do the same for a test case that is compiled."""
+    failed = contact(result)
+    if failed is None:
+        what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
+        return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
+    return replace(_judged(bundle, result, failed), struck=failed.struck, impact_mps=failed.relative_mps)
+
+
+def _judged(bundle: SumoBundle, result: RunResult, failed: Impact) -> Preventability:
+    if failed.ego_mps < STUCK_SPEED_MPS:
+        return Preventability(Preventable.UNKNOWN, f"the ego stood: {failed.struck}")
+    seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(result.trace, bundle))
+    if seen is None:
+        where = " in the rear" if failed.side == "rear" else ""
+        return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")
+    strays = _strays(run(bundle, Replay(result.trace, None)), result)
+    if strays:
+        return Preventability(Preventable.UNKNOWN, strays)
+    if seen.brakes_s >= result.time_s:
+        return _too_late(seen, result.time_s)
+    return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s)))
+
+
+def _strays(replay: RunResult, result: RunResult) -> str:
+    """Say how the replay without braking differs from the failure; "" where it does not."""
+    again = "the replay without braking is not the failure: "
+    if (replay.verdict, replay.with_) != (result.verdict, result.with_):
+        return f"{again}{replay.reason}"
+    late, off = abs(replay.time_s - result.time_s), _apart(_mover(replay.trace, 0), _mover(result.trace, 0))
+    if late > SAME_TIME_S or off > SAME_PLACE_M:
+        return f"{again}the contact is {late:.2f} s and {off:.2f} m off"
+    return ""
+
+
+def _too_late(seen: Perception, contact_s: float) -> Preventability:
+    if seen.at_once:
+        return Preventability(Preventable.UNKNOWN, _BEFORE)
+    onset = f"the risk begins {contact_s - seen.onset_s:.2f} s before the contact, which is before braking can begin"
+    perceived = seen.perceived_s if seen.perceived_s < contact_s else None
+    return Preventability(Preventable.NO, onset, perceived_s=perceived)
+
+
+_BEFORE = "the risk is there at the first frame: a driver would have seen it coming before"
+
+
+def _after_braking(seen: Perception, failed: Impact, braked: RunResult) -> Preventability:
+    """Read how the run ended in which the careful driver braked."""
+    left = contact(braked)
+    verdict, why = _without_contact(braked) if left is None else _with_contact(seen, failed, left)
+    return Preventability(
+        verdict,
+        f"braking from {seen.brakes_s:.2f} s {why}",
+        perceived_s=seen.perceived_s,
+        braked_s=seen.brakes_s,
+        braked_impact_mps=left.relative_mps if left else None,
+    )
+
+
+def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
+    if braked.verdict in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK):
+        return Preventable.YES, "avoids the contact"
+    return Preventable.UNKNOWN, f"ends otherwise: {braked.reason}"
+
+
+def _with_contact(seen: Perception, failed: Impact, left: Impact) -> tuple[Preventable, str]:
+    if left.with_ != failed.with_:
+        return Preventable.UNKNOWN, f"avoids {failed.with_}, but {left.struck}"
+    if left.ego_mps < STUCK_SPEED_MPS:
+        return Preventable.UNKNOWN, f"brings the ego to a stand before {left.struck}"
+    leaves = f"leaves an impact of {left.relative_mps:.1f} m/s, without it {failed.relative_mps:.1f} m/s: {left.struck}"
+    return (Preventable.UNKNOWN, f"{leaves}; {_BEFORE}") if seen.at_once else (Preventable.NO, leaves)
+
+
+def _mover(trace: Trace, actor: int) -> Mover:
+    x, y, heading, speed = (float(trace.states[-1, actor, k]) for k in (X, Y, HEADING, SPEED))
+    return Mover(x, y, heading, speed, trace.actors[actor].length_m, trace.actors[actor].width_m)
+
+
+def _apart(a: Mover, b: Mover) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)

@@ -1,0 +1,132 @@
+"""The driver of the replay: follows a recorded run to the letter, and brakes along its way from a moment on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from foresee_dsl.derive.preventability.path import RecordedPath
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
+from foresee_dsl.simulate.trace import SPEED, STEER, STEP_S, Trace
+
+BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
+"""The hardest braking of the careful driver: R157, Annex 4, appendix 3 (0.774 g). Less where the road or the vehicle do
+not give it."""
+JERK_MPS3 = 12.65
+"""How fast braking builds up, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""
+KEEPS_WAY_M = 3.0
+"""While braking, an error sideways decays over this length. Ours: a wheelbase; the error stays in the centimetres."""
+
+EXACT_MPS = 1e-12
+"""A replayed speed is met within this. Ours: a thousand roundings; over 10 s they amount to a hundredth of a
+nanometre."""
+_TRIES = 100
+"""Ours: fifty halvings of a pedal's range are finer than a float."""
+_TOUCHED = 1e-9
+"""The least share of a pressed brake: at 0 the vehicle answers as to a released throttle."""
+
+
+class Replay:
+    """Drives a recorded run again by finding the pedals and the wheel that gave it; then brakes.
+
+    It looks at no observation: up to the braking the world is the recorded one, and its own motion it works out with
+    the vehicle's own model.
+
+    Args:
+        trace: the run. brakes_s: when braking begins; None: never.
+    """
+
+    name = "careful"
+    version = "1"
+
+    def __init__(self, trace: Trace, brakes_s: float | None) -> None:
+        self._states = trace.states[:, 0]
+        self._path = RecordedPath(trace)
+        self._brakes_from = math.inf if brakes_s is None else round(brakes_s / STEP_S)
+        self._bicycle: Bicycle | None = None
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
+        """Begin at the run's first frame; mission and seed are not used."""
+        self._bicycle = Bicycle(vehicle)
+        self._state = BicycleState(*self._states[0].tolist())
+        self._frame = 0
+        self._along = 0.0
+        self._least_mps2 = 0.0
+
+    def step(self, observation: Observation) -> Control:  # noqa: ARG002  the protocol's
+        """Answer with what leads to the next recorded frame, or with braking."""
+        if self._bicycle is None:
+            raise RuntimeError("stepped before reset")
+        following = self._frame < min(self._brakes_from, len(self._states) - 1)
+        control = self._follow(self._bicycle) if following else self._brake(self._bicycle)
+        before = self._state
+        self._state = self._bicycle.step(before, control, STEP_S)
+        self._along += math.hypot(self._state.x - before.x, self._state.y - before.y)
+        self._frame += 1
+        return control
+
+    def _follow(self, bicycle: Bicycle) -> Control:
+        wanted = self._states[self._frame + 1]
+        wheel = _share(float(wanted[STEER]), bicycle.limits.steer_max_rad)
+        self._least_mps2 = max(-self._state.acceleration, 0.0)
+        return _pedals(bicycle, self._state, wheel, float(wanted[SPEED]))
+
+    def _brake(self, bicycle: Bicycle) -> Control:
+        """Build up braking from what the recorded driver did, never below it."""
+        since = self._frame + 1 - self._brakes_from if math.isfinite(self._brakes_from) else 0
+        level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(BRAKING_MPS2, self._least_mps2))
+        wheel = _share(self._angle(bicycle), bicycle.limits.steer_max_rad)
+        if self._state.speed <= level * STEP_S:
+            return Control(wheel, 0.0, 1.0)  # it comes to rest, and is held
+        return _pedals(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
+
+    def _angle(self, bicycle: Bicycle) -> float:
+        """The wheels' angle of the recorded way here, with the errors to it decaying critically damped."""
+        x, y, heading = self._path.at(np.array([self._along]))[0].tolist()
+        dx, dy = self._state.x - x, self._state.y - y
+        aside = -dx * math.sin(heading) + dy * math.cos(heading)
+        askew = math.remainder(self._state.heading - heading, math.tau)
+        bend = math.tan(self._path.steer(self._along + self._state.speed * STEP_S)) / bicycle.limits.wheelbase_m
+        return bicycle.steer_for(bend - aside / KEEPS_WAY_M**2 - 2 * askew / KEEPS_WAY_M)
+
+
+def _share(angle_rad: float, most_rad: float) -> float:
+    return max(-1.0, min(1.0, angle_rad / most_rad)) if most_rad > 0 else 0.0
+
+
+def _pedals(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: float) -> Control:
+    """Return the control whose next speed is the wanted one, or the nearest to it.
+
+    Throttle and brake are looked at apart: with their different lags the next speed jumps between them.
+    """
+    throttle = _solve(0.0, lambda p: bicycle.step(state, Control(wheel, p, 0.0), STEP_S).speed - speed_mps)
+    error = abs(bicycle.step(state, Control(wheel, throttle, 0.0), STEP_S).speed - speed_mps)
+    if error < EXACT_MPS:
+        return Control(wheel, throttle, 0.0)
+    brake = _solve(_TOUCHED, lambda p: bicycle.step(state, Control(wheel, 0.0, p), STEP_S).speed - speed_mps)
+    if abs(bicycle.step(state, Control(wheel, 0.0, brake), STEP_S).speed - speed_mps) < error:
+        return Control(wheel, 0.0, brake)
+    return Control(wheel, throttle, 0.0)
+
+
+def _solve(least: float, excess: Callable[[float], float]) -> float:
+    """Return the pedal's share at which a monotone excess vanishes, or the end of its range that is nearer to it."""
+    low, high = least, 1.0
+    under, over = excess(low), excess(high)
+    if under == 0.0 or under * over > 0:
+        return low if abs(under) <= abs(over) else high
+    middle = low
+    for turn in range(_TRIES):
+        # Where nothing is limited the excess is a straight line, and the first secant meets it; else halving does.
+        middle = low - under * (high - low) / (over - under) if turn % 2 == 0 else (low + high) / 2
+        value = excess(middle)
+        if abs(value) < EXACT_MPS:
+            break
+        if value * under > 0:
+            low, under = middle, value
+        else:
+            high, over = middle, value
+    return middle

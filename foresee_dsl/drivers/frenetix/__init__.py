@@ -1,0 +1,68 @@
+"""The bundled driver `frenetix`: the modular stack of industry around a sampling planner of a third party.
+
+Perception (tracks), prediction, a behaviour layer with named states, the planner of the package `frenetix` (LGPL-3.0,
+an extra of its own, used as it is installed), and PID tracking. Unlike `pdm` it keeps state between steps: its tracks,
+the plan, the integral of its speed controller and the colours of signals that it saw.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as package_version
+from typing import TYPE_CHECKING
+
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.errors import DriverError
+
+if TYPE_CHECKING:
+    from foresee_dsl.drivers.frenetix.stack import Stack
+
+MISSING = (
+    "the driver frenetix needs the package frenetix 0.4.0 (LGPL-3.0), which is not installed: "
+    "pip install 'foresee-dsl[frenetix]' (it has wheels for Python up to 3.12 on x86_64 Linux and macOS)"
+)
+
+
+def _version() -> str:
+    try:
+        return f"1 (library {package_version('frenetix')})"
+    except PackageNotFoundError:
+        return "1"
+
+
+class FrenetixDriver:
+    """Behaviour states, frenetix's sampled trajectories, PID tracking: the modular stack (package frenetix, LGPL).
+
+    `seed` changes nothing; the same observations after the same `reset` give the same answers.
+    """
+
+    name = "frenetix"
+    version = _version()
+
+    def __init__(self) -> None:
+        try:
+            import frenetix as _  # noqa: F401  says early, and in words, that it is not there
+        except ImportError as err:
+            raise DriverError(f"{MISSING} ({err})" if "No module" not in str(err) else MISSING) from err
+        self._stack: Stack | None = None
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
+        """Forget everything and take up a new mission; the seed is not used."""
+        from foresee_dsl.drivers.frenetix.stack import Stack
+
+        self._stack = Stack(mission, vehicle)
+
+    def step(self, observation: Observation) -> Control:
+        """Answer one observation.
+
+        Raises:
+            DriverError: `reset` was not called.
+        """
+        return self.stack.step(observation)
+
+    @property
+    def stack(self) -> Stack:
+        """What it is thinking: the behaviour's state, the plan, and how often there was none."""
+        if self._stack is None:
+            raise DriverError("the driver frenetix was stepped before reset")
+        return self._stack

@@ -1,0 +1,161 @@
+"""A plan: the trajectory that is driven, by time; and the plans that need no library: coming to rest along a path."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from foresee_dsl.drivers.frenetix import settings as cfg
+from foresee_dsl.drivers.pdm.route import GRID_M, Route
+from foresee_dsl.drivers.protocol import FloatArray
+
+TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.PLAN_STEP_S) + 1) * cfg.PLAN_STEP_S
+"""[T] the frames of every plan."""
+
+
+ROWS = (
+    *("s", "d", "x", "y", "heading", "speed", "acceleration", "curvature"),
+    *("s_dot", "s_ddot", "d_dot", "d_ddot"),
+)
+"""The arrays of a plan."""
+
+
+class Frenet(NamedTuple):
+    """A state along and across the route at one moment: m, m/s, m/s^2; the lateral derivatives are over time."""
+
+    s: float
+    s_dot: float
+    s_ddot: float
+    d: float
+    d_dot: float
+    d_ddot: float
+
+
+class Pose(NamedTuple):
+    """Where the plan wants the rear axle's middle at one moment."""
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    acceleration: float
+    curvature: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The rear axle's motion from `begins_s` on. Arrays are [T].
+
+    Attributes:
+        s, d: on the route, m. x, y: m. heading: rad. speed: m/s. acceleration: m/s^2. curvature: 1/m.
+        s_dot, s_ddot, d_dot, d_ddot: derivatives over time, for the next plan to begin with.
+        offset: m beside the middle of the lane that it heads for. until_s: when it is there, with its last speed.
+        emergency: made without the library, to stop.
+    """
+
+    begins_s: float
+    s: FloatArray
+    d: FloatArray
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    speed: FloatArray
+    acceleration: FloatArray
+    curvature: FloatArray
+    s_dot: FloatArray
+    s_ddot: FloatArray
+    d_dot: FloatArray
+    d_ddot: FloatArray
+    offset: float
+    until_s: float
+    emergency: bool = False
+
+    def frenet(self, time_s: float) -> Frenet:
+        """Return the state along and across the route at a time."""
+        k, w = self._frame(time_s)
+        rows = (self.s, self.s_dot, self.s_ddot, self.d, self.d_dot, self.d_ddot)
+        return Frenet(*(_mix(row, k, w) for row in rows))
+
+    def pose(self, time_s: float) -> Pose:
+        """Return where the rear axle shall be at a time."""
+        k, w = self._frame(time_s)
+        rows = (self.x, self.y, self.heading, self.speed, self.acceleration, self.curvature)
+        return Pose(*(_mix(row, k, w) for row in rows))
+
+    def from_now(self, time_s: float) -> Plan:
+        """Return what is left of it, its last frame held for the rest of the horizon."""
+        at = np.minimum(TIMES_S + time_s - self.begins_s, TIMES_S[-1])
+        left = {name: np.interp(at, TIMES_S, getattr(self, name)) for name in ROWS}
+        return replace(self, begins_s=time_s, **left)
+
+    def _frame(self, time_s: float) -> tuple[int, float]:
+        place = min(max((time_s - self.begins_s) / cfg.PLAN_STEP_S, 0.0), len(self.s) - 1.0)
+        k = min(int(place), len(self.s) - 2)
+        return k, place - k
+
+
+def braking_plan(
+    route: Route, begins_s: float, start: Frenet, braking_mps2: float, last: Plan | None, *, emergency: bool
+) -> Plan:
+    """Come to rest with a constant braking, along the last plan's path or, without one, turning parallel to the lane.
+
+    Args:
+        route: the route. begins_s: the time now. start: the car's state. last: the plan that was driven so far.
+        braking_mps2: above 0. emergency: how the plan is marked.
+    """
+    until = start.s_dot / braking_mps2
+    t = np.minimum(TIMES_S, until)
+    s_dot = start.s_dot - braking_mps2 * t
+    way = start.s_dot * t - braking_mps2 / 2 * t * t
+    s = start.s + way
+    slope = start.d_dot / start.s_dot if start.s_dot > cfg.CREEP_MPS / 10 else 0.0
+    if last is None or last.s[-1] - last.s[0] < cfg.LEAST_WAY_M:
+        d = start.d + slope * cfg.FADE_M * (1.0 - np.exp(-way / cfg.FADE_M))
+        tilt = slope * np.exp(-way / cfg.FADE_M)
+        bend = -tilt / cfg.FADE_M
+    else:
+        # Beside the last plan by as much as the car is now.
+        d = np.interp(s, last.s, last.d) + start.d - float(np.interp(start.s, last.s, last.d))
+        tilt = np.interp(s, last.s, last.d_dot / np.maximum(last.s_dot, 0.1))
+        bend = np.interp(s, last.s, last.curvature) - route.between(route.curvature, s)
+    k = route.indices(s)
+    x, y = place(route, s, d)
+    moving = (until > TIMES_S).astype(float)
+    return Plan(
+        begins_s=begins_s,
+        s=s,
+        d=d,
+        x=x,
+        y=y,
+        heading=route.heading[k] + np.arctan(tilt),
+        speed=s_dot,
+        acceleration=-braking_mps2 * moving,
+        curvature=route.between(route.curvature, s) + bend,
+        s_dot=s_dot,
+        s_ddot=-braking_mps2 * moving,
+        d_dot=tilt * s_dot,
+        d_ddot=np.zeros_like(s),
+        offset=float(d[-1]),
+        until_s=begins_s + until,
+        emergency=emergency,
+    )
+
+
+def place(route: Route, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return x and y of points given along and across the route (any shape), m."""
+    k = route.indices(s)
+    part = s - (route.origin_s + k * GRID_M)
+    cos, sin = route.cos[k], route.sin[k]
+    return route.x[k] + part * cos - d * sin, route.y[k] + part * sin + d * cos
+
+
+def angle_between(a: float, b: float) -> float:
+    """Return a - b, wrapped to [-pi, pi), rad."""
+    return (a - b + math.pi) % (2 * math.pi) - math.pi
+
+
+def _mix(row: FloatArray, k: int, w: float) -> float:
+    return float(row[k]) * (1.0 - w) + float(row[k + 1]) * w

@@ -1,0 +1,262 @@
+"""Sampling with the library: ends of motions go in, feasible trajectories with their costs come out."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import frenetix
+import numpy as np
+from frenetix.trajectory_functions import FillCoordinates
+from frenetix.trajectory_functions import cost_functions as costs
+from frenetix.trajectory_functions import feasability_functions as feasibility
+from numpy.typing import NDArray
+
+from foresee_dsl.drivers.frenetix import settings as cfg
+from foresee_dsl.drivers.frenetix.plan import TIMES_S, Frenet, Plan, angle_between, place
+from foresee_dsl.drivers.frenetix.reference import Window, make_window, window_number
+from foresee_dsl.drivers.pdm import settings as pdm_settings
+from foresee_dsl.drivers.pdm.reading import Situation
+from foresee_dsl.drivers.pdm.route import Route
+from foresee_dsl.drivers.pdm.situation import BoolArray, to_centre
+from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
+
+logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
+FRAMES = len(TIMES_S)
+READ_OUT = 4
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What is sampled, [P] each: duration (s), speed (m/s) and offset (m, on the route) at the end."""
+
+    time: FloatArray
+    speed: FloatArray
+    offset: FloatArray
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Feasible trajectories of the rear axle's middle, [P, T].
+
+    Attributes:
+        s, d: on the route. x, y, heading, speed, curvature. offset: [P] m, what each heads for.
+        cost: [P] jerk and offset, as the library reckons them. samples: the library's own, in the same order.
+    """
+
+    s: FloatArray
+    d: FloatArray
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    speed: FloatArray
+    curvature: FloatArray
+    offset: FloatArray
+    cost: FloatArray
+    samples: tuple[Any, ...]  # frenetix.TrajectorySample
+
+    def take(self, which: NDArray[np.int64]) -> Candidates:
+        """Return some of them, in this order."""
+        return Candidates(
+            s=self.s[which],
+            d=self.d[which],
+            x=self.x[which],
+            y=self.y[which],
+            heading=self.heading[which],
+            speed=self.speed[which],
+            curvature=self.curvature[which],
+            offset=self.offset[which],
+            cost=self.cost[which],
+            samples=tuple(self.samples[k] for k in which.tolist()),
+        )
+
+
+class Planner:
+    """The library's handler with the vehicle's limits, and the coordinates of the stretch that the car is in.
+
+    Everything runs in this thread: the library's concurrent evaluation is not used.
+
+    Two faults of frenetix 0.4.0 are worked around. The second derivatives of a filled sample (`s_ddot`, `d_ddot`, and
+    with them `a` and `kappa`) are half of what its positions say; its polynomials are right. And its headings jump from
+    pi to -pi, which its check of the yaw rate takes for a turn. So headings are those of the route with the sample's
+    angle to it, accelerations and curvatures come from speeds, headings and polynomials, and the limits of the car are
+    checked with those; the library's own check of the curvature is kept, as it can only reject what is far too sharp.
+    (Its bound of the curvature's rate, a fixed 0.4 1/(m s), rejects every way through a bend of 10 m: the lanes' own
+    curvature changes faster.)
+    """
+
+    def __init__(self, route: Route, vehicle: VehicleLimits) -> None:
+        self._route, self._vehicle = route, vehicle
+        self._handler = frenetix.TrajectoryHandler(dt=cfg.PLAN_STEP_S)
+        self._window: Window | None = None
+        steer, wheelbase = vehicle.steer_max_rad, vehicle.wheelbase_m
+        grip = pdm_settings.FRICTION_SHARE * vehicle.friction * pdm_settings.GRAVITY_MPS2
+        self._handler.add_feasability_function(
+            feasibility.CheckCurvatureConstraint(deltaMax=steer, wheelbase=wheelbase, wholeTrajectory=True)
+        )
+        for cost in (
+            costs.CalculateLateralJerkCost("lateral jerk", cfg.LATERAL_JERK_WEIGHT),
+            costs.CalculateLongitudinalJerkCost("longitudinal jerk", cfg.LONGITUDINAL_JERK_WEIGHT),
+            costs.CalculateDistanceToReferencePathCost("offset", cfg.OFFSET_WEIGHT),
+        ):
+            self._handler.add_cost_function(cost)
+        self._sharpest = math.tan(steer) / wheelbase
+        self._grip_mps2 = grip * cfg.LATERAL_SHARE
+        self._braking_mps2 = min(vehicle.emergency_braking_mps2, grip)
+
+    def begin(self, situation: Situation) -> Frenet:
+        """Return the car's own state in the route's coordinates; the curvature is that of its wheels.
+
+        Raises:
+            ValueError: it is so far off the route that the library has no coordinates for it.
+            RuntimeError: it drives against the route.
+        """
+        state, back = situation.observation.ego, to_centre(self._vehicle)
+        window = self._at(situation.pose.s)
+        heading, speed = state.heading_rad, situation.pose.speed
+        axle = np.array([state.x - back * math.cos(heading), state.y - back * math.sin(heading)])
+        acceleration = state.acceleration_mps2 if speed > pdm_settings.COAST_MPS else 0.0
+        own = frenetix.CartesianPlannerState(axle, heading, speed, acceleration, state.steer_rad)
+        found = frenetix.compute_initial_state(window.system, own, self._vehicle.wheelbase_m, False)
+        s, s_dot, s_ddot = found.x0_lon.tolist()
+        d, d_dot, d_ddot = found.x0_lat.tolist()
+        return Frenet(float(window.to_route(np.array(s))), s_dot, s_ddot, d, d_dot, d_ddot)
+
+    def sample(self, start: Frenet, heading_rad: float, ends: Ends) -> Candidates:
+        """Return the feasible motions from a state to these ends.
+
+        Args:
+            start: where they begin. heading_rad: of the car there. ends: where they end.
+        """
+        window = self._at(start.s)
+        slow = start.s_dot < cfg.LOW_SPEED_MPS
+        own_s = float(np.interp(start.s, window.route_s, window.own_s))
+        matrix = _matrix(start, ends, own_s, self._slow_slope(start, heading_rad) if slow else None)
+        handler = self._handler
+        handler.reset_Trajectories()
+        handler.add_function(FillCoordinates(slow, heading_rad, window.system, cfg.HORIZON_S))
+        if len(matrix):
+            handler.generate_trajectories(matrix, slow)
+            handler.evaluate_all_current_functions(False)
+        samples = tuple(t for t in handler.get_sorted_trajectories() if t.feasible)
+        found = _read_out(samples, window, self._route)
+        fits = self._fits(found)
+        return found if fits.all() else found.take(np.flatnonzero(fits))
+
+    def _fits(self, found: Candidates) -> BoolArray:
+        """Tell which the car can drive: wheels, grip, motor and brakes, [P]."""
+        acceleration = np.diff(found.speed, axis=1) / cfg.PLAN_STEP_S
+        bend = np.abs(found.curvature)
+        fits = (bend < self._sharpest) & (bend * found.speed**2 < self._grip_mps2)
+        good = (acceleration > -self._braking_mps2) & (acceleration < self._vehicle.acceleration_mps2)
+        return np.asarray(fits.all(axis=1) & good.all(axis=1))
+
+    def plan(self, candidates: Candidates, k: int, begins_s: float) -> Plan:
+        """Turn one of the candidates into a plan."""
+        d_dot, d_ddot, s_dot, s_ddot = _derivatives(candidates.samples[k])
+        speed = candidates.speed[k]
+        return Plan(
+            begins_s=begins_s,
+            s=candidates.s[k],
+            d=candidates.d[k],
+            x=candidates.x[k],
+            y=candidates.y[k],
+            heading=candidates.heading[k],
+            speed=speed,
+            acceleration=np.gradient(speed, cfg.PLAN_STEP_S, edge_order=2),
+            curvature=candidates.curvature[k],
+            s_dot=s_dot,
+            s_ddot=s_ddot,
+            d_dot=d_dot,
+            d_ddot=d_ddot,
+            offset=float(candidates.offset[k]),
+            until_s=begins_s + float(candidates.samples[k].sampling_parameters[1]),
+        )
+
+    def _slow_slope(self, start: Frenet, heading_rad: float) -> float:
+        """Return d d / d s: from the motion, or from the heading of a car that stands."""
+        if start.s_dot > cfg.CREEP_MPS:
+            return start.d_dot / start.s_dot
+        return math.tan(angle_between(heading_rad, float(self._route.heading[self._route.index(start.s)])))
+
+    def _at(self, s: float) -> Window:
+        number = window_number(self._route, s)
+        if self._window is None or self._window.number != number:
+            self._window = make_window(self._route, number)
+        return self._window
+
+
+def travel(start: Frenet, time: FloatArray, speed: FloatArray) -> FloatArray:
+    """Return the way of the library's quartic to an end speed (without acceleration there) in a time, m."""
+    return time / 2 * (start.s_dot + speed) + time * time / 12 * start.s_ddot
+
+
+def stop_time(start: Frenet, way_m: float) -> float | None:
+    """Return in what time the library's quartic comes to rest after a way; None where it cannot without reversing."""
+    # way = T v / 2 + T^2 a / 12; the speed stays above 0 for T <= 3 v / -a.
+    v, a = start.s_dot, start.s_ddot
+    if way_m <= 0.0 or v <= 0.0:
+        return None
+    root = v * v / 4 + a * way_m / 3
+    if root < 0.0:
+        return None
+    time = 2 * way_m / (v / 2 + math.sqrt(root))
+    return time if a >= 0.0 or time < 3 * v / -a else None
+
+
+def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> FloatArray:
+    """Return what the library samples from, [P, 13]: times, state at the beginning, state at the end.
+
+    With a slope (low-velocity mode) lateral derivatives are over the way, else over time.
+    """
+    d_dot, d_ddot, v = start.d_dot, start.d_ddot, start.s_dot
+    if slope is not None:
+        d_dot, d_ddot = slope, (d_ddot - slope * start.s_ddot) / (v * v) if v > cfg.CREEP_MPS else 0.0
+    long_enough = travel(start, ends.time, ends.speed) > cfg.LEAST_WAY_M
+    matrix = np.zeros((int(long_enough.sum()), 13))
+    matrix[:, 1] = ends.time[long_enough]
+    matrix[:, 2:5] = own_s, start.s_dot, start.s_ddot
+    matrix[:, 5] = ends.speed[long_enough]
+    matrix[:, 7:10] = start.d, d_dot, d_ddot
+    matrix[:, 10] = ends.offset[long_enough]
+    return matrix
+
+
+def _read_out(samples: tuple[Any, ...], window: Window, route: Route) -> Candidates:
+    """Copy the samples' arrays: [P, T] each, cut at the horizon.
+
+    Reading an array out takes 2 us, more than computing it: what follows from the others is not read.
+    """
+    flat: list[Any] = []
+    for sample in samples:
+        frenet = sample.curvilinear
+        flat += (frenet.s, frenet.d, frenet.s_dot, frenet.theta)
+    if any(len(row) != FRAMES for row in flat[::READ_OUT]):  # a stop that takes longer than the horizon
+        flat = [row[:FRAMES] for row in flat]
+    rows = np.concatenate(flat) if flat else np.zeros(0)
+    s, d, s_dot, turned = rows.reshape(len(samples), READ_OUT, FRAMES).transpose(1, 0, 2)
+    s = window.to_route(s)
+    turned = (turned + np.pi) % (2 * np.pi) - np.pi
+    heading = route.between(route.heading, s) + turned
+    speed = s_dot * (1.0 - route.between(route.curvature, s) * d) / np.cos(turned)
+    x, y = place(route, s, d)
+    turn = np.gradient(heading, cfg.PLAN_STEP_S, axis=1, edge_order=2)
+    curvature = np.where(speed > pdm_settings.COAST_MPS, turn / np.maximum(speed, pdm_settings.COAST_MPS), 0.0)
+    ends = np.array([t.sampling_parameters[10] for t in samples], dtype=float)
+    cost = np.array([t.cost for t in samples], dtype=float)
+    return Candidates(s, d, x, y, heading, speed, curvature, ends, cost, samples)
+
+
+def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:  # noqa: ANN401  see `Window.system`
+    """Return d' and d'', s' and s'' over time, from the library's polynomials: see `Planner` for why."""
+    along, across, ends_s = sample.trajectory_long, sample.trajectory_lat, float(sample.sampling_parameters[1])
+    t = np.minimum(TIMES_S, ends_s)
+    v = np.array([along(x, 1.0) for x in t.tolist()])
+    a = np.array([along(x, 2.0) for x in t.tolist()])
+    slow = float(sample.sampling_parameters[3]) < cfg.LOW_SPEED_MPS
+    at = np.array([along(x, 0.0) for x in t.tolist()]) - float(sample.sampling_parameters[2]) if slow else t
+    first = np.array([across(x, 1.0) for x in at.tolist()])
+    second = np.array([across(x, 2.0) for x in at.tolist()])
+    return (first * v, second * v * v + first * a, v, a) if slow else (first, second, v, a)

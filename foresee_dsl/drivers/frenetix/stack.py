@@ -1,0 +1,131 @@
+"""The stack's loop: perceive, predict, decide, plan, track; and what it does when no trajectory is feasible."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from foresee_dsl.drivers.frenetix import settings as cfg
+from foresee_dsl.drivers.frenetix.behaviour import Behaviour, Patience, State, decide
+from foresee_dsl.drivers.frenetix.choice import at_frames, choose, is_free, joined
+from foresee_dsl.drivers.frenetix.plan import Frenet, Plan, braking_plan
+from foresee_dsl.drivers.frenetix.planner import Planner
+from foresee_dsl.drivers.frenetix.sampling import ends
+from foresee_dsl.drivers.frenetix.tracking import TrackingController, deviation
+from foresee_dsl.drivers.pdm import settings as pdm_settings
+from foresee_dsl.drivers.pdm.reading import Prediction, Situation, match_foes, predict, read_situation
+from foresee_dsl.drivers.pdm.route import build_route
+from foresee_dsl.drivers.pdm.signals import SignalMemory
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.tracking import Tracker
+
+
+@dataclass
+class Count:
+    """How often it planned, and what it did where nothing that the library offered could be driven.
+
+    Attributes:
+        plans: all. kept: the last plan was driven on. emergencies: it braked along its present path.
+    """
+
+    plans: int = 0
+    kept: int = 0
+    emergencies: int = 0
+
+
+class Stack:
+    """All that lasts from one `reset` to the next.
+
+    Attributes:
+        state: what the behaviour layer is about. plan: the trajectory that is driven, None before the first step.
+        count: of plans and of what was done without one.
+    """
+
+    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
+        self._vehicle = vehicle
+        self._route = build_route(mission, vehicle)
+        self._planner = Planner(self._route, vehicle)
+        self._tracker, self._signals = Tracker(), SignalMemory()
+        self._tracker.reset()
+        self._controller = TrackingController(vehicle, mission.step_s)
+        self._patience, self._steps = Patience(), 0
+        self.state, self.count = State.CRUISE, Count()
+        self.plan: Plan | None = None
+
+    def step(self, observation: Observation) -> Control:
+        """Replan where it is time to, and track the plan."""
+        tracks, signals = self._tracker.update(observation), self._signals.update(observation)
+        if self.plan is None or self._steps % cfg.REPLAN_STEPS == 0:
+            self.plan = self._replan(read_situation(self._route, self._vehicle, observation, tracks, signals))
+        self._steps += 1
+        return self._controller.follow(self.plan, observation.ego, observation.time_s)
+
+    def _replan(self, situation: Situation) -> Plan:
+        near = situation.near_junctions
+        matches = match_foes(situation, tuple(f for f in self._route.foes if f.passage in near))
+        prediction = predict(situation, matches)
+        behaviour = decide(situation, matches, prediction, self._patience)
+        self.state = behaviour.state
+        self.count.plans += 1
+        frames = at_frames(situation, prediction)
+        found = self._sampled(situation, behaviour, frames)
+        return self._without(situation, behaviour, frames) if found is None else found
+
+    def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Prediction) -> Plan | None:
+        """Return the best of what the library offers (and, when slow, of coming to rest); None where none is free."""
+        now = situation.observation.time_s
+        start, heading = self._start(situation)
+        if start is None:
+            return None
+        candidates = self._planner.sample(start, heading, ends(situation, behaviour, start, self.plan))
+        rests = self._rests(situation, start) if start.s_dot < cfg.CREEP_MPS else ()
+        best = choose(situation, behaviour, prediction, joined(candidates, rests), self.plan)
+        if best is None:
+            return None
+        count = len(candidates.samples)
+        return self._planner.plan(candidates, best, now) if best < count else rests[best - count]
+
+    def _rests(self, situation: Situation, start: Frenet) -> tuple[Plan, ...]:
+        now = situation.observation.time_s
+        return tuple(
+            braking_plan(self._route, now, start, b, self.plan, emergency=False) for b in cfg.CREEP_BRAKING_MPS2
+        )
+
+    def _start(self, situation: Situation) -> tuple[Frenet | None, float]:
+        """Return where the next plan begins and the heading there: on the last plan, or where the car really is."""
+        state, now = situation.observation.ego, situation.observation.time_s
+        if self.plan is not None and not self.plan.emergency:
+            wanted = self.plan.pose(now)
+            along, side, turned = deviation(wanted, state, self._vehicle)
+            near = abs(along) < cfg.OFF_PLAN_M and abs(side) < cfg.OFF_PLAN_SIDE_M and abs(turned) < cfg.OFF_PLAN_RAD
+            if near and abs(state.speed_mps - wanted.speed) < cfg.OFF_PLAN_MPS:
+                return _standing(self.plan.frenet(now)), wanted.heading
+        try:
+            return _standing(self._planner.begin(situation)), state.heading_rad
+        except (ValueError, RuntimeError):  # off the library's coordinates, or against the route
+            return None, state.heading_rad
+
+    def _without(self, situation: Situation, behaviour: Behaviour, prediction: Prediction) -> Plan:
+        """Return what to drive when no trajectory is feasible: the last plan while it does, else an emergency stop."""
+        now = situation.observation.time_s
+        last = self.plan
+        young = last is not None and not last.emergency and now - last.begins_s <= cfg.OLD_PLAN_S
+        if last is not None and young and is_free(situation, behaviour, prediction, last.from_now(now)):
+            self.count.kept += 1
+            return last
+        self.count.emergencies += 1
+        pose, strongest = situation.pose, situation.ego.strongest_braking_mps2
+        slope = math.tan(max(-1.0, min(1.0, pose.heading_error)))
+        start = Frenet(pose.s, pose.speed, 0.0, pose.d, slope * pose.speed, 0.0)
+        for braking in cfg.EMERGENCY_BRAKING_MPS2:
+            plan = braking_plan(self._route, now, start, min(braking, strongest), last, emergency=True)
+            if is_free(situation, behaviour, prediction, plan):
+                return plan
+        return braking_plan(self._route, now, start, strongest, last, emergency=True)
+
+
+def _standing(start: Frenet) -> Frenet:
+    """Take the braking off a car that has come to rest, or it could not set off again."""
+    return (
+        start._replace(s_dot=0.0, s_ddot=0.0) if start.s_dot < pdm_settings.COAST_MPS and start.s_ddot <= 0.0 else start
+    )

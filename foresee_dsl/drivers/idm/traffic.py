@@ -1,0 +1,220 @@
+"""What the `idm` driver makes of the others: who is in its corridor, who comes into it, who has priority.
+
+Everybody is taken to go on with a constant speed in a straight line of the route's own coordinates: length along it
+and offset from it. Bends are followed that way; nothing else is predicted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.drivers.idm.model import ACCELERATION_MPS2
+from foresee_dsl.drivers.pdm.reading import FoeMatches, Situation, match_foes
+from foresee_dsl.drivers.pdm.route import FoePath
+from foresee_dsl.drivers.pdm.rules import signal_braking
+from foresee_dsl.drivers.pdm.situation import EgoOnRoute
+from foresee_dsl.drivers.pdm.steps import stops_before
+from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage
+
+CORRIDOR_MARGIN_M = 0.3
+"""Ours: air on either side within which somebody counts as in the way; a lane of 3.3 m has 0.7 m beside a car."""
+TOUCH_MARGIN_M = 0.15
+"""Ours: the same for the time to collision, where a false alarm is a full braking."""
+STANDS_MPS = 0.5
+STILL_MPS = 0.1
+"""Ours: two that move by less than this relative to each other stay as they are."""
+STOP_MARGIN_M = 0.5
+"""Ours: the front bumper stops this far before a stop line."""
+JUNCTION_REACH_M = 80.0
+"""Ours: junctions nearer than this are thought about; the way to stop from 50 km/h at 1.5 m/s^2, and 15 m."""
+CONFLICT_MARGIN_M = 1.0
+"""Ours: it waits this far before a conflict (the front corners swing out in a turn)."""
+YIELD_BRAKING_MPS2 = 4.0
+"""Ours: who can only stop harder than this has committed itself and goes."""
+GAP_MARGIN_S = 1.5
+"""Ours: a gap is accepted when the one with priority arrives this much after the ego has cleared the conflict."""
+WALKER_AIR_M = 0.8
+"""Ours: about to step on the lane: within a stride of it."""
+WALKER_MARGIN_S = 1.0
+"""Ours: air in time before and after somebody on foot."""
+WALKER_REACH_S = 6.0
+"""Ours: who comes into the way later than this is left for later; 6 s stop comfortably from 50 km/h."""
+LEAST_ARRIVAL_MPS = 3.0
+"""Ours: a slow or standing ego counts as arriving with this speed, or it would start because it stands."""
+
+
+@dataclass(frozen=True)
+class Others:
+    """The others in the route's coordinates; every array is [A].
+
+    Attributes:
+        ahead: m from the ego's front bumper to their near end, below 0 where it is beside or behind.
+        far: m from the ego's rear bumper to their far end. d: offset of their centre, m, left positive.
+        speed_s, speed_d: m/s along and across the route. side: m, half of both widths.
+    """
+
+    ahead: FloatArray
+    far: FloatArray
+    d: FloatArray
+    speed_s: FloatArray
+    speed_d: FloatArray
+    side: FloatArray
+
+
+@dataclass(frozen=True)
+class Leader:
+    """What the ego has to stay behind: the gap (m) in front of its bumper, and how fast that moves (m/s)."""
+
+    gap_m: float
+    speed_mps: float
+
+
+def read_others(situation: Situation) -> Others:
+    """Put the others into the route's coordinates."""
+    route, actors, now = situation.route, situation.actors, situation.now
+    cos, sin = route.cos[now.point], route.sin[now.point]
+    along = actors.cos * cos + actors.sin * sin
+    across = actors.sin * cos - actors.cos * sin
+    reach_s = actors.half_length * np.abs(along) + actors.half_width * np.abs(across)
+    reach_d = actors.half_length * np.abs(across) + actors.half_width * np.abs(along)
+    return Others(
+        ahead=now.s - reach_s - situation.ego.front_s,
+        far=now.s + reach_s - situation.ego.rear_s,
+        d=now.d,
+        speed_s=actors.speed * along,
+        speed_d=actors.speed * across,
+        side=reach_d + situation.vehicle.width_m / 2,
+    )
+
+
+def leader(others: Others) -> Leader | None:
+    """Return the nearest one in the corridor ahead; who comes towards the ego counts as standing."""
+    inside = (np.abs(others.d) < others.side + CORRIDOR_MARGIN_M) & (others.ahead > -1.0)
+    if not inside.any():
+        return None
+    nearest = int(np.where(inside, others.ahead, np.inf).argmin())
+    return Leader(float(others.ahead[nearest]), max(float(others.speed_s[nearest]), 0.0))
+
+
+def time_to_collision(others: Others, speed_mps: float) -> float:
+    """Return when the ego, going on along its corridor, would touch somebody first, s; infinite for never."""
+    enters, leaves = _span(others.ahead, others.far, speed_mps - others.speed_s)
+    comes, goes = _sideways(others, TOUCH_MARGIN_M)
+    first = np.maximum(np.maximum(enters, comes), 0.0)
+    touch = (first <= np.minimum(leaves, goes)) & (others.far > 0) & ((enters > 0) | (comes > 0))
+    return float(np.where(touch, first, np.inf).min(initial=np.inf))
+
+
+def walkers(situation: Situation, others: Others) -> float | None:
+    """Return the gap to the nearest place where somebody on foot is, or will be, in the way with the ego."""
+    if not situation.actors.pedestrian.any():
+        return None
+    comes, goes = _sideways(others, WALKER_AIR_M)
+    moving = np.abs(others.speed_d) > STILL_MPS
+    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # who stands beside the lane waits there
+    speed = max(situation.pose.speed, LEAST_ARRIVAL_MPS)
+    enters, leaves = np.maximum(others.ahead, 0.0) / speed, others.far / speed
+    meets = (enters < goes + WALKER_MARGIN_S) & (comes < leaves + WALKER_MARGIN_S) & (goes > 0)
+    # Who comes only after the ego, which cannot stop any more, is passed in front of.
+    stops_in = situation.pose.speed**2 / (2 * situation.ego.strongest_braking_mps2)
+    meets &= (comes < leaves) | (others.ahead > stops_in)
+    found = situation.actors.pedestrian & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
+    return float(others.ahead[found].min()) if found.any() else None
+
+
+def stop_line(situation: Situation) -> float | None:
+    """Return the way to the first stop line whose signal asks to stop and where that can be done, m."""
+    ego = situation.ego
+    for passage in near_junctions(situation):
+        braking = signal_braking(passage, ego.strongest_braking_mps2, situation.signals)
+        if braking is None or ego.front_s > passage.stop_s + STOP_MARGIN_M:
+            continue
+        if stops_before(ego, passage.stop_s, braking):
+            return passage.stop_s - STOP_MARGIN_M - ego.front_s
+    return None
+
+
+def giving_way(situation: Situation) -> float | None:
+    """Return the way to where it waits for a gap in a stream that has priority, m; None where it may go."""
+    ego, route = situation.ego, situation.route
+    near = {id(passage) for passage in near_junctions(situation)}
+    foes = tuple(
+        f
+        for f in route.foes
+        if f.foe.has_priority
+        and not f.foe.pedestrian
+        and id(route.junctions[f.passage]) in near
+        and f.foe.conflict_s[0] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
+    )
+    if not foes or not situation.actors.number:
+        return None
+    matches = match_foes(situation, foes)
+    places = _waiting_places(foes, ego)
+    waiting = sorted(place for k, place in enumerate(places) if _no_gap(situation, matches, k))
+    for place in waiting:
+        if stops_before(ego, place + CONFLICT_MARGIN_M / 2, YIELD_BRAKING_MPS2):
+            return place - ego.front_s
+    return None
+
+
+def near_junctions(situation: Situation) -> tuple[JunctionPassage, ...]:
+    """Return the junctions that the ego is in or comes to."""
+    ego = situation.ego
+    return tuple(
+        j
+        for j in situation.route.junctions
+        if ego.rear_s < max([j.exit_s, *(f.conflict_s[1] for f in j.foes)])
+        and j.stop_s - ego.front_s < JUNCTION_REACH_M
+    )
+
+
+def _waiting_places(foes: tuple[FoePath, ...], ego: EgoOnRoute) -> list[float]:
+    """Return where along the route it waits for each: before the first of those it could not stand between."""
+    length = ego.front_s - ego.rear_s
+    places = [0.0] * len(foes)
+    wait, last = -math.inf, -math.inf
+    for k in sorted(range(len(foes)), key=lambda i: foes[i].foe.conflict_s):
+        first, until = foes[k].foe.conflict_s
+        if first - last > length + CONFLICT_MARGIN_M:
+            wait = first - CONFLICT_MARGIN_M
+        last = max(last, until)
+        places[k] = wait if ego.front_s <= wait + STOP_MARGIN_M else first - CONFLICT_MARGIN_M
+    return places
+
+
+def _no_gap(situation: Situation, matches: FoeMatches, k: int) -> bool:
+    """Tell whether somebody of a stream arrives before the ego has cleared the conflict, and leaves after it enters."""
+    foe, ego = matches.foes[k].foe, situation.ego
+    enters = _way_time(foe.conflict_s[0] - ego.front_s, ego.speed_mps)
+    clears = _way_time(foe.conflict_s[1] - ego.rear_s, ego.speed_mps)
+    speed = np.maximum(matches.speed[:, k], 1e-3)
+    half = situation.actors.half_length
+    arrives = (foe.conflict_path_s[0] - matches.s[:, k] - half) / speed
+    leaves = (foe.conflict_path_s[1] - matches.s[:, k] + half) / speed
+    comes = matches.on[:, k] & (matches.speed[:, k] > STANDS_MPS)
+    return bool((comes & (leaves > enters) & (arrives < clears + GAP_MARGIN_S)).any())
+
+
+def _way_time(way_m: float, speed_mps: float) -> float:
+    """Return how long the ego takes for a way, accelerating as the IDM does on a free road, s."""
+    return (math.sqrt(speed_mps**2 + 2 * ACCELERATION_MPS2 * max(way_m, 0.0)) - speed_mps) / ACCELERATION_MPS2
+
+
+def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return from when to when the ego is level with each, s; an empty span (inf, -inf) for never."""
+    level = (ahead <= 0) & (far >= 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near, last = ahead / closing, far / closing
+    still = np.abs(closing) < STILL_MPS
+    enters = np.where(still, np.where(level, -np.inf, np.inf), np.minimum(near, last))
+    leaves = np.where(still, np.where(level, np.inf, -np.inf), np.maximum(near, last))
+    return enters, leaves
+
+
+def _sideways(others: Others, margin_m: float) -> tuple[FloatArray, FloatArray]:
+    """Return from when to when each is in the ego's corridor, s; an empty span (inf, -inf) for never."""
+    width = others.side + margin_m
+    return _span(others.d - width, others.d + width, -others.speed_d)

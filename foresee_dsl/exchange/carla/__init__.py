@@ -1,0 +1,1 @@
+"""CARLA's leaderboard routes: import and export."""

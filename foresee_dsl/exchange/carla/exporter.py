@@ -1,0 +1,88 @@
+"""Writes clips as routes of CARLA's leaderboard: where the ego starts and where it goes (paper, section 3.3)."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no parsing: that is foreign_xml's
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import Project
+
+_DIGITS = 6
+"""Decimals of metres and degrees, as CARLA's own route files have them."""
+
+
+def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: bool = True) -> Imported:
+    """Write a route file with a route for each test case, in the order named; their ids count from 0.
+
+    Args:
+        addresses: clips, mutants or test cases, whose networks are CARLA's maps.
+        out: the file, `.xml`.
+        town: CARLA's name of the map; by default what stands before the first dot of the network's file name.
+        allow_outside: see `project.load_test_case`.
+
+    Raises:
+        ExchangeError: `out` cannot be written, or there is no telling which town it is.
+        InputError, CompileError: a test case has mistakes.
+    """
+    if out.suffix != ".xml":
+        raise ExchangeError(f"{out} is no name of a route file: it must end in .xml")
+    project = Project(allow_outside=allow_outside)
+    left_out: Counter[str] = Counter()
+    routes = Element("routes")
+    for number, address in enumerate(addresses):
+        case = project.test_case(address)
+        bundle = compile_test_case(case)
+        route = SubElement(routes, "route", {"id": str(number), "town": town or _town(case)})
+        for x, y, heading_rad in _waypoints(bundle):
+            SubElement(route, "waypoint", _waypoint(x, y, heading_rad))
+        left_out["actors besides the ego"] += len(bundle.scene.actors) - 1
+        left_out["speeds at the beginning"] += bundle.scene.ego.speed_mps > 0
+        left_out["triggers"] += len(bundle.scene.whens)
+        left_out["signals' states"] += len(bundle.scene.signals)
+    indent(routes)
+    files = write_together(
+        out.parent,
+        lambda folder: ElementTree(routes).write(folder / out.name, encoding="UTF-8", xml_declaration=True),
+    )
+    return Imported(files=files, cases=len(addresses), left_out=+left_out)
+
+
+def _town(case: TestCase) -> str:
+    if not isinstance(case.network, Path):
+        raise ExchangeError(f"the network of {case.id} is no map of CARLA's: say which one it is with --town")
+    return case.network.name.partition(".")[0]
+
+
+def _waypoints(bundle: SumoBundle) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return the middle of the ego at the beginning, and its goal: x, y in m of the map, heading in rad."""
+    scene = bundle.scene
+    ego, line = scene.ego, scene.ego.line
+    if line is None:
+        raise ExchangeError(f"the ego of {bundle.name} has no route")
+    back = ego.model.length_m / 2  # it is placed by its front; CARLA spawns a vehicle by its middle
+    ox, oy = _offset(bundle.net_file)
+    start = ego.x - back * math.cos(ego.heading_rad) - ox, ego.y - back * math.sin(ego.heading_rad) - oy
+    goal_x, goal_y, goal_heading = line.at(scene.goal_s)
+    return (*start, ego.heading_rad), (goal_x - ox, goal_y - oy, goal_heading)
+
+
+def _offset(net_file: Path) -> tuple[float, float]:
+    """Return what a net's coordinates have been moved by, m."""
+    location = parse_net(net_file).find("location")
+    x, _, y = (location.get("netOffset", "0,0") if location is not None else "0,0").partition(",")
+    return float(x), float(y)
+
+
+def _waypoint(x: float, y: float, heading_rad: float) -> dict[str, str]:
+    """CARLA is left-handed: y points south, yaw turns clockwise (degrees)."""
+    yaw = math.degrees(math.remainder(-heading_rad, math.tau))
+    values = {"x": x, "y": -y, "z": 0.0, "pitch": 0.0, "roll": 0.0, "yaw": yaw}
+    return {name: f"{round(value, _DIGITS) + 0.0:.{_DIGITS}f}" for name, value in values.items()}

@@ -1,0 +1,309 @@
+"""Reads CARLA's leaderboard files: routes (XML), scenario triggers (JSON), blueprints as vTypes (XML).
+
+CARLA's world is left-handed: y points south, yaw turns clockwise, in degrees. Everything here is right-handed already:
+y = -y_carla, heading = -yaw.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from foresee_dsl.compile.nets.net_file import check_size, parse_xml
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.exchange.naming import sentence
+from foresee_dsl.exchange.outcome import ExchangeError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
+
+_LISTS = ("waypoints", "positions")
+"""Elements that hold a route's places in newer files."""
+_FAMILY = re.compile(r"[Ss]cenario_?(\d{1,3})(?!\d)")
+_LEVEL_DEG = 0.5
+"""Pitch and roll up to this are level (ours: roundings of CARLA's recorder)."""
+_LEVEL_M = 0.5
+"""Files in which no place is higher than this say no heights: CARLA's older route files have 0 everywhere (ours)."""
+_DENSE_M = 15.0
+"""Places without a yaw that are nearer to the next one than this have its direction (ours: no corner lies between)."""
+_NAMED = {
+    "DynamicObjectCrossing": "3",
+    "ParkingCrossingPedestrian": "3",
+    "PedestrianCrossing": "3",
+    "VehicleTurningRoute": "4",
+    "VehicleTurningRoutePedestrian": "4",
+    "OppositeVehicleRunningRedLight": "7",
+    "OppositeVehicleTakingPriority": "7",
+    "SignalizedJunctionLeftTurn": "8",
+    "NonSignalizedJunctionLeftTurn": "8",
+    "SignalizedJunctionRightTurn": "9",
+    "NonSignalizedJunctionRightTurn": "9",
+}
+"""The families that newer leaderboards call by names (version 2.0; from memory, not checked)."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A place with a direction: m (x east, y north), rad counter-clockwise from east (NaN where it is not known).
+
+    `z`: its height, m, or None where it is not known.
+    """
+
+    x: float
+    y: float
+    heading_rad: float
+    z: float | None = None
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """Where a scenario of a family fires. `order`: its place in its file."""
+
+    family: str
+    town: str
+    pose: Pose
+    file: Path
+    order: int
+
+
+@dataclass(frozen=True)
+class CarlaRoute:
+    """A route.
+
+    Attributes:
+        id: its name in the file. town: as `Town10HD`, or empty. family: `3`, or empty where nothing says it.
+        start, end: its first and last place. between: the others.
+        file: where it comes from. order: its place there.
+        triggers: those that it holds itself, in newer files.
+    """
+
+    id: str
+    town: str
+    family: str
+    start: Pose
+    end: Pose
+    file: Path
+    order: int
+    between: tuple[Pose, ...] = ()
+    triggers: tuple[Trigger, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """How messages call it."""
+        return f"route {self.id} of {self.file.name}"
+
+
+def pose_of(x: float, y: float, yaw_deg: float, z: float | None = None) -> Pose:
+    """Return a place of CARLA in our coordinates; a yaw of NaN is a direction that is not known."""
+    return Pose(x, -y, math.nan if math.isnan(yaw_deg) else wrap(math.radians(-yaw_deg)), z)
+
+
+def read_routes(path: Path, left_out: Counter[str]) -> tuple[CarlaRoute, ...]:
+    """Read a route file of the older or the newer leaderboard.
+
+    Args:
+        path: `<routes><route id town><waypoint x y z pitch roll yaw/>...`, or `<waypoints><position x y z/>...` and
+            `<scenarios><scenario type><trigger_point x y z yaw/>...`.
+        left_out: gets what is not taken over, with counts.
+
+    Raises:
+        CompileError: it is unreadable, too large, no XML, or declares entities.
+        ExchangeError: it holds no route, or one that is incomplete.
+    """
+    root = parse_xml(path, "routes", "a CARLA route file")
+    routes = []
+    short: list[str] = []
+    high = any(abs(_number_in(point, "z")) > _LEVEL_M for route in root.iterfind("route") for point in _points(route))
+    for order, element in enumerate(root.iterfind("route")):
+        name = element.get("id", str(order))
+        places = [_waypoint(path, name, point, high=high) for point in _points(element)]
+        _count_left_out(element, left_out)
+        if len(places) < 2:
+            short.append(f"{path}: route {name} has {len(places)} waypoints; it needs a start and an end")
+            continue
+        routes.append(_route(element, name, _directed(places), path, order, left_out))
+    if not routes:
+        raise ExchangeError(short[0] if short else f"{path} holds no routes")
+    if short:
+        left_out["routes with less than two waypoints"] += len(short)
+    twice = [name for (_, name), count in Counter((r.town, r.id) for r in routes).items() if count > 1]
+    if twice:
+        raise ExchangeError(f"{path} has two routes with the id {twice[0]}; give one of them another")
+    return tuple(routes)
+
+
+def _route(
+    element: Element, name: str, places: Sequence[Pose], path: Path, order: int, left_out: Counter[str]
+) -> CarlaRoute:
+    town = town_in(element.get("town", element.get("map", "")))
+    triggers = []
+    for number, scenario in enumerate(element.iterfind("scenarios/scenario")):
+        kind = scenario.get("type", "")
+        point = scenario.find("trigger_point")
+        if not family_of(kind) or point is None:
+            left_out[f"scenarios of routes: {kind or 'without a type'}"] += 1
+            continue
+        triggers.append(Trigger(family_of(kind), town, _waypoint(path, name, point, high=True), path, number))
+    family = _family(path) or next((trigger.family for trigger in triggers), "")
+    others = sum(trigger.family != family for trigger in triggers)
+    if others:
+        left_out["scenarios of routes besides the first family's (a case stages one)"] += others
+    return CarlaRoute(name, town, family, places[0], places[-1], path, order, tuple(places[1:-1]), tuple(triggers))
+
+
+def family_of(kind: str) -> str:
+    """Return the family of a scenario's type: `Scenario7`, or a name that a newer leaderboard has for it."""
+    return _number(kind) or _NAMED.get(kind, "")
+
+
+def _points(route: Element) -> Iterator[Element]:
+    """The elements that say a route's places, in order."""
+    for child in route:
+        if child.tag == "waypoint":
+            inner = child.find("position")
+            yield child if inner is None or "x" in child.attrib else inner
+        elif child.tag == "position":
+            yield child
+        elif child.tag in _LISTS:
+            yield from _points(child)
+
+
+def _directed(places: Sequence[Pose]) -> list[Pose]:
+    """Give places that say no direction the one to the next place, where that is near."""
+    found = list(places)
+    for k, (here, there) in enumerate(pairwise(places)):
+        dx, dy = there.x - here.x, there.y - here.y
+        if 0 < math.hypot(dx, dy) <= _DENSE_M:
+            towards = math.atan2(dy, dx)
+            for at in (k, k + 1) if k == len(places) - 2 else (k,):
+                if math.isnan(places[at].heading_rad):
+                    found[at] = replace(places[at], heading_rad=towards)
+    return found
+
+
+def read_triggers(path: Path, left_out: Counter[str]) -> tuple[Trigger, ...]:
+    """Read a trigger file; arguments and errors as of `read_routes`."""
+    data = _json(path)
+    found: list[Trigger] = []
+    try:
+        for towns in data["available_scenarios"]:
+            for town, scenarios in towns.items():
+                for scenario in scenarios:
+                    kind = str(scenario.get("scenario_type", "") or "")
+                    family = family_of(kind) if kind else _family(path)
+                    events = scenario["available_event_configurations"]
+                    if not family:
+                        left_out[f"triggers of the unknown kind {sentence(kind) or 'without a name'}"] += len(events)
+                    for event in events:
+                        found.append(Trigger(family, town_in(town), _transform(event["transform"]), path, len(found)))
+                        if event.get("other_actors"):
+                            left_out["actors that a trigger names (`other_actors`)"] += 1
+    except (KeyError, TypeError, ValueError, AttributeError) as err:
+        raise ExchangeError(
+            f"{path} is not a CARLA trigger file (available_scenarios > TOWN > available_event_configurations > "
+            f"transform): {type(err).__name__} {err}"
+        ) from err
+    return tuple(found)
+
+
+def read_vtypes(path: Path) -> tuple[dict[str, str], ...]:
+    """Return the attributes of the vehicle types in a SUMO file, in its order.
+
+    Raises:
+        CompileError: as of `read_routes`.
+        ExchangeError: it holds none.
+    """
+    types = tuple(dict(element.attrib) for element in parse_xml(path, "routes", "a SUMO file of types").iter("vType"))
+    if not types:
+        raise ExchangeError(f"{path} holds no vType")
+    return types
+
+
+def town_of(path: Path) -> str:
+    """Return the town that a map's file name says (`Town10HD`), or an empty string."""
+    return town_in(path.name)
+
+
+def town_in(text: str) -> str:
+    """Return the town that a text names: `Town10HD` for `Carla/Maps/Town10HD_Opt`; the text itself where none is known.
+
+    A map's file name that names no town says nothing.
+    """
+    found = re.search(r"Town\d+[A-Z]*", text)
+    return found.group() if found else "" if "." in text else text
+
+
+def _waypoint(path: Path, route: str, element: Element, *, high: bool) -> Pose:
+    """Read a place; newer files leave the yaw out: the lane says it. `high`: whether the file says heights."""
+    try:
+        x, y = (float(element.attrib[key]) for key in ("x", "y"))
+        yaw = float(element.get("yaw", "nan"))
+        z = float(element.get("z", "nan")) if high else math.nan
+    except KeyError as err:
+        raise ExchangeError(f"{path}: a waypoint of route {route} has no {err}") from err
+    except ValueError as err:
+        raise ExchangeError(f"{path}: a waypoint of route {route} is no number: {err}") from err
+    if not (math.isfinite(x) and math.isfinite(y)) or math.isinf(yaw):
+        raise ExchangeError(f"{path}: a waypoint of route {route} is not finite")
+    return pose_of(x, y, yaw, z if math.isfinite(z) else None)
+
+
+def _count_left_out(route: Element, left_out: Counter[str]) -> None:
+    for point in _points(route):
+        left_out["heights of waypoints (the world is flat)"] += abs(_number_in(point, "z")) > _LEVEL_M
+        turned = any(abs(_number_in(point, key) + 180) % 360 - 180 > _LEVEL_DEG for key in ("pitch", "roll"))
+        left_out["pitch and roll of waypoints (the world is flat)"] += turned
+    for child in route:
+        if child.tag not in ("waypoint", "position", "scenarios", *_LISTS):
+            left_out[f"<{child.tag}> of routes"] += 1
+    for gone in [what for what, count in left_out.items() if count == 0]:
+        del left_out[gone]
+
+
+def _number_in(element: Element, key: str) -> float:
+    try:
+        return float(element.get(key, "0"))
+    except ValueError:
+        return 0.0
+
+
+def _transform(values: dict[str, Any]) -> Pose:
+    x, y = (float(values[key]) for key in ("x", "y"))
+    yaw = float(values["yaw"]) if "yaw" in values else math.nan
+    if not (math.isfinite(x) and math.isfinite(y)) or math.isinf(yaw):
+        raise ValueError("a transform is not finite")
+    return pose_of(x, y, yaw)
+
+
+def _json(path: Path) -> dict[str, Any]:
+    check_size(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as err:
+        raise ExchangeError(f"{path} is not a CARLA trigger file: it is no JSON from line {err.lineno} on") from err
+    except (OSError, ValueError, RecursionError) as err:
+        raise ExchangeError(f"{path} is not a CARLA trigger file: {err}") from err
+    if not isinstance(data, dict):
+        raise ExchangeError(f"{path} is not a CARLA trigger file: it holds no object")
+    return data
+
+
+def _family(path: Path) -> str:
+    return _number(path.stem) or _number(path.parent.name)
+
+
+def _number(text: str) -> str:
+    found = _FAMILY.search(text)
+    return str(int(found.group(1))) if found else ""
+
+
+def towns(routes: Iterable[CarlaRoute]) -> Iterator[str]:
+    """Return the towns that routes name, each once."""
+    yield from dict.fromkeys(route.town for route in routes if route.town)

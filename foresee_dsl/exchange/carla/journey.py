@@ -1,0 +1,295 @@
+"""From a CARLA route to what a case row says: edges, lengths along the route, kerbs, the junction that is meant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.placement.starts import OnRoute, Starts
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.polyline import XY, wrap
+from foresee_dsl.compile.roads.route_line import Passage, RouteLine
+from foresee_dsl.compile.roads.routing import RouteError, onward
+from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, Trigger
+from foresee_dsl.exchange.maps.heights import Heights
+from foresee_dsl.exchange.maps.places_on_net import Way, length_to, through_of, way_between
+from foresee_dsl.language.model import AlongRoute, EdgeRoute, Ego, Quantity, StartAt
+
+TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
+"""A trigger belongs to a route that comes within 2 m of it (CARLA's leaderboard, with 10 degrees); where none does,
+within 5 m, which finds one for each of Town10HD's routes (measured)."""
+_BACK_RAD = math.radians(100)
+"""No road turns so much within a metre (ours: the tightest corner of CARLA's towns has a radius of 4 m)."""
+_SAME_WAY_RAD = math.radians(60)
+_BESIDE_M = 0.05
+"""A start that is hardly beside the middle of its lane is on it (ours: no place of Town10HD is farther off)."""
+BESIDE_GOAL_M, _ON_GOAL_M = 1.0, 0.5
+"""A line that is farther from the goal passes it on another lane; one that is nearer than half of that is on its lane
+(ours: a goal lies 3.5 m from the middle of the next lane)."""
+_EDGES_BEHIND_GOAL = 3
+"""Ours: a goal lies just behind a junction, and lanes of a street part again at the next one or two."""
+MISSED_M = 0.5
+"""A start that is farther from CARLA's is worth a note (ours: roundings come to 1 cm)."""
+_STRAY_M = 0.5
+"""A centreline that is farther beside the road than this takes wheels off it (ours: half a car is 0.9 m)."""
+_NEAR_SPOT_M = 30.0
+"""Whoever passes a bridge so near has the other road's traffic in view (ours)."""
+_LOOK_M, _LOOK_STEP_M = 25.0, 0.25
+"""How far to look for a kerb, and in what steps (ours: six lanes and a median)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Journey:
+    """A route of CARLA on a network.
+
+    Attributes:
+        named: the edges to write; the shortest ways between them make up the route. The last may be behind the goal.
+        begin_m: from the route's beginning to the ego's front. beside_m: to the left of the lane that is meant first.
+        finish_m: from there to the goal, along the line.
+        start_off_m: how far CARLA's start is from where the ego's middle is put.
+        line: what the ego follows. s: where it starts on it.
+        trigger_m: from the ego's start to the trigger's place. trigger: it, or None where none belongs to the route.
+    """
+
+    route: CarlaRoute
+    way: Way
+    named: tuple[str, ...]
+    begin_m: float
+    beside_m: float
+    finish_m: float
+    start_off_m: float
+    line: RouteLine
+    s: float
+    trigger_m: float
+    trigger: Trigger | None
+
+    @property
+    def goal_s(self) -> float:
+        """The goal along the line."""
+        return self.s + self.finish_m
+
+
+def journey_of(
+    network: RoadNetwork,
+    route: CarlaRoute,
+    triggers: Sequence[Trigger],
+    spec: ModelSpec,
+    *,
+    in_order: bool,
+    heights: Heights | None = None,
+) -> Journey:
+    """Return how a route is written, and where its trigger is.
+
+    Args:
+        network: the town.
+        route: of CARLA.
+        triggers: of its family and town.
+        spec: the ego's model.
+        in_order: whether the k-th trigger belongs to the k-th route.
+        heights: of the town's lanes.
+
+    Raises:
+        RouteError: its places are not on the map, not connected, or the start cannot be said.
+    """
+    way = way_between(network, route.start, route.end, route.between, heights)
+    edges = _over_goal_lane(network, way, route, spec)
+    said = _said(network, edges, route, spec)
+    placed = said.placed
+    finish = math.floor((said.goal_s - placed.s) * 100) / 100  # a rounding must not put it behind the end
+    drive = _Drive(placed.line, placed.s, placed.s + finish)
+    trigger = _trigger_of(route, triggers, drive, in_order=in_order)
+    return Journey(
+        route=route,
+        way=way,
+        named=through_of(network, edges),
+        begin_m=round(said.begin_m, 2),
+        beside_m=said.beside_m,
+        finish_m=finish,
+        start_off_m=said.start_off_m,
+        line=placed.line,
+        s=placed.s,
+        trigger_m=0.0 if trigger is None else drive.s_of(trigger.pose) - placed.s,
+        trigger=trigger,
+    )
+
+
+@dataclass(frozen=True)
+class _Said:
+    """How the start and goal of a route are said on its edges; see `Journey`. `goal_off_m`: how far the line is off."""
+
+    begin_m: float
+    beside_m: float
+    placed: OnRoute
+    start_off_m: float
+    goal_s: float
+    goal_off_m: float
+
+
+def _said(network: RoadNetwork, edges: tuple[str, ...], route: CarlaRoute, spec: ModelSpec) -> _Said:
+    half_m = spec.length_m / 2  # CARLA puts a vehicle's middle on a place, we its front
+    begin, beside = _said_on(network.line(edges), route.start, half_m)
+    beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
+    at = AlongRoute(
+        actor="ego",
+        at=Quantity.of(begin, "length", 2),
+        offset=Quantity.of(beside, "length", 2) if beside else None,
+    )
+    ego = Ego(model=spec.name, body=(EdgeRoute(edges=edges), StartAt(place=at)))
+    placed = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
+    goal_s = min(length_to(placed.line, route.end, placed.s), placed.line.end_s)
+    x, y = placed.x - half_m * math.cos(placed.heading_rad), placed.y - half_m * math.sin(placed.heading_rad)
+    goal_x, goal_y, _ = placed.line.at(goal_s)
+    return _Said(
+        begin_m=begin,
+        beside_m=beside,
+        placed=placed,
+        start_off_m=math.hypot(x - route.start.x, y - route.start.y),
+        goal_s=goal_s,
+        goal_off_m=math.hypot(goal_x - route.end.x, goal_y - route.end.y),
+    )
+
+
+def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: ModelSpec) -> tuple[str, ...]:
+    """Return the edges of a way, and where need be the fewest more to which only the goal's lane leads.
+
+    Of the lanes that need no change a line takes the rightmost; which do need none depends on what is behind the goal.
+    """
+    if _said(network, way.edges, route, spec).goal_off_m <= BESIDE_GOAL_M:
+        return way.edges
+    longer = [way.edges]
+    for _ in range(_EDGES_BEHIND_GOAL):
+        longer = [
+            (*edges, movement.to_edge)
+            for edges in longer
+            for movement in onward(network, edges[-1], "car")
+            if movement.turn != "back" and movement.to_edge not in edges
+        ]
+        for edges in longer:
+            with suppress(RouteError):
+                if _said(network, edges, route, spec).goal_off_m <= _ON_GOAL_M:
+                    return edges
+    return way.edges
+
+
+def _said_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]:
+    """Return the length along a line and the offset of the front of a vehicle whose middle is at a place.
+
+    The nearest point of a line is not quite it in a bend: offsets turn with the line, segment by segment.
+    """
+    s = length_to(line, place, 0.0)
+    beside = line.project(place.x, place.y, s)[1]
+    s = min(s + half_m, line.length_m)
+    for _ in range(8):  # each round leaves about a tenth of the error
+        x, y, heading = line.at(s, beside)
+        dx, dy = place.x - x + half_m * math.cos(heading), place.y - y + half_m * math.sin(heading)
+        s = min(max(s + dx * math.cos(heading) + dy * math.sin(heading), 0.0), line.length_m)
+        beside += dy * math.cos(heading) - dx * math.sin(heading)
+    return s, beside
+
+
+def turns_back(journey: Journey) -> bool:
+    """Say whether the way turns back on itself from one point to the next: lanes of the net that overlap wrongly."""
+    marks, angles = journey.line.marks, journey.line.angles
+    return any(
+        journey.s <= at <= journey.goal_s and abs(wrap(b - a)) > _BACK_RAD
+        for at, a, b in zip(marks[1:], angles, angles[1:], strict=False)
+    )
+
+
+def strays(network: RoadNetwork, journey: Journey) -> tuple[float, float, float]:
+    """Return how far the way leaves the road, m, and where (x, y in m); 0 where it stays on it.
+
+    Lanes of a map may end beside those that follow: the line goes straight from the one to the other.
+    """
+    import numpy as np
+
+    line = journey.line
+    inside = [xy for s, xy in zip(line.marks, line.xy, strict=True) if journey.s <= s <= journey.goal_s]
+    depth = network.off_road_depth(np.array(inside or line.xy[:1]))
+    k = int(depth.argmax())
+    return (float(depth[k]), *inside[k]) if depth[k] > _STRAY_M else (0.0, 0.0, 0.0)
+
+
+def passes(journey: Journey, spots: Sequence[XY]) -> bool:
+    """Say whether the way comes near one of some places."""
+    line = journey.line
+    driven = [xy for s, xy in zip(line.marks, line.xy, strict=True) if journey.s <= s <= journey.goal_s]
+    return any(math.dist(spot, xy) < _NEAR_SPOT_M for spot in spots for xy in driven)
+
+
+def family_on_way(journey: Journey, triggers: Sequence[Trigger]) -> str:
+    """Return the family of the first trigger on a way; empty where there is none."""
+    drive = _Drive(journey.line, journey.s, journey.goal_s)
+    found = _first_on(drive, [(drive.off(trigger.pose), trigger.order, trigger) for trigger in triggers])
+    return found.family if found is not None else ""
+
+
+def passages_of(network: RoadNetwork, journey: Journey) -> list[Passage]:
+    """Return the junctions that the trigger may stand for: those behind it that the ego comes to, in order.
+
+    Places where two roads merely join are no junctions here. Where none is behind the trigger, all on the way count.
+    """
+    found = []
+    for passage in journey.line.passages:
+        arms = {movement.from_edge for movement in network.movements_at(passage.junction) if "car" in movement.kinds}
+        if journey.s + 1.0 < passage.entry_s < journey.goal_s and len(arms) > 2:
+            found.append(passage)
+    behind = [one for one in found if one.exit_s > journey.s + journey.trigger_m - TRIGGER_FAR_M]
+    return behind or found
+
+
+def kerbs(network: RoadNetwork, line: RouteLine, s: float) -> tuple[float, float]:
+    """Return offsets (m, left positive) from a line to just beyond the road's edge, on the right and on the left."""
+    return _edge(network, line, s, -1), _edge(network, line, s, 1)
+
+
+def _edge(network: RoadNetwork, line: RouteLine, s: float, side: int) -> float:
+    import shapely
+
+    steps = [side * _LOOK_STEP_M * k for k in range(4, int(_LOOK_M / _LOOK_STEP_M) + 1)]
+    places = [line.at(s, offset)[:2] for offset in steps]
+    on_road = shapely.contains_xy(network.drivable, [x for x, _ in places], [y for _, y in places])
+    beyond = next((offset for offset, road in zip(steps, on_road, strict=True) if not road), steps[-1])
+    return beyond + side * 0.75  # a step beyond the kerb
+
+
+def _trigger_of(route: CarlaRoute, triggers: Sequence[Trigger], drive: _Drive, *, in_order: bool) -> Trigger | None:
+    """The trigger of a route: the one of its place in the file, if it lies on the way; else the first that does."""
+    away = [(drive.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
+    if in_order:
+        own = [one for one in away if one[1] == route.order and one[0] <= TRIGGER_FAR_M]
+        if own:
+            return own[0][2]
+    return _first_on(drive, away)
+
+
+def _first_on(drive: _Drive, away: Sequence[tuple[float, int, Trigger]]) -> Trigger | None:
+    """The first trigger of those that lie on a drive, from how far each is from it and its place in its file."""
+    for within in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
+        near = [one for one in away if one[0] <= within]
+        if near:
+            return min(near, key=lambda one: (round(drive.s_of(one[2].pose), 1), one[0], one[1]))[2]
+    return None
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """The part of a line that the ego drives."""
+
+    line: RouteLine
+    start_s: float
+    goal_s: float
+
+    def s_of(self, pose: Pose) -> float:
+        """Where on it a place is nearest."""
+        return min(length_to(self.line, pose, max(self.start_s - TRIGGER_FAR_M, 0.0)), self.goal_s)
+
+    def off(self, pose: Pose) -> float:
+        """How far a place is from it; infinite for one of another direction."""
+        x, y, heading = self.line.at(self.s_of(pose))
+        if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
+            return math.inf
+        return math.hypot(x - pose.x, y - pose.y)

@@ -1,0 +1,138 @@
+"""Finds whom the ego meets in a junction: the movement that a family is about, and a stretch of road before it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.parts import Movement
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.route_line import Passage
+from foresee_dsl.compile.roads.routing import RouteError, onward
+from foresee_dsl.exchange.maps.places_on_net import through_of
+
+APPROACH_M = 80.0
+"""How much road a partner has before the junction, where there is so much (ours: 6 s at 50 km/h)."""
+BEYOND_M = 30.0
+"""And behind it (ours: it should not vanish in the ego's view)."""
+LEAST_M = 12.0
+"""With less before the junction it cannot get up speed (ours: two car lengths and a half)."""
+_MOST_EDGES = 12
+
+
+@dataclass(frozen=True)
+class Partner:
+    """Somebody who comes to the same junction.
+
+    Attributes:
+        named: the two edges to write; the shortest way between them is its route.
+        begin_m: from its route's beginning to its front at the start.
+        turn: what it does in the junction.
+    """
+
+    named: tuple[str, str]
+    begin_m: float
+    turn: str
+
+
+def partner_of(network: RoadNetwork, passage: Passage, family: str, away_m: float) -> Partner | None:
+    """Return who meets the ego in a junction, or None where nobody's way conflicts with the ego's.
+
+    7: crossing traffic, straight on where there is any. 8: oncoming traffic, straight on. 9: traffic that comes to the
+    road that the ego turns into, from the left where there is any.
+
+    Args:
+        network: the town.
+        passage: the ego's.
+        family: `7`, `8` or `9`.
+        away_m: how far from the junction it should start.
+    """
+    own = passage.movement
+    junction = network.junctions[passage.junction]
+    foes = [
+        other
+        for other in network.movements_at(passage.junction)
+        if "car" in other.kinds and other.from_edge != own.from_edge and junction.conflicts(own.index, other.index)
+    ]
+    for foe in sorted(foes, key=lambda other: (_rank(network, own, other, family), other.from_lane, other.to_lane)):
+        found = _on_road(network, foe, away_m)
+        if found is not None:
+            return found
+    return None
+
+
+def _rank(network: RoadNetwork, own: Movement, other: Movement, family: str) -> tuple[float, ...]:
+    """How little a movement is what a family is about; the smallest is the best."""
+    angle = wrap(_heading(network, other) - _heading(network, own))
+    straight = other.turn != "straight"
+    if family == "8":
+        return (straight, round(math.pi - abs(angle), 1))
+    from_left = round(abs(wrap(angle + math.pi / 2)), 1)  # it drives to the right of the ego's direction
+    if family == "9":
+        return (other.to_edge != own.to_edge, straight, from_left)
+    return (straight, round(abs(abs(angle) - math.pi / 2), 1), from_left)
+
+
+def _heading(network: RoadNetwork, movement: Movement) -> float:
+    line = network.lanes[movement.from_lane].line
+    return line.at(line.length_m)[2]
+
+
+def _on_road(network: RoadNetwork, foe: Movement, away_m: float) -> Partner | None:
+    """Give a movement a route with enough road before and behind it, as far as the shortest way is that route."""
+    before = _before(network, foe.from_edge)
+    behind = _behind(network, foe.to_edge, before)
+    while True:
+        edges = (*before, *behind)
+        named = through_of(network, edges)
+        if len(named) == 2:
+            break
+        if len(behind) > 1:
+            behind = behind[:-1]
+        elif len(before) > 1:
+            before = before[1:]
+        else:
+            return None
+    try:
+        line = network.line(edges)
+    except RouteError:
+        return None
+    passage = line.passage(foe.junction)
+    if passage is None or passage.entry_s < LEAST_M:
+        return None
+    begin = min(max(passage.entry_s - away_m, LEAST_M / 2), passage.entry_s - LEAST_M / 2)
+    return Partner((named[0], named[1]), round(begin, 1), passage.turn)
+
+
+def _before(network: RoadNetwork, edge: str) -> tuple[str, ...]:
+    edges = [edge]
+    while _length(network, edges) < APPROACH_M and len(edges) < _MOST_EDGES:
+        into = [m for lane in network.edges[edges[0]].for_kind("car") for m in network.movements_into(lane.id)]
+        into = sorted((m for m in into if m.turn != "back" and m.from_edge not in edges), key=_plain)
+        if not into:
+            break
+        edges.insert(0, into[0].from_edge)
+    return tuple(edges)
+
+
+def _behind(network: RoadNetwork, edge: str, before: tuple[str, ...]) -> tuple[str, ...]:
+    edges = [edge]
+    while _length(network, edges) < BEYOND_M and len(edges) < _MOST_EDGES:
+        ways = [
+            m
+            for m in onward(network, edges[-1], "car")
+            if m.turn != "back" and m.to_edge not in edges and m.to_edge not in before
+        ]
+        if not ways:
+            break
+        edges.append(ways[0].to_edge)
+    return tuple(edges)
+
+
+def _plain(movement: Movement) -> tuple[bool, str]:
+    return movement.turn != "straight", movement.from_lane
+
+
+def _length(network: RoadNetwork, edges: list[str]) -> float:
+    return sum(network.edges[edge].drivable[0].line.length_m for edge in edges)

@@ -1,0 +1,1 @@
+"""Maps that were made elsewhere: OpenDRIVE, OpenStreetMap, SUMO."""

@@ -1,0 +1,103 @@
+"""What an OpenDRIVE map holds, as far as it is taken over, and what is not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
+from foresee_dsl.compile.nets.net_parts import NetParts
+from foresee_dsl.compile.roads.polyline import Polyline
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_LIGHTS = ("1000001", "1000002", "1000009", "1000010", "1000011")
+"""OpenDRIVE's types of traffic lights (annex of ASAM OpenDRIVE 1.4 to 1.8, country `OpenDRIVE`; from memory, not
+checked; netconvert reads them as such)."""
+_TAKEN_LANES = (
+    *("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop"),
+    *("sidewalk", "none", "biking", "parking"),
+)
+_NO_CROSSING = "crosswalk objects at no crossing (they lie at no junction where sidewalks meet)"
+_ON_CROSSING_M = 0.5
+"""Ours: crossings are moved to where the crosswalk is, but for roundings."""
+_LEVEL_M = 0.01
+
+
+def taken_from(parts: NetParts) -> dict[str, int]:
+    """Return what a net has, in words."""
+    lanes = [lane for edge in parts.edges.values() for lane in edge.lanes]
+    return {
+        "edges": len(parts.edges),
+        "lanes for cars": sum("car" in lane.kinds for lane in lanes),
+        "sidewalks": sum(lane.kinds == {"pedestrian"} for lane in lanes),
+        "junctions": len({edge.end for edge in parts.edges.values()}),
+        "junctions with a signal": len({m.junction for m in parts.movements if m.tls is not None}),
+        "crossings": len(parts.crossings),
+    }
+
+
+def left_out_of(root: Element, parts: NetParts) -> Counter[str]:
+    """Return what an OpenDRIVE map holds and the world does not, with counts.
+
+    Args:
+        root: the map. parts: of the net that was made of it.
+    """
+    found: Counter[str] = Counter()
+    for signal in root.iter("signal"):
+        if signal.get("type") not in _LIGHTS:
+            found["signs (who goes first is worked out from the roads)"] += 1
+    for thing in root.iter("object"):
+        crosswalk = thing.get("type") == "crosswalk"
+        found[_NO_CROSSING] += crosswalk
+        found["objects"] += not crosswalk
+    found[_NO_CROSSING] -= _from_map(root, parts)[0]
+    for lane in root.iter("lane"):
+        kind = lane.get("type", "none")
+        if kind == "bidirectional":
+            found["lanes of type bidirectional (one direction, 5 km/h)"] += 1
+        elif kind not in _TAKEN_LANES:
+            found[f"lanes of type {kind}"] += 1
+    for profile in root.iter("elevation"):
+        steep = any(abs(float(profile.get(key, "0") or 0)) > _LEVEL_M for key in ("a", "b", "c", "d"))
+        found["stretches with a height or slope (the world is flat)"] += steep
+    found["tables of signal controllers"] += sum(1 for _ in root.iterfind("controller"))
+    return +found
+
+
+def _from_map(root: Element, parts: NetParts) -> tuple[int, int]:
+    """How many crosswalks of a map have a crossing, and how many crossings lie there."""
+    crossings: set[str] = set()
+    used = 0
+    for crosswalk in crosswalks_of(root):
+        x, y = crosswalk.pose.x, crosswalk.pose.y
+        lines = {name: crossing.lane.line for name, crossing in parts.crossings.items()}
+        here = {name for name, line in lines.items() if _is_over(line, x, y, crosswalk.length_m / 2)}
+        crossings |= here
+        used += bool(here)
+    return used, len(crossings)
+
+
+def _is_over(line: Polyline, x: float, y: float, beyond_m: float) -> bool:
+    s, beside = line.project(x, y)
+    return -beyond_m <= s <= line.length_m + beyond_m and abs(beside) < _ON_CROSSING_M
+
+
+def notes_on(root: Element, parts: NetParts) -> tuple[str, ...]:
+    """Return what we added to a map, a sentence each."""
+    notes = []
+    if any(m.tls is not None for m in parts.movements):
+        notes.append("the map says where signals are, not what they show: each got a program of ours with a stage for "
+                     "each pair of opposite approaches (20 s green, 3 s amber, 2 s all red)")  # fmt: skip
+    mapped = _from_map(root, parts)[1]
+    if mapped:
+        notes.append(f"{mapped} pedestrian crossings lie where the map has its crosswalks")
+    if len(parts.crossings) > mapped:
+        guessed = len(parts.crossings) - mapped
+        notes.append(
+            f"{guessed} pedestrian crossings are guessed: at junctions without a crosswalk, where sidewalks end"
+        )
+    if root.find("road/type/speed") is None and root.find(".//lane/speed") is None:
+        notes.append("the map has no speed limits: 50 km/h everywhere (netconvert's)")
+    return tuple(notes)

@@ -1,0 +1,108 @@
+"""How high the lanes of a net are, and where one road goes over another: the rest of the tool knows a flat world."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.roads.polyline import XY, distance
+
+_END_M = 10.0
+"""Nearer than this to a lane's end it meets others in a junction (ours)."""
+CLEARANCE_M = 3.0
+"""Roads that cross with this much between them do not meet (ours: less than any bridge leaves free)."""
+
+
+@dataclass(frozen=True)
+class Heights:
+    """For each lane the lengths along it (m) at which its height is known, and the heights (m)."""
+
+    lanes: Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]
+
+    @classmethod
+    def of(cls, net_file: Path) -> Heights:
+        """Read the third coordinates of a net's lanes; those that it leaves out are 0.
+
+        Raises:
+            CompileError: it is no net.
+        """
+        found = {}
+        for lane in parse_net(net_file).iter("lane"):
+            points = [[float(value) for value in point.split(",")] for point in lane.get("shape", "").split()]
+            marks = [0.0]
+            for (x0, y0, *_), (x1, y1, *_) in pairwise(points):
+                marks.append(marks[-1] + distance((x0, y0), (x1, y1)))
+            found[lane.get("id", "")] = tuple(marks), tuple(p[2] if len(p) > 2 else 0.0 for p in points)
+        return cls(found)
+
+    @cached_property
+    def known(self) -> bool:
+        """Whether the net has heights at all."""
+        return any(abs(z) >= CLEARANCE_M for _, levels in self.lanes.values() for z in levels)
+
+    def at(self, lane: str, along_m: float) -> float:
+        """Return a lane's height at a length along it, m."""
+        marks, heights = self.lanes[lane]
+        k = min(max(bisect_right(marks, along_m) - 1, 0), len(heights) - 1)
+        if k == len(heights) - 1 or marks[k + 1] <= marks[k]:
+            return heights[k]
+        share = min(max((along_m - marks[k]) / (marks[k + 1] - marks[k]), 0.0), 1.0)
+        return heights[k] + share * (heights[k + 1] - heights[k])
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """Where a lane goes over another: m, and the edges of both."""
+
+    x: float
+    y: float
+    edges: frozenset[str]
+
+
+def bridges(network: RoadNetwork, heights: Heights) -> tuple[Bridge, ...]:
+    """Return where lanes for cars go over others.
+
+    In a net that is flat altogether, as those made of OpenStreetMap are, these are roads that cross where there is no
+    junction.
+    """
+    import shapely
+
+    lanes = [lane for lane in network.lanes.values() if "car" in lane.kinds and lane.edge not in network.walking_areas]
+    lines = [shapely.LineString(lane.shape) for lane in lanes]
+    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    found: dict[Bridge, None] = {}
+    for i, j in zip(first.tolist(), second.tolist(), strict=True):
+        if i >= j or lanes[i].edge == lanes[j].edge:
+            continue
+        for point in shapely.get_parts(shapely.intersection(lines[i], lines[j])):
+            if point.is_empty:  # roundings: they touch, and have no point in common
+                continue
+            x, y = point.centroid.x, point.centroid.y
+            if _over(lanes[i], lanes[j], (x, y), heights):
+                found[Bridge(round(x, 1), round(y, 1), frozenset({lanes[i].edge, lanes[j].edge}))] = None
+    return tuple(found)
+
+
+def flat_notes(found: Sequence[Bridge]) -> tuple[str, ...]:
+    """Return what to say of bridges: a sentence, or none."""
+    if not found:
+        return ()
+    roads = len({one.edges for one in found})
+    return (f"roads go over others ({roads} pairs of edges); the world is flat, and vehicles there would meet: keep "
+            "routes and traffic away from them",)  # fmt: skip
+
+
+def _over(one: Lane, other: Lane, at: XY, heights: Heights) -> bool:
+    along = [lane.line.project(*at)[0] for lane in (one, other)]
+    if heights.known:
+        levels = [heights.at(lane.id, s) for lane, s in zip((one, other), along, strict=True)]
+        return abs(levels[0] - levels[1]) >= CLEARANCE_M
+    inner = [_END_M < s < lane.line.length_m - _END_M for lane, s in zip((one, other), along, strict=True)]
+    return all(inner) and not (one.internal or other.internal)

@@ -1,0 +1,120 @@
+"""Takes over an extract of OpenStreetMap: streets, signals, sidewalks and crossings become a SUMO network."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
+from foresee_dsl.errors import CompileError
+from foresee_dsl.exchange.foreign_xml import read_xml
+from foresee_dsl.exchange.maps.sumo import NET, with_starter
+from foresee_dsl.exchange.naming import name_of, sentence
+from foresee_dsl.exchange.outcome import ExchangeError, Imported
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_TYPEMAPS = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetconvertPedestrians.typ.xml")
+"""SUMO's own tables of what a `highway=...` is: lanes, limits, who may go there; then town limits and sidewalks."""
+_OPTIONS = (
+    *("--geometry.remove", "true"),  # nodes that only bend a street are no junctions
+    *("--junctions.join", "true"),  # a crossing of two dual carriageways is one junction, not four
+    *("--junctions.corner-detail", "5"),
+    *("--roundabouts.guess", "true"),  # extracts often lack the tag
+    *("--tls.guess-signals", "true"),  # OSM puts signals at stop lines, before the junction
+    *("--tls.discard-simple", "true"),  # a signal where no streams cross is one of a pedestrians' crossing
+    *("--tls.join", "true"),  # one program for a junction that has several nodes
+    *("--tls.default-type", "static"),
+    *("--sidewalks.guess", "true"),
+    *("--crossings.guess", "true"),
+    *("--osm.sidewalks", "true"),
+    *("--osm.crossings", "true"),
+    *("--osm.turn-lanes", "true"),
+    *("--keep-edges.by-vclass", "passenger,delivery,bus,truck,motorcycle,bicycle"),
+    *("--remove-edges.isolated", "true"),
+    *("--no-turnarounds.except-deadend", "true"),
+    *("--output.street-names", "true"),
+    *("--precision", "3"),  # millimetres
+    *("--no-warnings", "true"),
+)
+_CAR_STREETS = frozenset(
+    {
+        *("motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "living_street"),
+        *("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link", "service", "cycleway"),
+        *("road", "busway", "track"),
+    }
+)
+_OTHER_WAYS = ("building", "railway", "waterway", "landuse", "natural", "leisure", "amenity", "barrier", "boundary")
+
+
+def run(file: Path, *, out: Path) -> Imported:
+    """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm`.
+
+    Raises:
+        ExchangeError: it is no OSM file, too large, has no streets, or no way for a car that is long enough.
+        CompileError: netconvert refuses it.
+    """
+    root = read_xml(file, ("osm",), "an OpenStreetMap file")
+    if not any(_tag(way, "highway") in _CAR_STREETS for way in root.iterfind("way")):
+        raise ExchangeError(f"{file} has no streets: `highway` ways with their nodes are needed")
+    if root.find("node") is None:
+        raise ExchangeError(f"{file} has no nodes: export it with them")
+    name = name_of(file.name.partition(".osm")[0], "map")
+    net = _converted(root)
+    if b"<edge " not in net:
+        raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
+    notes = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that OSM "
+             "does not say are guessed",)  # fmt: skip
+    doc = sentence(f"A first drive on {file.name}, (c) OpenStreetMap contributors.")
+    return with_starter(net, name, out, doc=doc, left_out=_left_out(root), notes=notes)
+
+
+def _converted(root: Element) -> bytes:
+    """Return the net of an extract.
+
+    netconvert reads what we have parsed, written anew: so it meets no document type that it would fetch.
+    """
+    from xml.etree.ElementTree import tostring
+
+    maps = sumo_home() / "data" / "typemap"
+    with tempfile.TemporaryDirectory(prefix="foresee-osm-") as folder_name:
+        folder = Path(folder_name)
+        (folder / "map.osm.xml").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+        types = ",".join(str(maps / file) for file in _TYPEMAPS)
+        files = ["--osm-files", "map.osm.xml", "--type-files", types, "--output-file", f"map{NET}"]
+        try:
+            run_netconvert([*files, *_OPTIONS], folder)
+        except CompileError as err:
+            raise ExchangeError(f"netconvert cannot make a network of it: {err}") from err
+        return without_header((folder / f"map{NET}").read_bytes())
+
+
+def _left_out(root: Element) -> Counter[str]:
+    """Count what the extract holds and the network does not."""
+    found: Counter[str] = Counter()
+    for way in root.iterfind("way"):
+        highway = _tag(way, "highway")
+        if highway and highway not in _CAR_STREETS:
+            found[f"ways for others: {highway}"] += 1
+        elif not highway:
+            kind = next((key for key in _OTHER_WAYS if _tag(way, key)), "other ways")
+            found[f"outlines and lines: {kind}"] += 1
+        elif _tag(way, "maxspeed:conditional") or _tag(way, "access:conditional"):
+            found["conditions on time or weather"] += 1
+    for node in root.iterfind("node"):
+        if (highway := _tag(node, "highway")) in ("stop", "give_way", "speed_camera", "bus_stop"):
+            found[f"signs and stops: {highway}"] += 1
+        if _tag(node, "traffic_calming"):
+            found["traffic calming"] += 1
+    for relation in root.iterfind("relation"):
+        kind = _tag(relation, "type")
+        if kind != "restriction":  # netconvert obeys them
+            found[f"relations: {kind or 'without a type'}"] += 1
+    return found
+
+
+def _tag(element: Element, key: str) -> str:
+    return next((tag.get("v", "") for tag in element.iterfind("tag") if tag.get("k") == key), "")

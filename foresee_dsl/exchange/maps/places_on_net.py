@@ -1,0 +1,286 @@
+"""Finds foreign start and end places on a road network, and the way between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.compile.roads.routing import RouteError, shortest_route
+from foresee_dsl.exchange.maps.heights import Heights
+
+NEAR_M = 3.5
+"""A place farther from every lane's centre is not on this map. Ours: a lane's width; the farthest of CARLA's places
+lies 2.9 m off, on a map of another year."""
+SAME_WAY_RAD = math.radians(60)
+"""Whose lane a place is by its direction: with 60 degrees all 612 routes of Town01 to 10 find theirs (measured)."""
+ALIKE_M, NEARLY_M = 0.1, 1.0
+"""Lanes that lie this near to each other may both be meant (ours); the shorter way decides. Those up to a metre farther
+are meant where the others lead there only by a long way round: lanes of a junction lie over each other."""
+TURNED_M = 20.0
+"""So many metres of way is a radian worth that a lane's direction is another (ours: roads that cross at 30 degrees)."""
+_SLACK_M = 2.0
+"""A place on the way that lies so little behind the last one is reached (ours: lanes of a road differ by that)."""
+STOREY_M = 3.0
+"""Ours: less than the clearance of any bridge, and more than routes' places lie above the road (up to 2 m)."""
+INSIDE_M = 5.0
+"""Where a road ends the lanes of its junction begin: of both the road is meant, unless it takes so much more (ours)."""
+DETOUR = 200.0
+"""So many metres of way is a metre worth that a lane is farther off. Ours: seven routes of Town03 start or end 0.1 m to
+0.4 m nearer to a lane that takes 350 m or more to come to; with 200 these seven change, and none of the others of
+CARLA's four towns (measured)."""
+
+
+class Placed(Protocol):
+    """A place with a direction; NaN for any direction."""
+
+    @property
+    def x(self) -> float: ...  # noqa: D102 - m
+
+    @property
+    def y(self) -> float: ...  # noqa: D102 - m
+
+    @property
+    def heading_rad(self) -> float: ...  # noqa: D102 - counter-clockwise from east
+    @property
+    def z(self) -> float | None: ...  # noqa: D102 - m, None where it is not known
+
+
+@dataclass(frozen=True)
+class OnLane:
+    """A place on a lane.
+
+    Attributes:
+        lane: outside junctions or inside one.
+        at_m: along it. off_m: distance from its centre line. turned_rad: how much its direction is another.
+        edges: the lane's edge; of a lane inside a junction the edge before and the edge after it.
+    """
+
+    lane: Lane
+    at_m: float
+    off_m: float
+    turned_rad: float
+    edges: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way between two places: the edges, where on their lanes it starts and ends, and how far it is, m."""
+
+    edges: tuple[str, ...]
+    start: OnLane
+    end: OnLane
+    length_m: float
+
+
+def lanes_at(
+    network: RoadNetwork, place: Placed, within_m: float = NEAR_M, heights: Heights | None = None
+) -> list[OnLane]:
+    """Return the car lanes that a place may be on, the nearest first; those up to a metre farther come along.
+
+    Args:
+        network: the roads.
+        place: lanes whose direction differs by more than 60 degrees from its own are left out.
+        within_m: no farther away than this.
+        heights: of the lanes; of a road and one that goes over it the one of the place's height is meant.
+    """
+    found: list[OnLane] = []
+    around = _around(network)
+    for lane in network.lanes.values():
+        if "car" not in lane.kinds or lane.edge in network.walking_areas or not _may_be_near(lane, place, within_m):
+            continue
+        edges = around.get(lane.id, ()) if lane.internal else ((lane.edge,),)
+        s, _ = lane.line.project(place.x, place.y)
+        at = min(max(s, 0.0), lane.line.length_m)
+        x, y, heading = lane.line.at(at)
+        off = math.hypot(x - place.x, y - place.y)
+        turned = 0.0 if math.isnan(place.heading_rad) else abs(wrap(heading - place.heading_rad))
+        if off <= within_m and turned <= SAME_WAY_RAD:
+            found += [OnLane(lane, at, off, turned, pair) for pair in edges]
+    if place.z is not None and heights is not None and found:
+        above = [abs(heights.at(one.lane.id, one.at_m) - place.z) for one in found]
+        found = [one for one, m in zip(found, above, strict=True) if m <= min(above) + STOREY_M]
+    found.sort(key=lambda one: one.off_m)
+    return [one for one in found if one.off_m <= found[0].off_m + NEARLY_M]
+
+
+def way_between(
+    network: RoadNetwork, start: Placed, end: Placed, between: Sequence[Placed] = (), heights: Heights | None = None
+) -> Way:
+    """Return the shortest way between two places, over others in their order.
+
+    Args:
+        network: the roads.
+        start: the first place. end: the last one.
+        between: on the way; those that are on no lane are left out.
+        heights: see `lanes_at`.
+
+    Raises:
+        RouteError: the start or the end is on no lane, there is no way, or it goes over a road twice.
+    """
+    starts, ends = lanes_at(network, start, heights=heights), lanes_at(network, end, heights=heights)
+    for name, found, place in (("start", starts, start), ("end", ends, end)):
+        if not found:
+            raise RouteError(f"its {name} ({place.x:.1f} m, {place.y:.1f} m) is on no car lane of the map")
+    stops = [found for place in between if (found := lanes_at(network, place, heights=heights))]
+    if stops:
+        ways = [_way_over(network, (starts, *stops, ends))]
+    else:
+        ways = [way for one in starts for other in ends if (way := _joined(network, one, other)) is not None]
+    if not ways:
+        raise RouteError(f"there is no way from {starts[0].edges[0]} to {ends[0].edges[-1]}")
+    best_m = starts[0].off_m + ALIKE_M, ends[0].off_m + ALIKE_M
+    way = min(ways, key=lambda way: (_way_cost_m(way, *best_m), way.edges))
+    twice = next((edge for k, edge in enumerate(way.edges) if edge in way.edges[:k]), None)
+    if twice is not None:
+        raise RouteError(f"it goes over {twice} twice, which cannot be said by lengths along a route")
+    return way
+
+
+def _way_cost_m(way: Way, start_m: float, end_m: float) -> float:
+    """How long a way is, with what it costs that lanes are farther off than the nearest ones."""
+    return round(way.length_m + _cost_m(way.start, start_m) + _cost_m(way.end, end_m), 3)
+
+
+def _cost_m(one: OnLane, best_m: float) -> float:
+    """How much longer a way may be that does without a place's being on a lane.
+
+    Args:
+        one: the lane. best_m: how far off the nearest one is, and those that are as good.
+    """
+    beyond = max(one.off_m - best_m, 0.0)
+    return 10 * one.off_m + DETOUR * beyond + INSIDE_M * one.lane.internal + TURNED_M * one.turned_rad
+
+
+def through_of(network: RoadNetwork, edges: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the fewest edges between which the shortest ways make up a route: `route [first, ..., last]`."""
+    kept = [edges[0]]
+    at = 0
+    while at < len(edges) - 1:
+        reach = next(k for k in range(len(edges) - 1, at, -1) if _shortest(network, edges[at : k + 1]))
+        kept.append(edges[reach])
+        at = reach
+    return tuple(kept)
+
+
+def length_to(line: RouteLine, place: Placed, least_m: float) -> float:
+    """Return the length along a line of the point nearest to a place, at or behind `least_m`."""
+    # a route may pass a place's surroundings twice; headings tell the passes apart
+    best = min(
+        (math.hypot(x - place.x, y - place.y) + _turned(angle, place), s)
+        for s, (x, y), angle in zip(line.marks, line.xy, line.angles, strict=True)
+        if s >= least_m
+    )
+    return max(line.project(place.x, place.y, best[1])[0], least_m)
+
+
+def _turned(angle: float, place: Placed) -> float:
+    return 0.0 if math.isnan(place.heading_rad) else abs(wrap(angle - place.heading_rad))
+
+
+def _way_over(network: RoadNetwork, stages: Sequence[Sequence[OnLane]]) -> Way:
+    """Return the shortest way over places, of which each may be on several lanes.
+
+    Raises:
+        RouteError: there is no way.
+    """
+    first = stages[0][0].off_m + ALIKE_M
+    best: list[tuple[float, OnLane, tuple[str, ...], OnLane]] = [
+        (_cost_m(one, first), one, one.edges, one) for one in stages[0]
+    ]
+    for stage in stages[1:]:
+        nearest = stage[0].off_m + ALIKE_M
+        offers = []
+        for other in stage:
+            ways = [
+                (cost + more[0] + _cost_m(other, nearest), start, (*edges, *more[1]), other)
+                for cost, start, edges, one in best
+                if (more := _onward(network, one, other)) is not None
+            ]
+            if ways:
+                offers.append(min(ways, key=lambda way: (round(way[0], 3), way[2])))
+        if not offers:
+            raise RouteError(f"there is no way from {best[0][3].edges[0]} to {stage[0].edges[-1]}")
+        best = offers
+    cost, start, edges, end = min(best, key=lambda way: (round(way[0], 3), way[2]))
+    network.line(edges, start_lane=start.lane.id)  # whether lanes lead there
+    return Way(edges, start, end, cost)
+
+
+def _onward(network: RoadNetwork, one: OnLane, other: OnLane) -> tuple[float, tuple[str, ...]] | None:
+    """Return how far it is from one place to the next, about, and the edges that come on top; None for no way."""
+    ahead_m = other.at_m - one.at_m
+    if one.edges == other.edges and ahead_m > -_SLACK_M:
+        return max(ahead_m, 0.0), ()
+    if one.edges[-1] == other.edges[0] and one.lane.internal and not other.lane.internal:
+        return one.lane.line.length_m - one.at_m + other.at_m, ()
+    try:
+        edges = shortest_route(network, one.edges[-1], other.edges[0])
+    except RouteError:
+        return None
+    if len(edges) == 1 and not (one.lane.internal or other.lane.internal):
+        return None  # back on the same road: once around the block
+    length_m = sum(network.edges[edge].drivable[0].line.length_m for edge in edges)
+    before_m = one.lane.line.length_m - one.at_m if one.lane.internal else -one.at_m
+    behind_m = other.at_m if other.lane.internal else other.at_m - other.lane.line.length_m
+    return max(length_m + before_m + behind_m, 0.0), (*edges[1:], *other.edges[1:])
+
+
+def _joined(network: RoadNetwork, start: OnLane, end: OnLane) -> Way | None:
+    edges: tuple[str, ...]
+    if start.lane.id == end.lane.id and start.edges == end.edges and end.at_m > start.at_m:
+        edges = start.edges
+    else:
+        try:
+            between = shortest_route(network, start.edges[-1], end.edges[0])
+        except RouteError:
+            return None
+        if start.lane.edge == end.lane.edge and not start.lane.internal and end.at_m <= start.at_m:
+            return None  # once around the block is no way that a route of two places means
+        edges = (*start.edges[:-1], *between, *end.edges[1:])
+    try:
+        line = network.line(edges, start_lane=start.lane.id)
+    except RouteError:
+        return None
+    begins = {lane: s for s, lane in reversed(line.pieces)}
+    ends = {lane: s for s, lane in line.pieces}
+    before_m = begins.get(start.lane.id, 0.0) + start.at_m if start.lane.internal else start.at_m
+    rest_m = end.lane.line.length_m - end.at_m
+    if end.lane.internal and end.lane.id in ends:
+        until_m = ends[end.lane.id] + end.at_m
+    elif end.lane.internal:  # another lane of the same movement is driven
+        until_m = line.length_m - network.edges[edges[-1]].drivable[0].line.length_m - rest_m
+    else:
+        until_m = line.length_m - rest_m
+    return Way(edges, start, end, until_m - before_m)
+
+
+def _shortest(network: RoadNetwork, edges: tuple[str, ...]) -> bool:
+    if len(edges) == 2:
+        return True
+    try:
+        return shortest_route(network, edges[0], edges[-1]) == edges
+    except RouteError:
+        return False
+
+
+@lru_cache(maxsize=4)
+def _around(network: RoadNetwork) -> dict[str, tuple[tuple[str, str], ...]]:
+    """For each lane inside a junction, the edges before and after it."""
+    found: dict[str, dict[tuple[str, str], None]] = {}
+    for movement in network.movements:
+        if "car" in movement.kinds:
+            for lane in movement.via:
+                found.setdefault(lane, {})[movement.from_edge, movement.to_edge] = None
+    return {lane: tuple(pairs) for lane, pairs in found.items()}
+
+
+def _may_be_near(lane: Lane, place: Placed, within_m: float) -> bool:
+    xs, ys = [x for x, _ in lane.shape], [y for _, y in lane.shape]
+    return min(xs) - within_m <= place.x <= max(xs) + within_m and min(ys) - within_m <= place.y <= max(ys) + within_m

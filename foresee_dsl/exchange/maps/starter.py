@@ -1,0 +1,237 @@
+"""A first scenario on a network that somebody else made: a drive over a signalised junction, with traffic around."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.parts import Movement
+from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.exchange.maps.heights import Heights, bridges
+from foresee_dsl.exchange.naming import check_ids
+from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.language.model import (
+    AlongEdge,
+    Doc,
+    EdgeRoute,
+    Ego,
+    End,
+    Expect,
+    GoalAt,
+    Predicate,
+    Quantity,
+    Scenario,
+    ScenarioItem,
+    StartAt,
+    StartSpeed,
+    Tags,
+    Traffic,
+    UseNetwork,
+)
+
+SHORTEST_M, LONGEST_M = 150.0, 400.0
+"""How long the ego's way is: from a whole approach and exit to what takes about a minute (ours)."""
+CLEAR_M = 10.0
+"""Free road behind the ego's front at the start, and beyond its goal (ours: two car lengths)."""
+APPROACH_M = 120.0
+"""At most so much of the first and of the last edge is driven (ours: signals are seen from there)."""
+_ROOMY_M = 40.0
+"""A first edge with so much ahead is a street to start in, and no piece of a roundabout (ours)."""
+_SLOW_STREET_MPS = 20 / 3.6
+"""A limit below that is a yard's, or a fault of the map's (ours; an edition of CARLA's Town03 has 1.39 m/s)."""
+_MOST_WAYS = 10_000
+"""Ways looked at (ours: a district; more would take seconds)."""
+_MOST_EDGES = 30
+_VEHICLES, _WALKERS = 10, 6
+_ROUND_M = 120.0
+_WAITING_S = 60.0
+"""At most so long at a signal: cycles of 90 s, netconvert's default, with a third of green (ours)."""
+_SLOW = 0.5
+"""The share of the limits that a drive through traffic reaches at least (ours)."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A drive.
+
+    Attributes:
+        edges: its route. start_m: where on the first edge it begins. goal_m: where on the last edge it ends.
+        length_m: from there to there, without what lies inside junctions.
+        signals: the junctions with a signal on it. turns: how often it does not go straight on.
+        free_s: what it takes at the limits, s. slowest_mps: the least of them.
+    """
+
+    edges: tuple[str, ...]
+    start_m: float
+    goal_m: float
+    length_m: float
+    signals: tuple[str, ...]
+    turns: int
+    free_s: float
+    slowest_mps: float
+
+
+def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scenario, Way]:
+    """Return a scenario that runs on a network, and the way that its ego takes.
+
+    Args:
+        net_file: a `.net.xml` or `.xodr`.
+        name: of the scenario. network: the file as the scenario's file names it. doc: its sentence.
+
+    Raises:
+        CompileError: the file is no network.
+        ExchangeError: it has no way for a car that is long enough.
+    """
+    net = foreign_net(net_file)
+    roads = RoadNetwork.from_net(net)
+    if not any(edge.for_kind("car") for edge in roads.edges.values()):
+        raise ExchangeError(f"{net_file.name} has no lanes for cars: nobody could drive on it")
+    check_ids((*roads.edges, *roads.junctions), net_file.name)
+    over = frozenset(edge for one in bridges(roads, Heights.of(net)) for edge in one.edges)
+    way = best_way(roads, frozenset(read_signals(net, None)), over)
+    if way is None:
+        raise ExchangeError(f"{net_file.name} has no way of {SHORTEST_M:.0f} m for a car: a larger map is needed")
+    body: list[ScenarioItem] = [
+        Doc(text=doc),
+        Tags(names=("starter",)),
+        UseNetwork(path=network),
+        _ego(roads, way),
+        *_traffic(roads),
+        Expect(mode="never", condition=Predicate(what="collision", actor="ego")),
+        Expect(mode="eventually", condition=Predicate(what="arrived", actor="ego")),
+        End(after=Quantity.of(_end_s(way), "time", 0)),
+    ]
+    return Scenario(name=name, body=tuple(body)), way
+
+
+def best_way(roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset()) -> Way | None:
+    """Return the way for the ego: over a signal if there is any, from a street, with a turn, of a middle length.
+
+    It keeps off edges that go over or under others (`bridged`) if it can. The same network gives the same way.
+    """
+    middle = (SHORTEST_M + LONGEST_M) / 2
+    best: tuple[tuple[float, ...], Way] | None = None
+    streets = _Streets.of(roads, signals)
+    for way in itertools.islice(streets.ways(), _MOST_WAYS):
+        ahead_m = streets.lengths[way.edges[0]] - way.start_m
+        rank = (
+            any(edge in bridged for edge in way.edges),
+            way.slowest_mps < _SLOW_STREET_MPS,
+            -min(len(way.signals), 1),
+            -min(ahead_m, _ROOMY_M),
+            -min(way.turns, 1),
+            len(way.signals),
+            abs(way.length_m - middle),
+        )
+        if (best is None or rank < best[0]) and _leads(roads, way.edges):
+            best = rank, way
+    return best[1] if best is not None else None
+
+
+@dataclass(frozen=True)
+class _Streets:
+    """What the search needs of each edge for cars: m, m/s, and the movements onward by the edge that they lead to."""
+
+    lengths: dict[str, float]
+    limits: dict[str, float]
+    onward: dict[str, dict[str, Movement]]
+    signals: frozenset[str]
+
+    @classmethod
+    def of(cls, roads: RoadNetwork, signals: frozenset[str]) -> _Streets:
+        lanes = {edge.id: edge.drivable[0] for edge in roads.edges.values() if edge.for_kind("car")}
+        onward = {
+            edge: {m.to_edge: m for m in roads.movements_from(edge) if m.turn != "back" and m.to_edge in lanes}
+            for edge in lanes
+        }
+        lengths = {edge: lane.line.length_m for edge, lane in lanes.items()}
+        return cls(lengths, {edge: lane.speed_mps for edge, lane in lanes.items()}, onward, signals)
+
+    def ways(self) -> Iterator[Way]:
+        """Yield ways of a fitting length from every edge on, none over the same edge twice."""
+        for start in sorted(self.lengths):
+            open_ways: list[tuple[tuple[str, ...], float]] = [((start,), 0.0)]
+            while open_ways:
+                edges, after_first_m = open_ways.pop()
+                way = self.way(edges)
+                if way is not None and SHORTEST_M <= way.length_m <= LONGEST_M:
+                    yield way
+                if len(edges) < _MOST_EDGES and after_first_m < LONGEST_M:
+                    after = (edge for edge in sorted(self.onward[edges[-1]]) if edge not in edges)
+                    open_ways += [((*edges, edge), after_first_m + self.lengths[edge]) for edge in after]
+
+    def way(self, edges: tuple[str, ...]) -> Way | None:
+        """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
+        first_m, last_m = self.lengths[edges[0]], self.lengths[edges[-1]]
+        if first_m < 2 * CLEAR_M or last_m < 2 * CLEAR_M:
+            return None
+        if len(edges) == 1:
+            start_m, goal_m = CLEAR_M, min(last_m - CLEAR_M, LONGEST_M)
+            length_m = goal_m - start_m
+        else:
+            start_m, goal_m = max(CLEAR_M, first_m - APPROACH_M), min(last_m - CLEAR_M, APPROACH_M)
+            length_m = first_m - start_m + goal_m + sum(self.lengths[edge] for edge in edges[1:-1])
+        taken = [self.onward[a][b] for a, b in itertools.pairwise(edges)]
+        return Way(
+            edges=edges,
+            start_m=math.floor(start_m),
+            goal_m=math.floor(goal_m),
+            length_m=length_m,
+            signals=tuple(m.junction for m in taken if m.tls is not None and m.junction in self.signals),
+            turns=sum(m.turn != "straight" for m in taken),
+            free_s=sum(self.lengths[e] / max(self.limits[e], 1.0) for e in edges),
+            slowest_mps=min(self.limits[e] for e in edges),
+        )
+
+
+def _leads(roads: RoadNetwork, edges: Sequence[str]) -> bool:
+    """Whether lanes lead all the way (edges may touch and yet have no lane from one to the next)."""
+    try:
+        roads.line(tuple(edges))
+    except RouteError:
+        return False
+    return True
+
+
+def _end_s(way: Way) -> float:
+    """Time enough to arrive, in tens of seconds."""
+    return math.ceil((way.free_s / _SLOW + _WAITING_S * (len(way.signals) + 0.5)) / 10) * 10
+
+
+def _ego(roads: RoadNetwork, way: Way) -> Ego:
+    limit = roads.edges[way.edges[0]].drivable[0].speed_mps
+    return Ego(
+        model="car.sedan",
+        body=(
+            EdgeRoute(edges=way.edges),
+            StartAt(place=AlongEdge(edge=way.edges[0], at=Quantity.of(way.start_m, "length", 0))),
+            StartSpeed(speed=Quantity.of(min(limit / 2, 8.0), "speed", 1)),
+            GoalAt(place=AlongEdge(edge=way.edges[-1], at=Quantity.of(way.goal_m, "length", 0))),
+        ),
+    )
+
+
+def _traffic(roads: RoadNetwork) -> list[Traffic]:
+    vehicles = ["car.compact", "car.suv", "van.delivery", "motorcycle.street"]
+    if any("bicycle" in lane.kinds for lane in roads.lanes.values()):
+        vehicles.append("bicycle.city")
+    found = [_around("others", _VEHICLES, vehicles, 1)]
+    if any(lane.kinds == {"pedestrian"} and not lane.internal for lane in roads.lanes.values()):
+        found.append(_around("walkers", _WALKERS, ["pedestrian.adult", "pedestrian.elderly"], 2))
+    return found
+
+
+def _around(name: str, count: int, models: Sequence[str], seed: int) -> Traffic:
+    return Traffic(
+        name=name,
+        count=Quantity.of(count, "count", 0),
+        models=tuple(models),
+        within=Quantity.of(_ROUND_M, "length", 0),
+        seed=Quantity.of(seed, "count", 0),
+    )

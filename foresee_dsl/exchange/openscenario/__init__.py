@@ -1,0 +1,1 @@
+"""ASAM OpenSCENARIO XML: import and export."""

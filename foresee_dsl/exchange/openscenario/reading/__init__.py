@@ -1,0 +1,1 @@
+"""OpenSCENARIO XML to scenarios of the language."""

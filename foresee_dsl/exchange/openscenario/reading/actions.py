@@ -1,0 +1,215 @@
+"""What happens in a storyboard as triggers of the language."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.motion import Pace
+from foresee_dsl.exchange.openscenario.reading.places import NotExpressed
+from foresee_dsl.exchange.openscenario.reading.story import Event
+from foresee_dsl.exchange.values import quantity as _quantity
+from foresee_dsl.language.model import (
+    Action,
+    ChangesLane,
+    ChangesSpeed,
+    Comparison,
+    Condition,
+    Measure,
+    Then,
+    Wait,
+    When,
+)
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+
+ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
+_FRAME_S = 0.05
+
+
+@dataclass
+class Player:
+    """What is known of an entity while its actions are read.
+
+    Attributes:
+        entity: who. speed_mps: what it drives as far as is known, m/s. lane: its lane's id, if its place names one.
+        pace: the speeds of its trajectory; told once the trajectory begins.
+    """
+
+    entity: Entity
+    speed_mps: float | None = None
+    lane: int | None = None
+    pace: Pace | None = None
+
+
+@dataclass
+class Writer:
+    """Makes triggers of events; what cannot be said is counted in `left_out`."""
+
+    players: Mapping[str, Player]
+    left_out: Counter[str]
+    _used: set[str] = field(default_factory=set)
+
+    def whens(self, events: Sequence[Event]) -> tuple[When, ...]:
+        """Return a trigger for each event in which anything is left."""
+        found = []
+        for event in events:
+            actions = self._block(event)
+            if actions:
+                condition = event.condition or _from_the_start()
+                repeat: Literal["every"] | None = "every" if event.every and event.condition is not None else None
+                found.append(When(repeat=repeat, condition=condition, actions=tuple(actions)))
+        return tuple(found)
+
+    def _block(self, event: Event) -> list[Action]:
+        actions: list[Action] = [a for kind in event.actions for ref in event.refs for a in self._act(kind, ref)]
+        for other in event.at_start:
+            if other.condition is None:
+                actions += self._block(other)
+            else:
+                self.left_out["events that wait for another's start and a condition"] += 1
+        actions += self._afterwards(event.at_end)
+        if event.delay_s > 0 and actions:
+            actions = [Wait(duration=_quantity(event.delay_s, "time")), Then(actions=tuple(actions))]
+        return actions
+
+    def _afterwards(self, events: Sequence[Event]) -> list[Action]:
+        """Return the blocks of events that wait for another's end: those without a condition together, one with."""
+        plain = [a for event in events if event.condition is None for a in self._block(event)]
+        found: list[Action] = [Then(actions=tuple(plain))] if plain else []
+        conditional = [event for event in events if event.condition is not None]
+        if conditional and (block := self._block(conditional[0])):
+            found.append(Then(condition=conditional[0].condition, actions=tuple(block)))
+        if len(conditional) > 1:
+            self.left_out["events that wait for the same end, with conditions of their own"] += len(conditional) - 1
+        return found
+
+    def _act(self, kind: Element, ref: str) -> Iterator[Action]:
+        try:
+            yield from self._action(kind, ref)
+        except NotExpressed as err:
+            self.left_out[str(err)] += 1
+
+    def _action(self, kind: Element, ref: str) -> list[Action]:
+        inner = next(iter(kind), None)
+        if kind.tag != "PrivateAction" or inner is None:
+            raise NotExpressed(f"actions: {inner.tag if inner is not None else kind.tag}")
+        player = self.players.get(ref)
+        if player is None:
+            raise NotExpressed("actions of entities that were left out")
+        what = next(iter(inner), None)
+        tag = inner.tag if what is None else what.tag
+        if tag in ROUTING:
+            return self._follows(player) if tag == "FollowTrajectoryAction" else []
+        if player.entity.name == "ego":
+            raise NotExpressed(f"actions of the ego, whose driver decides: {tag}")
+        if what is not None and tag == "SpeedAction":
+            return [self._speed(what, player)]
+        if what is not None and tag == "SpeedProfileAction":
+            return self._profile(what, player)
+        if what is not None and tag == "LaneChangeAction":
+            return self._lane(what, player)
+        raise NotExpressed(f"actions: {tag}")
+
+    def _follows(self, player: Player) -> list[Action]:
+        """Return the changes of speed along a trajectory, once."""
+        if player.pace is None or player.entity.ref in self._used:
+            return []
+        self._used.add(player.entity.ref)
+        return paced(player.entity.name, player.pace)
+
+    def _speed(self, action: Element, player: Player) -> Action:
+        target = action.find("SpeedActionTarget/AbsoluteTargetSpeed")
+        was = player.speed_mps
+        if target is not None:
+            to = number(target, "value")
+        else:
+            to = self._relative(action.find("SpeedActionTarget/RelativeTargetSpeed"))
+        player.speed_mps = to = max(to, 0.0)
+        over = _over(action.find("SpeedActionDynamics"), was, to)
+        return _changes(player.entity.name, to, over)
+
+    def _relative(self, target: Element | None) -> float:
+        if target is None:
+            raise NotExpressed("actions: SpeedAction (without a target)")
+        other = self.players.get(target.get("entityRef", ""))
+        if other is None or other.speed_mps is None or target.get("continuous") == "true":
+            raise NotExpressed("actions: SpeedAction (relative to a speed that is not known)")
+        value = number(target, "value")
+        return other.speed_mps * value if target.get("speedTargetValueType") == "factor" else other.speed_mps + value
+
+    def _profile(self, action: Element, player: Player) -> list[Action]:
+        if action.get("entityRef"):
+            raise NotExpressed("actions: SpeedProfileAction (relative)")
+        found: list[Action] = []
+        for entry in action.iterfind("SpeedProfileEntry"):
+            to = max(number(entry, "speed"), 0.0)
+            took = number(entry, "time", 0.0) if entry.get("time") else None
+            change = _changes(player.entity.name, to, took)
+            found.append(Then(actions=(change,)) if found else change)
+            player.speed_mps = to
+        if not found:
+            raise NotExpressed("actions: SpeedProfileAction (empty)")
+        return found
+
+    def _lane(self, action: Element, player: Player) -> list[Action]:
+        relative = action.find("LaneChangeTarget/RelativeTargetLane")
+        absolute = action.find("LaneChangeTarget/AbsoluteTargetLane")
+        if relative is not None and relative.get("entityRef") in (None, player.entity.ref):
+            by = round(number(relative, "value"))
+        elif absolute is not None and player.lane is not None:
+            target = round(number(absolute, "value"))
+            by = target - player.lane if player.lane < 0 else player.lane - target
+            player.lane = target
+        else:
+            raise NotExpressed("actions: LaneChangeAction (relative to somebody, or from an unknown lane)")
+        if not by:
+            return []
+        self.left_out["durations of lane changes (1 m/s sideways is driven)"] += 1
+        change = ChangesLane(actor=player.entity.name, side="left" if by > 0 else "right")
+        return [change, *(Then(actions=(change,)) for _ in range(abs(by) - 1))]
+
+
+def paced(name: str, pace: Pace) -> list[Action]:
+    """Return changes of speed one after the other; times are rounded to the simulation's steps."""
+    times = [round(t / _FRAME_S) for t in pace.time_s]
+    found: list[Action] = []
+    if times[0] > 0:
+        found.append(Wait(duration=_quantity(times[0] * _FRAME_S, "time")))
+    for k in range(1, len(times)):
+        steps = times[k] - times[k - 1]
+        if steps <= 0:
+            continue
+        change = _changes(name, pace.speed_mps[k], steps * _FRAME_S)
+        found.append(Then(actions=(change,)) if found else change)
+    return found
+
+
+def _changes(name: str, to: float, over_s: float | None) -> ChangesSpeed:
+    over = _quantity(over_s, "time") if over_s else None
+    return ChangesSpeed(actor=name, to=_quantity(to, "speed"), over=over)
+
+
+def _over(dynamics: Element | None, was: float | None, to: float) -> float | None:
+    """Return how long a change of speed takes, s; None for as fast as the model can."""
+    if dynamics is None or dynamics.get("dynamicsShape") == "step":
+        return None
+    value = number(dynamics, "value", 0.0)
+    dimension = dynamics.get("dynamicsDimension")
+    if value <= 0 or (dimension != "time" and was is None):
+        return None
+    if dimension == "time":
+        return value
+    known = was if was is not None else to
+    if dimension == "rate":
+        return abs(to - known) / value or None
+    return 2 * value / (to + known) if to + known > 0 else None
+
+
+def _from_the_start() -> Condition:
+    return Comparison(left=Measure(what="time"), op=">=", right=_quantity(0.0, "time"))

@@ -1,0 +1,190 @@
+"""Start triggers of OpenSCENARIO as conditions of the language."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.places import NotExpressed, Places
+from foresee_dsl.exchange.values import quantity as _quantity
+from foresee_dsl.language.model import (
+    Both,
+    Comparison,
+    Condition,
+    Either,
+    Measure,
+    Named,
+    Not,
+    Point,
+    Predicate,
+    Sustained,
+    Within,
+)
+from foresee_dsl.language.units import Dimension
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+
+Op = Literal["<", "<=", ">", ">="]
+_RULES: Mapping[str, Op] = {
+    "lessThan": "<",
+    "lessOrEqual": "<=",
+    "greaterThan": ">",
+    "greaterOrEqual": ">=",
+    "equalTo": ">=",  # of what grows: time; others are refused below
+}
+STANDS_MPS = 0.1
+"""Who is slower stands (ours: the resolution of a change of speed that is complete)."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """When an event starts.
+
+    Attributes:
+        condition: None for at once. delay_s: so much later.
+        after: (element's name, state) of the part of the storyboard that it waits for, or None.
+    """
+
+    condition: Condition | None = None
+    delay_s: float = 0.0
+    after: tuple[str, str] | None = None
+
+
+class Reader:
+    """Reads triggers; `entities` and `places` say what they name."""
+
+    def __init__(self, entities: Mapping[str, Entity], places: Places) -> None:
+        self._entities, self._places = entities, places
+
+    def start(self, trigger: Element | None) -> Start:
+        """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
+
+        Raises:
+            NotExpressed: it asks for something that the language cannot say.
+        """
+        groups = trigger.findall("ConditionGroup") if trigger is not None else []
+        starts = [self._group(group) for group in groups]
+        if not starts:
+            return Start()
+        if len(starts) == 1:
+            return starts[0]
+        if any(s.after or s.delay_s for s in starts):
+            raise NotExpressed("triggers of several groups with delays or states of the storyboard")
+        parts = [s.condition for s in starts]
+        return Start() if None in parts else Start(Either(conditions=tuple(p for p in parts if p is not None)))
+
+    def _group(self, group: Element) -> Start:
+        parts: list[Condition] = []
+        after: tuple[str, str] | None = None
+        delays: set[float] = set()
+        for condition in group.iterfind("Condition"):
+            state = condition.find("ByValueCondition/StoryboardElementStateCondition")
+            delays.add(number(condition, "delay", 0.0))
+            if state is not None:
+                if after is not None:
+                    raise NotExpressed("triggers on several states of the storyboard")
+                after = state.get("storyboardElementRef", ""), state.get("state", "")
+            elif (part := self._condition(condition)) is not None:
+                parts.append(part)
+        if len(delays) > 1:
+            raise NotExpressed("triggers of conditions with different delays")
+        joined = parts[0] if len(parts) == 1 else Both(conditions=tuple(parts)) if parts else None
+        return Start(joined, max(delays, default=0.0), after)
+
+    def _condition(self, condition: Element) -> Condition | None:
+        """Return one condition; None for one that holds from the beginning."""
+        if condition.get("conditionEdge") in ("falling", "risingOrFalling"):
+            raise NotExpressed(f"conditions with the edge {condition.get('conditionEdge')}")
+        value = condition.find("ByValueCondition")
+        if value is not None:
+            kind = next(iter(value), None)
+            if kind is None or kind.tag != "SimulationTimeCondition":
+                raise NotExpressed(f"conditions: {'none' if kind is None else kind.tag}")
+            limit, op = number(kind, "value"), _rule(kind, equal=True)
+            if limit <= 0 and op in (">", ">="):
+                return None
+            return Comparison(left=Measure(what="time"), op=op, right=_quantity(limit, "time"))
+        return self._of_entities(condition)
+
+    def _of_entities(self, condition: Element) -> Condition:
+        kind = next(iter(condition.find("ByEntityCondition/EntityCondition") or ()), None)
+        if kind is None:
+            raise NotExpressed("conditions: without content")
+        who = condition.find("ByEntityCondition/TriggeringEntities")
+        refs = [e.get("entityRef", "") for e in who.iterfind("EntityRef")] if who is not None else []
+        parts = tuple(self._of_entity(kind, self._entity(ref)) for ref in refs)
+        if not parts:
+            raise NotExpressed("conditions: of no entity")
+        if len(parts) == 1:
+            return parts[0]
+        every = who is not None and who.get("triggeringEntitiesRule") == "all"
+        return Both(conditions=parts) if every else Either(conditions=parts)
+
+    def _of_entity(self, kind: Element, entity: Entity) -> Condition:
+        name, tag = entity.name, kind.tag
+        if tag in ("SpeedCondition", "AccelerationCondition"):
+            if kind.get("direction") not in (None, "longitudinal"):
+                raise NotExpressed(f"conditions: {tag} ({kind.get('direction')})")
+            what: Literal["speed", "acceleration"] = "speed" if tag == "SpeedCondition" else "acceleration"
+            left = Measure(what=what, actor=name)
+            return Comparison(left=left, op=_rule(kind), right=_quantity(number(kind, "value"), what))
+        if tag == "StandStillCondition":
+            stands = Comparison(left=Measure(what="speed", actor=name), op="<", right=_quantity(STANDS_MPS, "speed"))
+            return Sustained(condition=stands, duration=_quantity(number(kind, "duration"), "time"))
+        if tag == "CollisionCondition":
+            other = kind.find("EntityRef")
+            if other is None:
+                return Predicate(what="collision", actor=name)
+            touches = Named(name=self._entity(other.get("entityRef", "")).name)
+            return Within(actor=name, distance=_quantity(0.0, "length"), of=touches)
+        if tag in ("ReachPositionCondition", "DistanceCondition"):
+            return self._near_place(kind, name)
+        return self._between(kind, name)
+
+    def _between(self, kind: Element, name: str) -> Condition:
+        """Return a condition between two entities."""
+        measures: Mapping[str, tuple[Literal["distance", "ttc", "headway"], Dimension]] = {
+            "RelativeDistanceCondition": ("distance", "length"),
+            "TimeToCollisionCondition": ("ttc", "time"),
+            "TimeHeadwayCondition": ("headway", "time"),
+        }
+        if kind.tag not in measures:
+            raise NotExpressed(f"conditions: {kind.tag}")
+        target = kind.find("TimeToCollisionConditionTarget/EntityRef")
+        ref = kind.get("entityRef") or (target.get("entityRef") if target is not None else None)
+        if ref is None:
+            raise NotExpressed(f"conditions: {kind.tag} (with a place)")
+        if kind.get("relativeDistanceType") == "lateral":
+            raise NotExpressed(f"conditions: {kind.tag} (lateral)")
+        what, dimension = measures[kind.tag]
+        value, other = number(kind, "value"), self._entity(ref)
+        return Comparison(
+            left=Measure(what=what, actor=name, other=other.name), op=_rule(kind), right=_quantity(value, dimension)
+        )
+
+    def _near_place(self, kind: Element, name: str) -> Condition:
+        position = kind.find("Position")
+        if position is None:
+            raise NotExpressed(f"conditions: {kind.tag} (without a place)")
+        pose = self._places.pose(position)
+        reach = kind.tag == "ReachPositionCondition"
+        distance = number(kind, "tolerance" if reach else "value")
+        at = Point(x=_quantity(pose.x, "length"), y=_quantity(pose.y, "length"))
+        near = Within(actor=name, distance=_quantity(max(distance, 0.0), "length"), of=at)
+        return near if reach or _rule(kind) in ("<", "<=") else Not(condition=near)
+
+    def _entity(self, ref: str) -> Entity:
+        if ref not in self._entities:
+            raise NotExpressed("conditions about entities that were left out")
+        return self._entities[ref]
+
+
+def _rule(kind: Element, *, equal: bool = False) -> Op:
+    rule = kind.get("rule", "")
+    if rule not in _RULES or (rule == "equalTo" and not equal):
+        raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
+    return _RULES[rule]

@@ -1,0 +1,248 @@
+"""Who takes part in a foreign scenario: entities become actors, and models of the catalogue or new ones."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+from foresee_dsl.compile.bundle import ActorKind, ModelSpec
+from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
+from foresee_dsl.compile.placement.starts import WHEELS
+from foresee_dsl.errors import CompileError
+from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.naming import distinct_name, name_of, sentence
+from foresee_dsl.exchange.openscenario.reading.source import Source
+from foresee_dsl.exchange.openscenario.writing.participants import BRAKING, CRUISE, MODEL, STEER_RATE, WALKS
+from foresee_dsl.exchange.values import quantity as _quantity
+from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
+from foresee_dsl.language.project.catalogues import bundled_models
+from foresee_dsl.language.units import Dimension
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+
+_KINDS: Mapping[str, ActorKind] = {
+    "car": "car",
+    "van": "van",
+    "truck": "truck",
+    "bus": "bus",
+    "motorbike": "motorcycle",
+    "bicycle": "bicycle",
+}
+_EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "sut")
+_SAME = 1e-4
+"""Sizes that differ by less are the same: below what is written (ours)."""
+_WIDEST_STEER_RAD = math.radians(79)
+"""Wheels of our models turn less than 80 degrees."""
+_COMPARED = ("length_m", "width_m", "height_m", "wheelbase_m", "front_overhang_m", "max_speed_mps", "acceleration_mps2",
+             "emergency_braking_mps2", "max_steer_rad")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Entity:
+    """One entity.
+
+    Attributes:
+        ref: its name there. name: its name here, `ego` for the vehicle under test.
+        model: `class.variant`. spec: what that is.
+        centre_m: from its reference point forward to the middle of its box.
+    """
+
+    ref: str
+    name: str
+    model: str
+    spec: ModelSpec
+    centre_m: float
+
+    @property
+    def kind(self) -> ActorKind:
+        """Its class."""
+        return self.spec.kind
+
+
+@dataclass(frozen=True)
+class Cast:
+    """All entities that were taken over, by their names there, and the catalogue of what is not bundled."""
+
+    entities: Mapping[str, Entity]
+    catalogue: Catalogue | None
+
+    @property
+    def ego(self) -> Entity:
+        """The vehicle under test."""
+        return next(e for e in self.entities.values() if e.name == "ego")
+
+
+def read_cast(source: Source, left_out: Counter[str], *, name: str, ego: str = "") -> Cast:
+    """Read the entities of a scenario.
+
+    Args:
+        source: the file. left_out: is counted up. name: of the new catalogue.
+        ego: the entity under test; by default the one that is called so, else the first vehicle.
+
+    Raises:
+        ExchangeError: there is no vehicle, no entity `ego`, or an entity is incomplete.
+    """
+    from foresee_dsl.exchange.outcome import ExchangeError
+
+    objects: dict[str, Element] = {}
+    for entity in source.root.iterfind("Entities/ScenarioObject"):
+        found = _object(source, entity, left_out)
+        if found is not None:
+            objects[entity.get("name", "")] = found
+    left_out["selections of entities"] += len(source.root.findall("Entities/EntitySelection"))
+    chosen = _ego(objects, ego)
+    if chosen is None:
+        said = f"no vehicle '{ego}'" if ego else "no vehicle that could be driven"
+        raise ExchangeError(f"{source.path} has {said}")
+    models: dict[str, VehicleModel] = {}
+    entities: dict[str, Entity] = {}
+    taken = {"ego"}
+    for ref, found in objects.items():
+        ours = "ego" if ref == chosen else distinct_name(ref, "actor", taken)
+        taken.add(ours)
+        model = _model(found, models, left_out)
+        entities[ref] = Entity(ref, ours, model.name, spec_of(model), _centre(found))
+    doc = Doc(text=sentence(f"What takes part in {source.path.name}."))
+    return Cast(entities, Catalogue(name=name, body=(doc, *models.values())) if models else None)
+
+
+def _object(source: Source, entity: Element, left_out: Counter[str]) -> Element | None:
+    """Return the vehicle, pedestrian or thing of an entity, or None where it is of a kind that we do not have."""
+    reference = entity.find("CatalogReference")
+    found = source.entry(reference) if reference is not None else None
+    if found is None:
+        found = next((e for e in entity if e.tag in ("Vehicle", "Pedestrian", "MiscObject")), None)
+    if entity.find("ObjectController") is not None:
+        left_out["controllers"] += 1
+    if found is None:
+        left_out["entities defined elsewhere"] += 1
+        return None
+    if found.tag == "Vehicle" and found.get("vehicleCategory") not in _KINDS:
+        left_out[f"entities: {found.get('vehicleCategory')}"] += 1
+        return None
+    return found
+
+
+def _ego(objects: Mapping[str, Element], wanted: str) -> str | None:
+    vehicles = [ref for ref, e in objects.items() if e.tag == "Vehicle" and e.get("vehicleCategory") != "bicycle"]
+    if wanted:
+        return wanted if wanted in vehicles else None
+    named = [ref for ref in vehicles if name_of(ref, "x").removesuffix("_x") in _EGO_NAMES]
+    return next(iter([*named, *vehicles]), None)
+
+
+def _centre(found: Element) -> float:
+    centre = found.find("BoundingBox/Center")
+    return number(centre, "x", 0.0) if centre is not None and found.tag == "Vehicle" else 0.0
+
+
+def _model(found: Element, models: dict[str, VehicleModel], left_out: Counter[str]) -> VehicleModel:
+    """Return the bundled model that an entity is, or one made for it (the same for equal ones)."""
+    kind: ActorKind = "pedestrian" if found.tag == "Pedestrian" else "obstacle"
+    if found.tag == "Vehicle":
+        kind = _KINDS[found.get("vehicleCategory", "")]
+    made = _made(found, kind, left_out)
+    bundled = bundled_models().get(_property(found, MODEL))
+    if bundled is not None and _same(spec_of(bundled), spec_of(made)):
+        return bundled
+    for model in models.values():
+        if model.model_copy(update={"name": made.name}) == made and model.name.startswith(f"{kind}."):
+            return model
+    variants = {model.name.partition(".")[2] for model in (*models.values(), *bundled_models().values())}
+    variant = distinct_name(found.get("name", "").rpartition(".")[2], kind, variants)
+    models[variant] = made.model_copy(update={"name": f"{kind}.{variant}"})
+    return models[variant]
+
+
+def _made(found: Element, kind: ActorKind, left_out: Counter[str]) -> VehicleModel:
+    from foresee_dsl.exchange.outcome import ExchangeError
+
+    size = found.find("BoundingBox/Dimensions")
+    if size is None:
+        raise ExchangeError(f"the entity '{found.get('name')}' has no size")
+    values: dict[str, Quantity] = {
+        key: _quantity(max(number(size, key), 0.05), "length") for key in ("length", "width", "height")
+    }
+    defaults = CLASS_DEFAULTS[kind]
+    if (mass := number(found, "mass", 0.0)) > 0:
+        values["mass"] = _quantity(mass, "mass")
+    if kind in WHEELS:
+        values |= _abilities(found, kind)
+    if kind == "pedestrian":
+        values |= {
+            key: _quantity(value, "speed" if key == "max_speed" else "acceleration")
+            for key, name in WALKS.items()
+            if (value := _float(_property(found, name))) is not None
+        }
+    if kind != "obstacle":
+        braking = _float(_property(found, BRAKING)) or min(
+            defaults.braking_mps2, _si(values.get("emergency_braking"), defaults.braking_mps2)
+        )
+        values["braking"] = _quantity(braking, "acceleration")
+        if (cruise := _float(_property(found, CRUISE))) is not None:
+            values["cruise_speed"] = _quantity(cruise, "speed")
+    name = {"name": f"{kind}.any"}
+    plain = VehicleModel.model_validate(name | {k: v for k, v in values.items() if k not in _AXLES})
+    whole = VehicleModel.model_validate(name | values)
+    try:
+        spec_of(whole)
+    except CompileError:
+        left_out["axles that do not fit their box (usual ones are taken)"] += 1
+        return plain
+    return whole
+
+
+_AXLES = ("wheelbase", "rear_overhang", "max_steer")
+
+
+def _abilities(found: Element, kind: ActorKind) -> dict[str, Quantity]:
+    """Return what a vehicle can, and where its axles are."""
+    values: dict[str, Quantity] = {}
+    power, axles, centre = found.find("Performance"), found.find("Axles"), found.find("BoundingBox/Center")
+    defaults = CLASS_DEFAULTS[kind]
+    if power is not None:
+        for key, name, usual in (
+            ("max_speed", "maxSpeed", defaults.max_speed_mps),
+            ("acceleration", "maxAcceleration", defaults.acceleration_mps2),
+            ("emergency_braking", "maxDeceleration", defaults.emergency_braking_mps2),
+        ):
+            value = number(power, name, usual)
+            dimension: Dimension = "speed" if key == "max_speed" else "acceleration"
+            values[key] = _quantity(value if value > 0 else usual, dimension)
+    front, rear = (axles.find(f"{end}Axle") for end in ("Front", "Rear")) if axles is not None else (None, None)
+    if front is not None and rear is not None and centre is not None:
+        size = cast("Element", found.find("BoundingBox/Dimensions"))
+        rear_x = number(rear, "positionX", 0.0)
+        values["wheelbase"] = _quantity(number(front, "positionX") - rear_x, "length")
+        values["rear_overhang"] = _quantity(rear_x - number(centre, "x") + number(size, "length") / 2, "length")
+        steer = number(front, "maxSteering", 0.0)
+        if steer > 0:
+            values["max_steer"] = _quantity(min(steer, _WIDEST_STEER_RAD), "angle")
+    if (rate := _float(_property(found, STEER_RATE))) is not None:
+        values["steer_rate"] = _quantity(rate, "angular_rate")
+    return values
+
+
+def _same(a: ModelSpec, b: ModelSpec) -> bool:
+    return a.kind == b.kind and all(abs(getattr(a, key) - getattr(b, key)) < _SAME for key in _COMPARED)
+
+
+def _property(found: Element, name: str) -> str:
+    items = found.iterfind("Properties/Property")
+    return next((item.get("value", "") for item in items if item.get("name") == name), "")
+
+
+def _float(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if 0 < value < math.inf else None
+
+
+def _si(value: Quantity | None, default: float) -> float:
+    return default if value is None else value.si

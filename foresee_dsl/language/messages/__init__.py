@@ -1,0 +1,1 @@
+"""Diagnostics: how they are placed, worded and rendered."""

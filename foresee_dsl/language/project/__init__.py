@@ -1,0 +1,1 @@
+"""Files joined to test cases: addresses, catalogues, extension, expansion, parameters."""

@@ -1,0 +1,161 @@
+"""Which `.foresee` files there are under what the user named, and what kind each is, without parsing it."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable
+from pathlib import Path, PurePath
+
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.codes.project_codes import BAD_ADDRESS, MISSING_FILE, WRONG_KIND
+from foresee_dsl.language.messages.suggest import closest
+from foresee_dsl.language.model.values import NAME_PATTERN
+
+SUFFIX = ".foresee"
+FOREIGN_NETWORKS = (".net.xml", ".xodr")
+
+_MARKERS = (".git", ".hg", "pyproject.toml")
+"""What lies in the topmost folder of a project."""
+_FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models|campaign)\b")
+_HEADER = re.compile(r"foresee\s+\d+$")
+_SNIFFED_BYTES = 65_536
+"""The keyword stands in the first lines; this much allows for a long licence comment (ours)."""
+
+
+def parse_address(address: str) -> tuple[Path, str | None]:
+    """Split `file.foresee::case` into the file and the case (None where none is named).
+
+    Raises:
+        InputError: the part after `::` cannot be the name of a case, or there is no file.
+    """
+    file, mark, case = address.rpartition("::")
+    if not mark:
+        file, case = address, ""
+    if not file:
+        raise _error(BAD_ADDRESS, f"'{address}' names no file", "write `file.foresee` or `file.foresee::case`", address)
+    if mark and not re.fullmatch(NAME_PATTERN, case):
+        raise _error(BAD_ADDRESS, f"'{case}' is no name of a case", "write `file.foresee::case`", file)
+    return Path(file), case or None
+
+
+def shown(path: str | PurePath) -> str:
+    """Return a path as messages and ids show it: as the user gave it, normalised, with forward slashes."""
+    return Path(os.path.normpath(path)).as_posix()
+
+
+def kind_of(path: Path) -> str:
+    """Return what a file holds by its first keyword, such as `scenario` or `campaign`; "" when unclear."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
+    except OSError:  # whoever then reads it says why it cannot
+        return ""
+    return kind_of_text(text)
+
+
+def kind_of_text(text: str) -> str:
+    """Return what a text defines by its first keyword; "" when unclear."""
+    for line in text.lstrip("\ufeff").splitlines():
+        statement = line.partition("#")[0].strip()
+        if statement and not _HEADER.match(statement):
+            found = _FIRST_WORD.match(statement)
+            return found.group(1) if found else ""
+    return ""
+
+
+def is_file(path: Path) -> bool:
+    """Return whether there is such a file; False for a path that the system refuses (`Path.is_file` raises there)."""
+    return os.path.isfile(path)  # noqa: PTH113
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether there is such a folder; False for a path that the system refuses."""
+    return os.path.isdir(path)  # noqa: PTH112
+
+
+def scenario_files(paths: Iterable[str | Path]) -> tuple[Path, ...]:
+    """Return every `.foresee` file that is named or lies under a named folder, whatever it holds.
+
+    In the order named, the files of a folder sorted by path; no file twice; folders whose name begins with a dot are
+    left out. A file that is named itself may have any suffix.
+
+    Raises:
+        InputError: a path does not exist.
+    """
+    found: dict[str, Path] = {}
+    for path in map(Path, paths):
+        for file in _under(path) if is_folder(path) else (path,):
+            if not is_file(file):
+                raise missing(file)
+            found.setdefault(os.path.abspath(file), file)  # noqa: PTH100  (a key: no links followed)
+    return tuple(found.values())
+
+
+def recorded_children(paths: Iterable[str | Path]) -> tuple[Path, ...]:
+    """Return the mutant files that are named or lie under a named folder, for `foresee verify`.
+
+    Raises:
+        InputError: a path does not exist, or a file that is named itself holds no mutant.
+    """
+    named = tuple(map(Path, paths))
+    children = []
+    for file in scenario_files(named):
+        kind = kind_of(file)
+        if kind == "mutant":
+            children.append(file)
+        elif file in named:
+            message = f"this holds {f'a {kind}' if kind else 'no definition'}, not a mutant"
+            raise _error(WRONG_KIND, message, "name a mutant's file, or a folder of them", shown(file))
+    return tuple(children)
+
+
+def missing(path: Path) -> InputError:
+    """Return the error for a file or folder that does not exist, with the nearest name beside it."""
+    if is_folder(path):
+        example = f"write `{shown(path)}/NAME{SUFFIX}`"
+        return _error(BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
+    return _error(MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
+
+
+def near_files(path: Path) -> str:
+    """Return a hint at files in the same folder whose names are close to a missing one."""
+    folder = shown(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
+    if not is_folder(path.parent):
+        return f"there is no folder '{folder}'"
+    try:
+        names = sorted(
+            entry.name for entry in path.parent.iterdir() if entry.name.endswith((SUFFIX, *FOREIGN_NETWORKS))
+        )
+    except OSError:
+        return ""
+    stems = {name.partition(".")[0]: name for name in names}
+    near = stems.get(closest(path.name.partition(".")[0], stems) or "")
+    return f"did you mean '{near}'?" if near else f"there is none of that name in '{folder}'"
+
+
+def project_folder(folder: Path) -> Path:
+    """Return the project that a folder belongs to: the nearest folder above with a marker, or else the folder itself.
+
+    `folder` is absolute.
+    """
+    marked = (above for above in (folder, *folder.parents) if any((above / name).exists() for name in _MARKERS))
+    return next(marked, folder)
+
+
+def is_inside(path: Path, folders: Iterable[Path]) -> bool:
+    """Return whether a path lies in one of some folders, also once links are followed."""
+    real = path.resolve()
+    return any(real.is_relative_to(folder.resolve()) for folder in folders)
+
+
+def _under(folder: Path) -> list[Path]:
+    files: list[Path] = []
+    for parent, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        files.extend(Path(parent) / name for name in names if name.endswith(SUFFIX))
+    return sorted(files, key=lambda file: file.as_posix())
+
+
+def _error(code: str, message: str, help: str, path: str) -> InputError:
+    return InputError((Diagnostic(code=code, message=message, help=help, path=path),))

@@ -1,0 +1,148 @@
+"""Catalogues of models: the bundled one, a scenario's own, and whether every model that is named exists and fits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.codes.project_codes import UNKNOWN_MODEL, WRONG_CLASS
+from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model import (
+    Actor,
+    Case,
+    Catalogue,
+    Clip,
+    Ego,
+    Item,
+    Param,
+    Quantity,
+    Ref,
+    Scenario,
+    Traffic,
+    VehicleModel,
+)
+from foresee_dsl.language.project.concretise import Reporter
+from foresee_dsl.language.project.document import Document
+from foresee_dsl.resources import data_folder
+
+VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
+"""The classes that the ego and a `vehicle` may have; the other actors have the class of their own name."""
+
+
+SUM_SLACK_M = 0.0101
+"""How far overhangs and wheelbase may miss the length: each is rounded to a centimetre in tables (ours)."""
+
+CLASS_CRUISE_MPS = MappingProxyType({"pedestrian": 1.3, "bicycle": 15 / 3.6})
+"""What people walk and cycle where nobody hurries them and their model says nothing; others drive what the road
+allows. On foot: 1.2 to 1.4 m/s (Bohannon 1997, from memory; SUMO's default is 1.39 m/s). By bicycle: the mean of
+conventional ones in the German Naturalistic Cycling Study, 15.3 km/h (Schleinitz et al. 2017, figure from memory)."""
+
+
+def entries(catalogue: Catalogue) -> dict[str, VehicleModel]:
+    """Return a catalogue's models by name."""
+    return {item.name: item for item in catalogue.body if isinstance(item, VehicleModel)}
+
+
+@lru_cache(maxsize=1)
+def _bundled() -> Mapping[str, VehicleModel]:
+    from foresee_dsl.language.parser import load
+
+    path = data_folder("scenarios") / "models.foresee"
+    if not path.is_file():
+        raise ForeseeError(f"the bundled catalogue of models is missing from this installation: {path}")
+    model = load(path).model
+    if not isinstance(model, Catalogue):
+        raise ForeseeError(f"the bundled catalogue of models is damaged: {path}")
+    return entries(model)
+
+
+def bundled_models() -> dict[str, VehicleModel]:
+    """Return the models that ship with the package, by name; read once a process.
+
+    Raises:
+        ForeseeError: the installation is damaged.
+    """
+    return dict(_bundled())
+
+
+def cruise_speed_mps(model: VehicleModel) -> float | None:
+    """Return what a model walks or drives where nobody says a speed, m/s; None: as fast as the road allows."""
+    said = model.cruise_speed
+    own = said.si if isinstance(said, Quantity) else CLASS_CRUISE_MPS.get(model.name.partition(".")[0])
+    top = model.max_speed
+    return min(own, top.si) if own is not None and isinstance(top, Quantity) else own
+
+
+def fits(model: str, kind: str) -> bool:
+    """Return whether an actor of this kind (`ego`, `vehicle`, `pedestrian`, ...) may have a model of that class."""
+    found = model.partition(".")[0]
+    return found in VEHICLE_CLASSES if kind in ("ego", "vehicle") else found == kind
+
+
+def check_model(
+    name: str,
+    kind: str | None,
+    models: Mapping[str, VehicleModel],
+    reporter: Reporter,
+    *,
+    place: tuple[Item | None, str],
+) -> None:
+    """Report a model that does not exist, or one of the wrong class for its actor (kind None: any class).
+
+    `place` is the item and its field where the name is written: the actor, a case, a change line.
+    """
+    item, field = place
+    if name not in models:
+        reporter.add(item, field, UNKNOWN_MODEL, f"no model '{name}'", did_you_mean(name, models))
+    elif kind is not None and not fits(name, kind):
+        wanted = ", ".join(VEHICLE_CLASSES) if kind in ("ego", "vehicle") else kind
+        message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot be a '{name}'"
+        near = [model for model in models if fits(model, kind)]
+        reporter.add(item, field, WRONG_CLASS, message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
+
+
+def check_models(
+    scenario: Scenario, models: Mapping[str, VehicleModel], document: Document | None, case: str | None
+) -> None:
+    """Check all models that a concrete scenario names.
+
+    Args:
+        scenario: concrete.
+        models: by name.
+        document: where the scenario (or clip) was written.
+        case: the case that gave the parameters their values.
+
+    Raises:
+        InputError: a model is unknown or of the wrong class.
+    """
+    reporter = Reporter(document)
+    written = {item.name: item for item in _actors(document)}
+    for actor in scenario.actors:
+        if isinstance(actor.model, str):
+            place = _place(written.get(actor.name), document, case)
+            check_model(actor.model, actor.kind, models, reporter, place=place)
+    for traffic in scenario.all(Traffic):
+        for position, name in enumerate(traffic.models):
+            check_model(name, None, models, reporter, place=(traffic, f"models.{position}"))
+    reporter.raise_if_any()
+
+
+def _actors(document: Document | None) -> Iterator[Ego | Actor]:
+    if document is not None and isinstance(document.model, Scenario | Clip):
+        yield from (item for item in document.model.body if isinstance(item, Ego | Actor))
+
+
+def _place(actor: Ego | Actor | None, document: Document | None, case: str | None) -> tuple[Item | None, str]:
+    """Return where an actor's model is written: beside it, or in the case or parameter that it refers to."""
+    if actor is None or document is None:
+        return actor, "model"
+    if not isinstance(actor.model, Ref) or not isinstance(document.model, Scenario):  # only scenarios have parameters
+        return actor, "model"
+    for found in document.model.all(Case):
+        for assignment in found.values:
+            if found.name == case and assignment.name == actor.model.name:
+                return assignment, "value"
+    param = next((p for p in document.model.all(Param) if p.name == actor.model.name), None)
+    return (param, "default") if param is not None else (actor, "model")

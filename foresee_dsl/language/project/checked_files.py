@@ -1,0 +1,89 @@
+"""Look at files of any kind for every mistake and warning that shows without a network's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.lints.lint import lint
+from foresee_dsl.language.project.addresses import kind_of, kind_of_text, missing, parse_address, scenario_files
+from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.project.expand import absolute
+from foresee_dsl.language.project.loading import Project
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was looked at: how many files, the test cases that could be loaded, and what was found."""
+
+    files: int
+    cases: tuple[TestCase, ...]
+    diagnostics: tuple[Diagnostic, ...]
+    campaigns: tuple[Document, ...] = ()
+    """Campaigns' files without mistakes; what they name is known where campaigns are run."""
+
+
+def check_paths(
+    paths: Iterable[str],
+    overlay: Mapping[Path, str] | None = None,
+    *,
+    lints: bool = True,
+    allow_outside: bool = True,
+) -> Checked:
+    """Check files, folders and addresses; every mistake is found once, whatever else is wrong.
+
+    Args:
+        paths: what to look at.
+        overlay: texts that stand for those on the disk, by absolute path (an editor's unsaved ones).
+        lints: also say what is allowed and hardly meant, in files without mistakes.
+        allow_outside: see `project.load_test_case`.
+
+    Raises:
+        InputError: something named is not there.
+    """
+    texts = overlay or {}
+    addresses = [address for path in paths for address in _addresses(path, texts)]
+    project = Project(allow_outside=allow_outside, overlay=texts)
+    cases: list[TestCase] = []
+    campaigns: list[Document] = []
+    found: dict[Diagnostic, None] = {}
+    for address, file in addresses:
+        try:
+            text = texts.get(absolute(file))
+            kind = kind_of(file) if text is None else kind_of_text(text)
+            if kind == "campaign":
+                campaigns.append(project.document(file))
+            elif kind in ("network", "models"):
+                project.definition(file)
+            else:
+                cases.extend(project.test_cases([address]))
+        except InputError as error:
+            found |= dict.fromkeys(error.diagnostics)
+    found |= dict.fromkeys(project.warnings)
+    if lints:
+        found |= dict.fromkeys(_lints(cases, {d.path for d in found if d.severity == "error"}))
+    return Checked(len({file for _, file in addresses}), tuple(cases), tuple(found), tuple(campaigns))
+
+
+def _lints(cases: Iterable[TestCase], broken: Container[str]) -> Iterator[Diagnostic]:
+    """The lints of every file that gives a test case, once each; not of files with mistakes."""
+    by_file: dict[int, list[TestCase]] = {}
+    for case in cases:
+        by_file.setdefault(id(case.document), []).append(case)
+    for of_file in by_file.values():
+        document = of_file[0].document
+        if document is not None and document.path not in broken:
+            yield from lint(document, of_file)
+
+
+def _addresses(path: str, overlay: Mapping[Path, str]) -> list[tuple[str, Path]]:
+    file, _ = parse_address(path)
+    if absolute(file) in overlay:
+        return [(path, file)]
+    if file.is_dir():
+        return [(str(f), f) for f in scenario_files([file])]
+    if not file.is_file():
+        raise missing(file)
+    return [(path, file)]

@@ -1,0 +1,343 @@
+"""A scenario that extends another: the other's statements, with what this one adds, changes and drops."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import ValidationError
+
+from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language.changes import changed_body, weakened
+from foresee_dsl.language.codes.lint_codes import WEAKENED
+from foresee_dsl.language.codes.project_codes import ALREADY_IN_PARENT, NOT_IN_PARENT
+from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model import (
+    Actor,
+    Add,
+    Cases,
+    Change,
+    Doc,
+    Drop,
+    Ego,
+    Expect,
+    Extension,
+    Item,
+    Network,
+    Param,
+    Ref,
+    Replace,
+    Require,
+    Scenario,
+    ScenarioItem,
+    SignalState,
+    Statement,
+    Tags,
+    UseModels,
+    UseNetwork,
+    When,
+)
+from foresee_dsl.language.project.concretise import Reporter
+from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.project.expand import absolute, relative_to
+
+_ItemT = TypeVar("_ItemT", bound=Item)
+_SINGLE = {"ego": "ego", "network": "network", "weather": "weather", "end": "end"}
+"""Groups of statements of which a scenario has one at most, and what they are called."""
+
+
+def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
+    """Join a scenario with the one that it extends.
+
+    Its lines are applied in their order. What is left of the other keeps its place; what is added comes behind it.
+    Words in the extension that are no parameters of the result become plain names.
+
+    Args:
+        document: the extension, as parsed.
+        parent: the other: a scenario, or an extension that was joined itself.
+        folder: of the extension: paths in the result are relative to it. parent_folder: of the other.
+
+    Returns:
+        A document whose model is a `Scenario`. It is called as the extension's file; mistakes in what is the other's
+        are shown at `extends`. Its `written` is the extension.
+
+    Raises:
+        InputError: something is added that is there, or changed or dropped that is not; a WAS that is not so.
+        TypeError: `document` holds no extension, or `parent` no scenario.
+    """
+    if not isinstance(document.model, Extension) or not isinstance(parent.model, Scenario):
+        raise TypeError("an extension and a scenario are joined, nothing else")
+    return _Joiner(document, document.model, parent, parent.model, folder, parent_folder).joined()
+
+
+def softened(document: Document) -> Iterator[Diagnostic]:
+    """Yield a warning for each expectation that an extension makes easier to meet than in what it extends."""
+    if not isinstance(document.written, Extension) or document.base is None:
+        return
+    assert isinstance(document.model, Scenario) and isinstance(document.base.model, Scenario)  # noqa: S101  (extended)
+    new = {item.name: item for item in document.model.all(Expect)}
+    for old in document.base.model.all(Expect):
+        now = new.get(old.name)
+        if old.name is not None and now is not None and weakened((old,), (now,)) is not None:
+            message = f"'{old.name}' is easier to meet than in '{document.written.parent}'"
+            help = "if that is meant, say why in a comment; else leave it, or make it stricter"
+            yield replace(document.diagnostic(now, "", WEAKENED, message, help), severity="warning")
+
+
+class _Joiner:
+    """Applies the lines of an extension, and knows of every new item where it is written."""
+
+    def __init__(
+        self,
+        document: Document,
+        extension: Extension,
+        parent: Document,
+        scenario: Scenario,
+        folder: Path,
+        parent_folder: Path,
+    ) -> None:
+        self._document, self._extension, self._parent = document, extension, parent
+        self._spans = dict(document.spans)
+        self._base_spans = dict(parent.spans)
+        self._kept: list[Item] = [extension]
+        self._reporter = Reporter(document)
+        self._tags = tuple(item for item in extension.body if isinstance(item, Tags)) or scenario.all(Tags)
+        self._docs = tuple(item for item in extension.body if isinstance(item, Doc))
+        self._body: tuple[ScenarioItem, ...] = tuple(
+            self._moved(item, folder, parent_folder) for item in scenario.body if not isinstance(item, Doc | Tags)
+        )
+        self._parameters = _parameters(scenario, extension)
+
+    def joined(self) -> Document:
+        for line in self._extension.body:
+            match line:
+                case Add(item=item):
+                    self._add(self._plain(item), line)
+                case Replace(item=item):
+                    self._replace(self._plain(item), line)
+                case Drop():
+                    self._drop(line)
+                case Change():
+                    self._change(line)
+        self._reporter.raise_if_any()
+        model = Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._body))
+        self._place(self._spans, model, self._extension)
+        base = replace(self._parent, spans=self._base_spans)
+        return replace(
+            self._document,
+            model=model,
+            spans=self._spans,
+            base=base,
+            written=self._extension,
+            kept=tuple(self._kept),
+        )
+
+    # ---- the four kinds of line ------------------------------------------------------------------------------------
+
+    def _add(self, item: Statement, line: Add) -> None:
+        found = self._like(item)
+        if found is not None:
+            message = f"'{self._extension.parent}' has {_a(item)} already"
+            help = f"write `change` instead of `add` to replace it{_by_line(self._parent, found)}"
+            self._reporter.add(line.item, _named_by(item), ALREADY_IN_PARENT, message, help)
+            return
+        self._body = (*self._body, item)
+
+    def _replace(self, item: Statement, line: Replace) -> None:
+        if isinstance(item, Require) or (isinstance(item, When | Expect) and item.name is None):
+            word = "require" if isinstance(item, Require) else item.kind
+            message = f"which `{word}` this changes is not said"
+            help = f"give both a name, `{word} some_name: ...`"
+            if isinstance(item, Require):
+                help = "a `require` can only be added; to loosen one, change it in the other scenario"
+            self._reporter.add(line.item, "", NOT_IN_PARENT, message, help)
+            return
+        found = self._like(item)
+        if found is None:
+            group, name = _identity(item)
+            known = [n for g, n in map(_identity, self._body) if g == group and n]
+            message = f"'{self._extension.parent}' has no {_called(item)}"
+            hint = did_you_mean(name, known) if name else ""
+            help = hint or f"write `add` instead of `change`: there is no {_word(item)} to change"
+            self._reporter.add(line.item, _named_by(item), NOT_IN_PARENT, message, help)
+            return
+        self._body = tuple(item if old is found else old for old in self._body)
+
+    def _drop(self, line: Drop) -> None:
+        gone = [item for item in self._body if _word(item) == line.what and line.name in (None, _identity(item)[1])]
+        known = [name for item in self._body if _word(item) == line.what and (name := _identity(item)[1])]
+        single = line.what in (*_SINGLE, "cases")
+        if line.name is None and not single:
+            help = f"write the name behind it: `drop {line.what} {known[0] if known else 'some_name'}`"
+            self._reporter.add(line, "", NOT_IN_PARENT, f"which {line.what} to drop is not said", help)
+        elif line.name is not None and single:
+            help = f"write `drop {line.what}`"
+            self._reporter.add(line, "name", NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
+        elif not gone:
+            other = next((item for item in self._body if isinstance(item, Actor) and item.name == line.name), None)
+            message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
+            help = did_you_mean(line.name, known) if line.name else ""
+            if other is not None:
+                help = f"it is a {other.kind}: write `drop {other.kind} {other.name}`"
+            self._reporter.add(line, "name" if line.name else "", NOT_IN_PARENT, message, help)
+        else:
+            self._body = tuple(item for item in self._body if not any(item is old for old in gone))
+
+    def _change(self, line: Change) -> None:
+        place = f"'{self._extension.parent}'"
+        before = self._body
+        self._body = changed_body(line, before, self._reporter, place=place, parameters=self._parameters)
+        for item in self._body:
+            if not any(item is old for old in before):
+                self._place(self._spans, item, line, whole=True)
+                if isinstance(item, Ego | Actor):
+                    self._place_new_parts(item, before, line)
+
+    def _place_new_parts(self, actor: Ego | Actor, before: Iterable[Item], line: Change) -> None:
+        """What a change line puts into an actor's block stands at that line; the rest of the block where it was."""
+        old = next((o for o in before if isinstance(o, Ego | Actor) and o.name == actor.name), None)
+        was = (*old.body, old.state) if old is not None else ()
+        for part in (*actor.body, actor.state):
+            if part is not None and not any(part is other for other in was):
+                self._place(self._spans, part, line, whole=True)
+
+    # ---- finding ---------------------------------------------------------------------------------------------------
+
+    def _like(self, item: ScenarioItem) -> ScenarioItem | None:
+        """Return the statement of the same kind and name, or None."""
+        group, name = _identity(item)
+        same = [old for old in self._body if _identity(old)[0] == group]
+        if group in _SINGLE:
+            return same[0] if same else None
+        return next((old for old in same if name and _identity(old)[1] == name), None)
+
+    # ---- items that are written anew, and their places -------------------------------------------------------------
+
+    def _moved(self, item: ScenarioItem, folder: Path, parent_folder: Path) -> ScenarioItem:
+        """A file that the other uses, as this one would write its path."""
+        if not isinstance(item, UseNetwork | UseModels) or folder == parent_folder:
+            return item
+        path = relative_to(folder, absolute(parent_folder / item.path))
+        new = item.model_copy(update={"path": path})
+        self._place(self._base_spans, new, item)
+        return new
+
+    def _plain(self, item: _ItemT) -> _ItemT:
+        """Make words that are no parameters plain names again, wherever a name may stand."""
+        changed: dict[str, object] = {}
+        for name in type(item).model_fields:
+            value = getattr(item, name)
+            if isinstance(value, Ref):
+                if value.name not in self._parameters:
+                    changed[name] = value.name
+            elif isinstance(value, Item):
+                changed[name] = self._plain(value)
+            elif isinstance(value, tuple):
+                changed[name] = tuple(self._plain_part(part) for part in value)
+        fields = {name: getattr(item, name) for name in type(item).model_fields}
+        changed = {name: value for name, value in changed.items() if not _same(value, fields[name])}
+        new = _accepted(item, fields, changed)
+        if new is not item:
+            self._place(self._spans, new, item)
+        return new
+
+    def _plain_part(self, part: object) -> object:
+        if isinstance(part, Ref):
+            return part if part.name in self._parameters else part.name
+        return self._plain(part) if isinstance(part, Item) else part
+
+    def _place(self, spans: dict[tuple[int, str], Span], new: Item, old: Item, *, whole: bool = False) -> None:
+        """Give a new item the places of an old one; `whole`: the old one's own place for each of its fields."""
+        self._kept += (new, old)
+        fields = [""] if whole else ["", *_field_keys(new)]
+        known = self._spans if spans is self._spans else self._base_spans
+        spans |= {(id(new), f): span for f in fields if (span := known.get((id(old), f))) is not None}
+
+
+def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object]) -> _ItemT:
+    """Return the item with the changes that its class allows: a word stays a reference where no name may stand."""
+    if not changed:
+        return item
+    try:
+        return type(item).model_validate(fields | changed)
+    except ValidationError as error:
+        refused = {str(detail["loc"][0]) for detail in error.errors() if detail["loc"]} & changed.keys()
+        kept = {name: value for name, value in changed.items() if name not in refused}
+        return _accepted(item, fields, kept) if refused else item
+
+
+def _same(value: object, other: object) -> bool:
+    if isinstance(value, tuple) and isinstance(other, tuple):
+        return all(a is b for a, b in zip(value, other, strict=True))
+    return value is other
+
+
+def _field_keys(item: Item) -> Iterator[str]:
+    for name in type(item).model_fields:
+        yield name
+        value = getattr(item, name)
+        if isinstance(value, tuple):
+            yield from (f"{name}.{k}" for k in range(len(value)))
+
+
+def _parameters(scenario: Scenario, extension: Extension) -> frozenset[str]:
+    """Return the names of the result's parameters."""
+    names = {param.name for param in scenario.all(Param)}
+    for line in extension.body:
+        if isinstance(line, Add | Replace) and isinstance(line.item, Param):
+            names.add(line.item.name)
+        elif isinstance(line, Drop) and line.what == "param" and line.name is not None:
+            names.discard(line.name)
+    return frozenset(names)
+
+
+def _identity(item: Item) -> tuple[str, str]:
+    """Return which statement of a scenario this is: a group, and a name ("" where it has none)."""
+    group, name = str(getattr(item, "kind", "")), getattr(item, "name", None) or ""
+    match item:
+        case Ego():
+            name = ""
+        case Actor():
+            group = "actor"
+        case UseNetwork() | Network():
+            group, name = "network", ""
+        case UseModels(path=path):
+            name = path
+        case SignalState(junction=junction):
+            name = junction.name if isinstance(junction, Ref) else junction
+        case Cases(seed=seed):
+            name = f"seed {seed.value:f}"
+    return group, str(name)
+
+
+def _word(item: Item) -> str:
+    """Return the word that a statement is called by: its keyword."""
+    return (
+        str(getattr(item, "kind", ""))
+        if isinstance(item, Actor)
+        else _SINGLE.get(_identity(item)[0], _identity(item)[0])
+    )
+
+
+def _called(item: Item) -> str:
+    group, name = _identity(item)
+    if not name:
+        return _word(item)
+    return f"actor called '{name}'" if group == "actor" else f"{_word(item)} called '{name}'"
+
+
+def _a(item: Item) -> str:
+    called = _called(item)
+    return f"{'an' if called[0] in 'aeiou' else 'a'} {called}"
+
+
+def _named_by(item: Item) -> str:
+    """Return the field that names a statement, which is underlined then."""
+    return "name" if getattr(item, "name", None) and not isinstance(item, Ego) else ""
+
+
+def _by_line(document: Document, item: Item) -> str:
+    span = document.span(item)
+    return f" (line {span.line} of '{document.path}')" if span is not None else ""

@@ -1,0 +1,445 @@
+"""From an address to a test case: finds, reads, checks and joins the files that a scenario, clip or mutant needs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NoReturn
+
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.codes.project_codes import (
+    MISSING_FILE,
+    NO_NETWORK,
+    OUTSIDE,
+    STALE_PIN,
+    TOO_DEEP,
+    UNKNOWN_CASE,
+    UNKNOWN_SUFFIX,
+    USES_ITSELF,
+    WHICH_CASE,
+    WRONG_KIND,
+)
+from foresee_dsl.language.meaning import meaning_hash, pin_of
+from foresee_dsl.language.messages.located import diagnose
+from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.model import (
+    Catalogue,
+    Clip,
+    Definition,
+    Extension,
+    Item,
+    Mutant,
+    Network,
+    Scenario,
+    UseModels,
+    UseNetwork,
+    VehicleModel,
+)
+from foresee_dsl.language.project.addresses import (
+    FOREIGN_NETWORKS,
+    is_file,
+    is_folder,
+    is_inside,
+    kind_of,
+    missing,
+    near_files,
+    parse_address,
+    project_folder,
+    recorded_children,
+    scenario_files,
+    shown,
+)
+from foresee_dsl.language.project.catalogues import bundled_models, check_models, entries
+from foresee_dsl.language.project.concretise import cases, concretise
+from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.project.expand import absolute, expand_clip, expand_mutant
+from foresee_dsl.language.project.extend import extended, softened
+from foresee_dsl.language.sampling.draws import with_drawn_cases
+
+__all__ = [
+    "STALE_PIN",
+    "Project",
+    "diagnose",
+    "load_catalogue",
+    "load_test_case",
+    "load_test_cases",
+    "parse_address",
+    "recorded_children",
+    "scenario_files",
+]
+
+
+DEPTH_LIMIT = 32
+"""How many parents a child may have, one above the other (ours: a campaign makes two; more is a generated chain)."""
+
+
+def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin: bool = True) -> TestCase:
+    """Load one test case with everything it needs.
+
+    Args:
+        address: a scenario, clip or mutant file, or `file.foresee::case`.
+        allow_outside: whether the files that it uses may lie outside the project folder: of the working folder, or of
+            the addressed file (`addresses.project_folder`).
+        check_pin: whether a child whose parent has changed is an error (code `STALE_PIN`).
+
+    Raises:
+        InputError: any mistake in any of the files, with its place.
+    """
+    return Project(allow_outside=allow_outside, check_pin=check_pin).test_case(address)
+
+
+def load_test_cases(
+    paths: Iterable[str | Path], *, allow_outside: bool = True, check_pin: bool = True
+) -> tuple[TestCase, ...]:
+    """Load all test cases of files, folders and addresses, in the order named.
+
+    A scenario with cases gives one test case each. Folders are searched for scenarios, in the order of their paths;
+    networks, models, clips and mutants in them are left out, but a clip or mutant that is named itself is loaded.
+
+    Raises:
+        InputError: the mistakes of all files together; or there is no scenario.
+    """
+    return Project(allow_outside=allow_outside, check_pin=check_pin).test_cases(paths)
+
+
+def load_catalogue(path: Path | None = None) -> dict[str, VehicleModel]:
+    """Return the models of a catalogue's file, by name; without a file those that ship with the package.
+
+    Raises:
+        InputError: the file has mistakes, or holds no catalogue.
+    """
+    return bundled_models() if path is None else Project().catalogue(path)
+
+
+@dataclass(frozen=True)
+class _File:
+    path: Path
+    """Absolute."""
+    document: Document
+
+
+@dataclass(frozen=True)
+class _Use:
+    """A statement that names another file."""
+
+    file: _File
+    item: Item
+    field: str
+    written: str
+
+    @property
+    def path(self) -> Path:
+        return absolute(self.file.path.parent / self.written)
+
+    @property
+    def shown(self) -> str:
+        return shown(Path(self.file.document.path).parent / self.written)
+
+    def fail(self, code: str, message: str, help: str = "", *, field: str | None = None) -> NoReturn:
+        name = self.field if field is None else field
+        raise InputError((self.file.document.diagnostic(self.item, name, code, message, help),))
+
+
+class Project:
+    """Loads test cases and keeps what it has read: every file is read once, every parent built once.
+
+    It does not notice when files change: make a new one then.
+    """
+
+    def __init__(
+        self, *, allow_outside: bool = True, check_pin: bool = True, overlay: Mapping[Path, str] | None = None
+    ) -> None:
+        """Make a project; `overlay` holds texts that stand for those on the disk, by absolute path (an editor's)."""
+        self._overlay = overlay or {}
+        self._allow_outside = allow_outside
+        self._check_pin = check_pin
+        self._files: dict[Path, _File] = {}
+        self._wholes: dict[Path, _File] = {}
+        self._undrawn: dict[Path, Document] = {}
+        self._cases: dict[tuple[Path, str | None], TestCase] = {}
+        self._roots: tuple[Path, ...] = ()
+        self.warnings: list[Diagnostic] = []
+        """What was found in the files read so far that is no error."""
+
+    def test_case(self, address: str | Path) -> TestCase:
+        """Load one test case; see `load_test_case`."""
+        path, case = parse_address(str(address))
+        if not self._is_file(path):
+            raise missing(path)
+        self._allow_near(path)
+        return self._load(absolute(path), shown(path), case, None, ())
+
+    def test_cases(self, paths: Iterable[str | Path]) -> tuple[TestCase, ...]:
+        """Load all test cases of files, folders and addresses; see `load_test_cases`."""
+        found: dict[tuple[Path, str | None], TestCase] = {}
+        mistakes: dict[Diagnostic, None] = {}  # a set in order: cases of one file share mistakes
+        for file, case in self._addresses(paths):
+            try:
+                for name in (case,) if case else self._case_names(file):
+                    key = (absolute(file), name)
+                    found[key] = self._load(key[0], shown(file), name, None, ())
+            except InputError as error:
+                mistakes |= dict.fromkeys(error.diagnostics)
+        if mistakes:
+            raise InputError(tuple(mistakes))
+        return tuple(found.values())
+
+    def definition(self, file: str | Path) -> Definition:
+        """Load and check one file as it stands, whatever it holds."""
+        return self.document(file).model
+
+    def document(self, file: str | Path) -> Document:
+        """The same, with the places of everything in it."""
+        path = Path(file)
+        if not self._is_file(path):
+            raise missing(path)
+        return self._read(absolute(path), shown(path)).document
+
+    def catalogue(self, file: str | Path) -> dict[str, VehicleModel]:
+        """Load the models of a catalogue's file, by name."""
+        model = self.definition(file)
+        if isinstance(model, Catalogue):
+            return entries(model)
+        message = f"this holds {_a(model)}, not models"
+        raise InputError((Diagnostic(code=WRONG_KIND, message=message, path=shown(file)),))
+
+    def _addresses(self, paths: Iterable[str | Path]) -> Iterable[tuple[Path, str | None]]:
+        for address in map(str, paths):
+            path, case = parse_address(address)
+            self._allow_near(path)
+            if not is_folder(path):
+                yield path, case
+                continue
+            scenarios = [file for file in scenario_files([path]) if kind_of(file) in ("scenario", "")]
+            if not scenarios:
+                message = f"no scenario in folder '{shown(path)}'"
+                raise InputError((Diagnostic(code=MISSING_FILE, message=message, path=shown(path)),))
+            yield from ((file, None) for file in scenarios)
+
+    def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> Scenario:
+        """Load a file that holds a scenario, joined with what it extends, and its drawn cases beside the written ones.
+
+        Args:
+            file: the file. drawn: whether `cases N from seed S` becomes N cases, or stays as it is.
+
+        Raises:
+            InputError: a mistake in one of the files, or it holds something else.
+        """
+        path = Path(file)
+        if not self._is_file(path):
+            raise missing(path)
+        self._allow_near(path)
+        found = self._whole(self._read(absolute(path), shown(path)), ())
+        document = found.document if drawn else self._undrawn.get(absolute(path), found.document)
+        if isinstance(document.model, Scenario):
+            return document.model
+        message = f"this holds {_a(found.document.model)}, not a scenario"
+        raise InputError((Diagnostic(code=WRONG_KIND, message=message, path=shown(path)),))
+
+    def _case_names(self, file: Path) -> tuple[str | None, ...]:
+        if not self._is_file(file):
+            raise missing(file)
+        return cases(self._whole(self._read(absolute(file), shown(file)), ()).document) or (None,)
+
+    def _whole(self, file: _File, chain: tuple[_File, ...]) -> _File:
+        """Return a scenario's file with what it extends and its drawn cases; every other file as it is."""
+        if not isinstance(file.document.model, Scenario | Extension):
+            return file
+        if file.path not in self._wholes:
+            self._undrawn[file.path] = self._joined(file, chain)
+            self._wholes[file.path] = replace(file, document=with_drawn_cases(self._undrawn[file.path]))
+        return self._wholes[file.path]
+
+    def _joined(self, file: _File, chain: tuple[_File, ...]) -> Document:
+        extension = file.document.model
+        if not isinstance(extension, Extension):
+            return file.document
+        from foresee_dsl.language.checks.documents import check_document
+
+        above = _Use(file, extension, "parent", extension.parent)
+        chain = chain if chain and chain[-1] is file else (*chain, file)
+        self._check_parent(above, chain)
+        parent = self._whole(self._read(above.path, above.shown), chain)
+        if not isinstance(parent.document.model, Scenario):
+            above.fail(WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
+        # The other's drawn cases are drawn anew: parameters and requirements may be others here.
+        base = self._undrawn[parent.path]
+        joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
+        found = check_document(joined)
+        self._raise_mistakes(found)
+        place = joined.span(extension, "parent")  # there stands what is odd about the other, which is said of itself
+        self.warnings.extend(d for d in (*found, *softened(joined)) if d.severity != "error" and d.span != place)
+        return joined
+
+    def _check_parent(self, use: _Use, chain: tuple[_File, ...]) -> None:
+        _check_cycle(use, chain)
+        if len(chain) > DEPTH_LIMIT:
+            use.fail(TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
+        self._check_reachable(use, chain)
+
+    @staticmethod
+    def _raise_mistakes(found: Iterable[Diagnostic]) -> None:
+        mistakes = tuple(d for d in found if d.severity == "error")
+        if mistakes:
+            raise InputError(mistakes)
+
+    def _read(self, path: Path, shown_as: str) -> _File:
+        if path not in self._files:
+            from foresee_dsl.language.checks.documents import check_document
+            from foresee_dsl.language.parser import load, parse
+
+            text = self._overlay.get(path)
+            document = load(path, shown_as=shown_as) if text is None else parse(text, shown_as)
+            found = check_document(document)
+            self.warnings.extend(d for d in found if d.severity != "error")
+            self._raise_mistakes(found)
+            self._files[path] = _File(path, document)
+        return self._files[path]
+
+    def _check_reachable(self, use: _Use, chain: tuple[_File, ...]) -> None:
+        if not self._allow_outside and not is_inside(use.path, self._roots or (chain[0].path.parent,)):
+            root = project_folder(absolute(Path()))
+            message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
+            use.fail(OUTSIDE, message, "move the file there, or allow it with `--allow-outside`")
+        if not self._is_file(use.path):
+            use.fail(MISSING_FILE, f"no file '{use.written}'", near_files(use.path))
+
+    def _allow_near(self, path: Path) -> None:
+        """Let what the user names use files of its own project folder, and of the working folder's."""
+        if not self._allow_outside:
+            here = absolute(path) if is_folder(path) else absolute(path).parent
+            roots = (*self._roots, project_folder(absolute(Path())), project_folder(here))
+            self._roots = tuple(dict.fromkeys(roots))
+
+    def _is_file(self, path: Path) -> bool:
+        return absolute(path) in self._overlay or is_file(path)
+
+    def _load(
+        self, path: Path, shown_as: str, case: str | None, use: _Use | None, chain: tuple[_File, ...]
+    ) -> TestCase:
+        if (path, case) not in self._cases:
+            file = self._read(path, shown_as)
+            self._cases[path, case] = self._build(file, case, use, (*chain, file))
+        return self._cases[path, case]
+
+    def _build(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
+        model = file.document.model
+        if isinstance(model, Scenario | Extension):
+            return self._seed(self._whole(file, chain), case, use, chain)
+        if case is not None:
+            _fail_case(file, use, UNKNOWN_CASE, f"a {model.kind} has no cases", "leave out the case")
+        if isinstance(model, Clip):
+            parent = self._parent(_Use(file, model, "parent", model.parent), model.case, model.pin, chain)
+            return expand_clip(model, parent, source=file.path, document=file.document)
+        if isinstance(model, Mutant):
+            above = _Use(file, model, "parent", model.parent)
+            parent = self._parent(above, None, model.pin, chain)
+            if parent.clip is None:
+                above.fail(WRONG_KIND, f"'{model.parent}' holds a scenario, but a mutant changes a clip")
+            return expand_mutant(model, parent, source=file.path, document=file.document)
+        message = f"this holds {_a(model)}"
+        if use is not None:
+            use.fail(WRONG_KIND, f"'{use.written}' is no parent: {message}", "name a scenario, clip or mutant")
+        help = "name a scenario, clip or mutant"
+        raise InputError((file.document.diagnostic(model, "", WRONG_KIND, f"{message}, no test case", help),))
+
+    def _seed(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
+        scenario = file.document.model
+        if not isinstance(scenario, Scenario):
+            raise TypeError("a file is whole before its test cases are built")
+        known = cases(file.document)
+        if case is not None and case not in known:
+            message = f"no case '{case}' in '{file.document.path}'"
+            _fail_case(
+                file, use, UNKNOWN_CASE, message, did_you_mean(case, known) or "it has no cases: leave out the case"
+            )
+        if case is None and known:
+            message = f"'{file.document.path}' has {len(known)} cases: say which one"
+            written = f"case {known[0]}" if use else f"{file.document.path}::{known[0]}"
+            _fail_case(file, use, WHICH_CASE, message, f"write `{written}`, for example; {did_you_mean('', known)}")
+        concrete = concretise(scenario, case, document=file.document)
+        network = self._network(file, concrete, chain)
+        models = self._models(file, concrete, chain)
+        check_models(concrete, models, file.document, case)
+        return TestCase(
+            id=f"{file.document.path}::{case}" if case else file.document.path,
+            scenario=concrete,
+            network=network,
+            models=models,
+            meaning=meaning_hash(concrete, network, models),
+            source=file.path,
+            document=file.document,
+        )
+
+    def _parent(self, use: _Use, case: str | None, pin: str, chain: tuple[_File, ...]) -> TestCase:
+        self._check_parent(use, chain)
+        parent = self._load(use.path, use.shown, case, use, chain)
+        now = pin_of(parent)
+        if self._check_pin and now != pin:
+            message = f"the parent '{parent.id}' is {now} now, but {pin} is pinned"
+            use.fail(
+                STALE_PIN,
+                message,
+                "the parent changed since: `foresee repin` shows what that does to this child",
+                field="pin",
+            )
+        return parent
+
+    def _network(self, file: _File, scenario: Scenario, chain: tuple[_File, ...]) -> Network | Path:
+        inline, used = scenario.one(Network), scenario.one(UseNetwork)
+        if inline is not None:
+            return inline
+        if used is None:
+            help = 'write `use network "file"`, or a block `network { ... }`'
+            message = f"scenario '{scenario.name}' has no network"
+            raise InputError((file.document.diagnostic(file.document.model, "name", NO_NETWORK, message, help),))
+        use = _Use(file, used, "path", used.path)
+        if used.path.endswith(FOREIGN_NETWORKS):
+            self._check_reachable(use, chain)
+            if not os.access(use.path, os.R_OK):
+                use.fail(MISSING_FILE, f"'{used.path}' cannot be read", "check its permissions")
+            return use.path
+        model = self._used_model(use, chain)
+        if not isinstance(model, Network):
+            use.fail(WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", "name a file with `network ...`")
+        return model
+
+    def _models(self, file: _File, scenario: Scenario, chain: tuple[_File, ...]) -> dict[str, VehicleModel]:
+        models = bundled_models()
+        for item in scenario.all(UseModels):
+            use = _Use(file, item, "path", item.path)
+            model = self._used_model(use, chain)
+            if not isinstance(model, Catalogue):
+                use.fail(WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", "name a file with `models ...`")
+            models |= entries(model)
+        return models
+
+    def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> Item:
+        _check_cycle(use, chain)
+        if not use.written.endswith(".foresee"):
+            network = isinstance(use.item, UseNetwork)
+            known = ".foresee, .net.xml or .xodr" if network else ".foresee"
+            use.fail(UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", f"write a file that ends in {known}")
+        self._check_reachable(use, chain)
+        return self._read(use.path, use.shown).document.model
+
+
+def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
+    if any(file.path == use.path for file in chain):
+        names = [file.document.path for file in chain]
+        use.fail(USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", "name another file")
+
+
+def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str) -> NoReturn:
+    """Blame the child that names the case; where the address named it, the file."""
+    if use is not None:
+        use.fail(code, message, help, field="case")
+    raise InputError((file.document.diagnostic(None, "", code, message, help),))
+
+
+def _a(model: Item) -> str:
+    if isinstance(model, Extension):
+        return "a scenario"
+    return "models" if isinstance(model, Catalogue) else f"a {getattr(model, 'kind', 'definition')}"

@@ -1,0 +1,264 @@
+"""How a driven vehicle moves: a kinematic bicycle with a steering rate, a drivetrain lag and a friction ellipse.
+
+The motion is that of the rear axle's centre, which follows the front wheels without slip (Rajamani, Vehicle Dynamics
+and Control, 2nd ed., section 2.2); states are given at the centre of the footprint, as everywhere else. All that the
+next step needs is in the state, so a run restored from a state continues exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import atan, cos, exp, inf, isnan, sin, sqrt, tan
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
+from foresee_dsl.simulate.footprint_kernels import wheels
+
+FloatArray = NDArray[np.float64]
+
+GRAVITY_MPS2 = 9.81
+"""Standard gravity, to the figures that `VehicleLimits` is defined with."""
+
+THROTTLE_LAG_S = 0.2
+"""Time constant of the drivetrain. Ours: between an electric motor (0.05-0.1 s) and a petrol engine (0.3-0.5 s)."""
+
+BRAKE_LAG_S = 0.1
+"""Time constant of the brakes. Ours: electro-hydraulic boosters build full pressure in 0.15-0.2 s, about two time
+constants."""
+
+STEERABLE_SHARE = 0.3
+"""Share of the grip that braking leaves for steering where the front wheels ask for it. Ours: an anti-lock system keeps
+the car steerable; giving up 0.3 of the grip sideways costs 4.6 % of the braking (sqrt(1 - 0.3^2))."""
+
+TIPS_AT_G: Mapping[str, float] = MappingProxyType(
+    {"van": 0.7, "truck": 0.4, "bus": 0.5, "motorcycle": 0.8, "bicycle": 0.4}
+)
+"""The lateral acceleration, in g, over which a class of vehicle tips or its rider does not lean; cars slide before.
+From memory and not checked: loaded heavy trucks roll over at 0.35 to 0.45 g, city buses and vans later (Winkler and
+Ervin, Rollover of Heavy Commercial Vehicles, UMTRI 1999). Ours: riders lean to 39 deg (0.8 g) and, on a bicycle, to
+22 deg (0.4 g)."""
+
+
+@dataclass(slots=True)
+class BicycleState:
+    """One moment of a vehicle; the columns of `Trace.states`.
+
+    Attributes:
+        x, y: centre of the footprint (m). heading: rad, counter-clockwise from east. speed: m/s, never negative.
+        acceleration: along the heading, m/s^2. yaw_rate: rad/s. steer: angle of the front wheels (rad, left positive).
+    """
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    acceleration: float = 0.0
+    yaw_rate: float = 0.0
+    steer: float = 0.0
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, y, heading."""
+        return self.x, self.y, self.heading
+
+    def as_ego(self) -> EgoState:
+        """Return what a driver is told about its own vehicle."""
+        return EgoState(self.x, self.y, self.heading, self.speed, self.acceleration, self.yaw_rate, self.steer)
+
+
+def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
+    """Return what a model can do on a road of this friction."""
+    return VehicleLimits(
+        model=model.name,
+        length_m=model.length_m,
+        width_m=model.width_m,
+        wheelbase_m=model.wheelbase_m,
+        front_overhang_m=model.front_overhang_m,
+        max_speed_mps=model.max_speed_mps,
+        acceleration_mps2=model.acceleration_mps2,
+        braking_mps2=model.braking_mps2,
+        emergency_braking_mps2=model.emergency_braking_mps2,
+        steer_max_rad=model.max_steer_rad,
+        steer_rate_rad_s=model.steer_rate_rad_s,
+        friction=friction,
+    )
+
+
+def lateral_limit_mps2(model: str, friction: float) -> float:
+    """Return the lateral acceleration that a vehicle can hold: what its tyres hold, or less where it would tip.
+
+    Args:
+        model: its name, `class.variant`.
+        friction: of the tyres on the road.
+    """
+    return min(friction, TIPS_AT_G.get(model.partition(".")[0], inf)) * GRAVITY_MPS2
+
+
+class Bicycle:
+    """Moves one kind of vehicle.
+
+    Its acceleration stays in an ellipse: along, friction times gravity (motor and brakes may give less); across,
+    `lateral_limit_mps2`.
+
+    Args:
+        limits: what the vehicle can do.
+
+    Raises:
+        ValueError: a limit that must be positive is not.
+    """
+
+    def __init__(self, limits: VehicleLimits) -> None:
+        for name in ("wheelbase_m", "max_speed_mps", "friction"):
+            if not getattr(limits, name) > 0:
+                raise ValueError(f"{limits.model}: {name} is {getattr(limits, name)}, must be positive")
+        self.limits = limits
+        self.rear_axle_m = limits.wheelbase_m + limits.front_overhang_m - limits.length_m / 2
+        """How far the rear axle lies behind the centre of the footprint."""
+        self.grip_mps2 = limits.friction * GRAVITY_MPS2
+        self.lateral_mps2 = lateral_limit_mps2(limits.model, limits.friction)
+        self._numbers = np.array(
+            (
+                limits.steer_max_rad, limits.steer_rate_rad_s, limits.max_speed_mps, limits.acceleration_mps2,
+                limits.emergency_braking_mps2, limits.wheelbase_m, self.rear_axle_m, self.grip_mps2, self.lateral_mps2,
+            )
+        )  # fmt: skip
+
+    def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
+        """Return the state `dt` seconds later; `state` is left as it is.
+
+        Args:
+            state: the vehicle now.
+            control: pedals and wheel. Values out of range mean the nearest allowed one.
+            dt: s, positive.
+
+        Raises:
+            ValueError: the control holds a NaN or something that is no number.
+        """
+        moved = _step(
+            state.x, state.y, state.heading, state.speed, state.acceleration, state.steer, *checked(control), dt,
+            self._numbers,
+        )  # fmt: skip
+        return BicycleState(*moved)
+
+    def steer_for(self, curvature: float) -> float:
+        """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
+        limit = self.limits.steer_max_rad
+        return max(-limit, min(limit, atan(self.limits.wheelbase_m * curvature)))
+
+    def rear_axle(self, state: BicycleState) -> tuple[float, float]:
+        """Return the centre of the rear axle (m)."""
+        return (
+            state.x - self.rear_axle_m * cos(state.heading),
+            state.y - self.rear_axle_m * sin(state.heading),
+        )
+
+    def wheels(self, state: BicycleState, inset_m: float) -> FloatArray:
+        """Return [4, 2] m, a point for each wheel: on its axle, `inset_m` inside the vehicle's side.
+
+        The order is front left, rear left, rear right, front right.
+        """
+        points: FloatArray = wheels(state.x, state.y, state.heading, *self.axles(inset_m))
+        return points
+
+    def axles(self, inset_m: float) -> tuple[float, float, float]:
+        """Return how far ahead of the centre the front and the rear axle are, and how far beside it such a point, m."""
+        rear = -self.rear_axle_m
+        return self.limits.wheelbase_m + rear, rear, max(self.limits.width_m / 2 - inset_m, 0.0)
+
+
+@inner
+def _within_grip(
+    speed: float, acceleration: float, steer: float, dt: float, wheelbase: float, grip: float, side: float
+) -> tuple[float, float]:
+    """Acceleration and curvature that the tyres can hold together.
+
+    The wheels stay where the driver turned them; the vehicle runs wider than they point (understeer).
+    """
+    acceleration = max(-grip, min(grip, acceleration))
+    curvature = tan(steer) / wheelbase
+    fastest = speed + max(0.0, acceleration) * dt
+    demand = fastest * fastest * abs(curvature)
+    left_over = side * sqrt(1.0 - (acceleration / grip) ** 2)
+    lateral = max(left_over, STEERABLE_SHARE * side)
+    if demand <= left_over:
+        return acceleration, curvature
+    if demand > lateral:
+        curvature *= lateral / demand
+        demand = lateral
+    most = grip * sqrt(max(0.0, 1.0 - (demand / side) ** 2))
+    return max(-most, min(most, acceleration)), curvature
+
+
+@compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS)
+def _step(
+    x: float,
+    y: float,
+    heading: float,
+    speed: float,
+    acceleration: float,
+    steer: float,
+    wheel: float,
+    throttle: float,
+    brake: float,
+    dt: float,
+    numbers: FloatArray,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Return the columns of `BicycleState` after a step; `numbers` as `Bicycle` has them."""
+    steer_max, steer_rate, top, gains, brakes, wheelbase, behind, grip, side = numbers
+    most = steer_rate * dt
+    steer += max(-most, min(most, wheel * steer_max - steer))
+    # What motor and brakes give, before the tyres have their say.
+    fade = max(0.0, 1.0 - speed / top)
+    target = throttle * gains * fade - brake * brakes
+    lag = BRAKE_LAG_S if brake > 0 else THROTTLE_LAG_S
+    wanted = target + (acceleration - target) * exp(-dt / lag)
+    acceleration, curvature = _within_grip(speed, wanted, steer, dt, wheelbase, grip, side)
+    before, speed = speed, speed + acceleration * dt
+    if speed <= 0.0:  # it comes to rest within the step, and there is no reverse
+        distance = before * before / (-2.0 * acceleration) if acceleration < 0 else 0.0
+        speed = acceleration = 0.0
+    else:
+        fastest = max(before, top)
+        if acceleration > 0.0 and speed > fastest:  # the drivetrain's lag would push it over
+            speed, acceleration = fastest, (fastest - before) / dt
+        distance = (before + speed) / 2 * dt
+    if distance == 0.0:  # standing still is exact: no rounding may creep into the position
+        return x, y, heading, speed, acceleration, 0.0, steer
+    half_turn = distance * curvature / 2
+    # The rear axle runs on an arc: its chord lies at the mean heading.
+    chord = distance * (sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
+    mean, after = heading + half_turn, heading + 2 * half_turn
+    x += chord * cos(mean) + behind * (cos(after) - cos(heading))
+    y += chord * sin(mean) + behind * (sin(after) - sin(heading))
+    return x, y, after, speed, acceleration, speed * curvature, steer
+
+
+def checked(control: Control) -> tuple[float, float, float]:
+    """Return steer, throttle and brake as floats within their ranges.
+
+    Raises:
+        ValueError: one is NaN or no number.
+    """
+    try:
+        steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
+    except (TypeError, ValueError, AttributeError) as err:
+        raise ValueError(f"the driver answered {control!r}, not a control of three numbers") from err
+    if isnan(steer) or isnan(throttle) or isnan(brake):
+        raise ValueError(f"the driver answered a NaN: {control!r}")
+    return max(-1.0, min(1.0, steer)), max(0.0, min(1.0, throttle)), max(0.0, min(1.0, brake))
+
+
+def front_of(state: BicycleState, length: float) -> tuple[float, float]:
+    """Return the middle of the front bumper (m) of a vehicle of this length (m); SUMO's reference point."""
+    return state.x + length / 2 * cos(state.heading), state.y + length / 2 * sin(state.heading)
+
+
+def centre_of_front(x: float, y: float, heading: float, length: float) -> tuple[float, float]:
+    """Return the centre of the footprint (m) whose front bumper's middle is at x, y."""
+    return x - length / 2 * cos(heading), y - length / 2 * sin(heading)

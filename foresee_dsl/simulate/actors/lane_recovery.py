@@ -1,0 +1,253 @@
+"""Drives a vehicle that SUMO moved until a steering perturbation: the offset for its time, then back to its lane.
+
+It is restored from what a clip holds: its `BicycleState` and the time.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import atan, atan2, cos, hypot, pi, sin, sqrt
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.bundle import Steering
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.drivers.protocol import Control, VehicleLimits
+from foresee_dsl.simulate.actors.bend_speeds import PLANNED_SHARE, TURNS_WITH, approached
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.actors.vehicle_ahead import STRAYS_M, Hindrance, Lookout
+from foresee_dsl.simulate.results.collision import Mover
+
+FloatArray = NDArray[np.float64]
+
+STOP_LINE_M = 0.5
+"""A front halts this far before a stop line, and has passed it when it is this far beyond. Ours: SUMO's cars halt
+within 1 m of the line."""
+
+SLOWING_S = 0.4
+"""Excess speed is shed with this time constant, and limits are looked at this far ahead, which makes up for it. Ours:
+four times the lag of the brakes."""
+
+
+class LineLike(Protocol):
+    """What is needed of a route's centreline (`compile.geometry.RouteLine` has it)."""
+
+    @property
+    def s(self) -> FloatArray:
+        """[N] m along the line."""
+        ...
+
+    @property
+    def speed_limit(self) -> FloatArray:
+        """[N] m/s."""
+        ...
+
+    @property
+    def curvature(self) -> FloatArray:
+        """[N] 1/m, left positive."""
+        ...
+
+    def at(self, s: float, /) -> tuple[float, float, float]:
+        """Return x, y and heading at a length; straight on beyond the ends."""
+        ...
+
+    def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]:
+        """Return the length nearest to a point, and how far to the left of the line it lies."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class RecoverySettings:
+    """How an actor drives that SUMO does not move any more. All ours, unless said otherwise.
+
+    Attributes:
+        lookahead_s, lookahead_min_m: pure pursuit aims this far ahead. Measured from 14 to 30 m/s on a car and a bus
+            thrown 14 m off their lane: 0.5 s swings past it by 5 m, 0.9 s by 1 m, 1.2 s by 0.5 m; all back within
+            8 s from 0.7 s to 1.2 s. In turns a longer one cuts the corner. The least keeps it calm when crawling.
+        recovery_mps2: lateral acceleration of the way back to the lane: 0.4 g, not half of what dry tyres hold.
+        headway_s, standstill_m: of the car-following model; SUMO's tau and minGap, so that a taken-over actor keeps
+            the gaps that it kept before.
+    """
+
+    lookahead_s: float = 1.0
+    lookahead_min_m: float = 5.0
+    recovery_mps2: float = 4.0
+    headway_s: float = 1.0
+    standstill_m: float = 2.5
+
+
+class LaneRecovery:
+    """Drives an actor taken over from SUMO: steering offset for a while, then back to its lane.
+
+    Laterally: while the offset acts, the wheels stand where the lane's bend needs them plus the offset, and nothing
+    corrects the error; afterwards pure pursuit (Coulter, CMU-RI-TR-92-01). Longitudinally: the Intelligent Driver Model
+    (Treiber et al., 2000) toward its cruising speed within the limits, against the nearest body in its way.
+
+    Args:
+        limits: of the actor.
+        line: the centreline of its route.
+        cruise_mps: what it drives where nothing hinders it.
+        offset: share of the largest steering angle (left positive), from when (s) and for how long (None: to the end).
+        lateral_bound_mps2: the offset may not ask for more lateral acceleration; None: as much as the tyres hold.
+        line_m: how far to the left of the line it keeps.
+        brakes: False: it takes no notice of others.
+        settings: see there.
+    """
+
+    def __init__(
+        self,
+        limits: VehicleLimits,
+        line: LineLike,
+        *,
+        cruise_mps: float,
+        offset: Steering | None = None,
+        lateral_bound_mps2: float | None = None,
+        line_m: float = 0.0,
+        brakes: bool = True,
+        settings: RecoverySettings | None = None,
+    ) -> None:
+        self.limits = limits
+        self.bicycle = Bicycle(limits)
+        self.line = line
+        self.settings = settings or RecoverySettings()
+        self.cruise_mps, self.offset, self.brakes, self.line_m = cruise_mps, offset, brakes, line_m
+        holds = self.bicycle.lateral_mps2
+        self.offset_mps2 = holds if lateral_bound_mps2 is None else min(holds, lateral_bound_mps2)
+        self.recovery_mps2 = min(holds, self.settings.recovery_mps2)
+        self._lookout = Lookout(limits, line, line_m)
+        self._marks: list[float] = line.s.tolist()
+        self._allowed = _allowed_speed(line, min(self.recovery_mps2, TURNS_WITH * holds), limits.braking_mps2)
+        self._curvature: list[float] = line.curvature.tolist()
+        self._near_s: float | None = None
+
+    def take_over(self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0) -> BicycleState:
+        """Return the state of an actor that SUMO moved until now; its wheels stand as its lane's bend needs them.
+
+        Args:
+            x, y: centre of the footprint (m). heading: rad. speed: m/s. acceleration: m/s^2.
+        """
+        curvature = self._curvature[self._mark(self.line.project(x, y)[0])]
+        steer = self.bicycle.steer_for(curvature)
+        return BicycleState(x, y, heading, speed, acceleration, speed * curvature, steer)
+
+    def done(self, state: BicycleState) -> bool:
+        """Whether it has come to the end of its route."""
+        return self._along(state)[0] >= self._marks[-1] - 1e-6
+
+    def step(
+        self,
+        state: BicycleState,
+        time_s: float,
+        others: Sequence[Mover],
+        dt: float,
+        *,
+        stop_s: float | None = None,
+        yields: bool = True,
+    ) -> BicycleState:
+        """Return the state `dt` seconds later.
+
+        Args:
+            state: now.
+            time_s: now.
+            others: the bodies around it, itself not among them; NaN where absent.
+            dt: s.
+            stop_s: length along its line that its front may not pass (a red signal); None when it may go. One that it
+                has passed, or cannot stop at, does not hold it.
+            yields: it brakes for those who are about to cross its way; otherwise only for what is on it already.
+        """
+        s, beside = self._along(state)
+        offset = self._offset_now(time_s)
+        steer = self._steering(state, offset, s, dt)
+        hindrances: list[Hindrance] = []
+        if self.brakes:
+            strays = offset != 0 or abs(beside - self.line_m) > STRAYS_M
+            hindrances.extend(self._lookout.hindrances(state, s, others, strays=strays, yields=yields))
+        if stop_s is not None:
+            hindrances.extend(self._line_ahead(state, stop_s - s - self.limits.length_m / 2))
+        acceleration = self._pedals(state.speed, s, hindrances)
+        return self.bicycle.step(state, self._control(state, steer, acceleration), dt)
+
+    def _along(self, state: BicycleState) -> tuple[float, float]:
+        self._near_s, left = self.line.project(state.x, state.y, self._near_s)
+        return self._near_s, left
+
+    def _offset_now(self, time_s: float) -> float:
+        if self.offset is None:
+            return 0.0
+        since = time_s - self.offset.start_s
+        # Half a microsecond of tolerance: times are sums of steps.
+        within = since >= -5e-7 and (self.offset.duration_s is None or since < self.offset.duration_s - 5e-7)
+        return self.offset.value if within else 0.0
+
+    def _steering(self, state: BicycleState, offset: float, s: float, dt: float) -> float:
+        """Angle of the front wheels (rad) to turn to."""
+        limit = self.limits.steer_max_rad
+        if offset:
+            steer = self.bicycle.steer_for(self._curvature[self._mark(s)]) + offset * limit
+            bound = self.offset_mps2
+        else:
+            steer, bound = self._pursuit(state, s), self.recovery_mps2
+        # The speed that it may have at the end of the step: the bound holds there too.
+        speed = state.speed + self.limits.acceleration_mps2 * dt
+        limit = min(limit, atan(bound * self.limits.wheelbase_m / (speed * speed))) if speed > 0 else limit
+        return max(-limit, min(limit, steer))
+
+    def _pursuit(self, state: BicycleState, s: float) -> float:
+        """Angle of the front wheels that takes the rear axle on an arc to the point aimed at."""
+        ahead = max(self.settings.lookahead_min_m, self.settings.lookahead_s * state.speed)
+        x, y = self.bicycle.rear_axle(state)
+        # The rear axle lies behind the centre that was projected.
+        tx, ty, facing = self.line.at(s - self.bicycle.rear_axle_m + ahead)
+        tx, ty = tx - self.line_m * sin(facing), ty + self.line_m * cos(facing)
+        angle = wrap(atan2(ty - y, tx - x) - state.heading)
+        distance = hypot(tx - x, ty - y)
+        if abs(angle) > pi / 2:  # the point lies behind: turn as hard as the bounds allow
+            return self.limits.steer_max_rad if angle > 0 else -self.limits.steer_max_rad
+        return atan(2 * self.limits.wheelbase_m * sin(angle) / distance)
+
+    def _pedals(self, speed: float, s: float, hindrances: Iterable[Hindrance]) -> float:
+        """Acceleration (m/s^2) of the Intelligent Driver Model; each hindrance is the room to it and its speed."""
+        limits = self.limits
+        allowed = self._allowed[self._mark(s + speed * SLOWING_S)]
+        wanted = max(0.1, min(self.cruise_mps, allowed, limits.max_speed_mps))
+        if speed < wanted:
+            free = limits.acceleration_mps2 * (1 - (speed / wanted) ** 4)
+        else:  # the model's own answer to too much speed is weak near the wanted speed; slow down at a rate instead
+            free = max((wanted - speed) / SLOWING_S, -limits.braking_mps2)
+        acceleration = free
+        for room, their_speed in hindrances:
+            closing = speed * (speed - their_speed) / (2 * sqrt(limits.acceleration_mps2 * limits.braking_mps2))
+            desired = self.settings.standstill_m + max(0.0, speed * self.settings.headway_s + closing)
+            hindered = max(free, 0.0) - limits.acceleration_mps2 * (desired / max(room, 0.1)) ** 2
+            acceleration = min(acceleration, hindered)
+        return max(acceleration, -limits.emergency_braking_mps2)
+
+    def _line_ahead(self, state: BicycleState, room: float) -> tuple[Hindrance, ...]:
+        """A stop line as if it were a body that stands; nothing when it is behind or can no longer be stopped at."""
+        can_stop = state.speed**2 <= 2 * self.limits.emergency_braking_mps2 * (room + STOP_LINE_M)
+        if room < -STOP_LINE_M or not can_stop:
+            return ()
+        # The model keeps `standstill_m` from a body; the front comes nearer than that to a line.
+        return (Hindrance(room + self.settings.standstill_m - STOP_LINE_M, 0.0),)
+
+    def _mark(self, s: float) -> int:
+        """Index of the line's point at or before this length."""
+        return max(0, min(len(self._marks) - 1, bisect_right(self._marks, s) - 1))
+
+    def _control(self, state: BicycleState, steer: float, acceleration: float) -> Control:
+        limits = self.limits
+        wheel = steer / limits.steer_max_rad if limits.steer_max_rad > 0 else 0.0
+        if acceleration >= 0:
+            can = limits.acceleration_mps2 * max(0.05, 1 - state.speed / limits.max_speed_mps)
+            return Control(wheel, min(1.0, acceleration / can), 0.0)
+        return Control(wheel, 0.0, min(1.0, -acceleration / limits.emergency_braking_mps2))
+
+
+def _allowed_speed(line: LineLike, lateral_mps2: float, braking_mps2: float) -> list[float]:
+    """Return the speed at each point of a line from which every limit and every bend that follows can be met."""
+    bends = np.sqrt(lateral_mps2 / np.maximum(np.abs(line.curvature), 1e-9))
+    return approached(np.minimum(line.speed_limit, bends).tolist(), line.s.tolist(), PLANNED_SHARE * braking_mps2)

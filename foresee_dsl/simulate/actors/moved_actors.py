@@ -1,0 +1,266 @@
+"""The actors that Python moves: the ego, path-followers, obstacles, and vehicles under a steering perturbation.
+
+Each knows how to move one step and where SUMO's vehicles should see it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import shapely
+
+from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.drivers.protocol import Control, VehicleLimits
+from foresee_dsl.simulate.actors.bodies import ROUNDING_M, Body
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, lateral_limit_mps2, limits_of
+from foresee_dsl.simulate.actors.handover import handed_over
+from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
+from foresee_dsl.simulate.actors.path_followers import PathFollower
+from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.simulate.results.collision import Mover, corner_points
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.world import GHOST_TYPE, World
+
+STANDS_MPS = 0.1
+"""Slower is standing; SUMO's own threshold for a halting vehicle."""
+STEPS_OUT_M = 1.0
+"""A walker this near (along its path) to the road is seen by drivers as about to step on it. Ours: one pace."""
+KERB_M = 0.5
+"""A walker waits this far before the edge of a crossing. Ours: toes behind the kerb."""
+PASSES_M = 1.1
+"""Who stays this far from a lane's centreline does not block it. Ours: half a car's width and 0.2 m."""
+_GRID_M = 0.5
+"""Where a path lies is looked up once per so much of it."""
+
+
+class Ego(Mobile):
+    """The vehicle of the driver under test."""
+
+    __slots__ = ("_recorded", "motion")
+
+    def __init__(self, actor: PlacedActor, friction: float) -> None:
+        """Start where the actor is placed."""
+        super().__init__(actor)
+        self.motion = Bicycle(limits_of(actor.model, friction))
+        self._recorded = iter(handed_over(self.bicycle(), actor.recorded, self.motion))
+
+    @property
+    def limits(self) -> VehicleLimits:
+        """What it can do."""
+        return self.motion.limits
+
+    def drive(self, control: Control) -> None:
+        """Move one step; the lane is read from the network, not from SUMO.
+
+        While there are recorded states it moves to the next of them, whatever the driver answers.
+        """
+        recorded = next(self._recorded, None)
+        self.become(recorded or self.motion.step(self.bicycle(), control, STEP_S))
+
+
+class Spot(NamedTuple):
+    """Where a body is seen: x, y of its middle (m), the lane with its heading there (rad), the length along it (m)."""
+
+    x: float
+    y: float
+    heading_rad: float
+    length_m: float
+    lane: str
+
+
+class Ghost:
+    """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive.
+
+    A new one for each lane: SUMO remembers of one that changes lane on a junction when it came and how, and who may go
+    first hangs on that; of a new one it knows no more than a description says.
+    """
+
+    def __init__(self, world: World, network: RoadNetwork, name: str, edge: str) -> None:
+        """Prepare one; nothing is on the road yet."""
+        self._world, self._network, self._name, self._edge = world, network, name, edge
+        self._in: dict[str, float] = {}
+
+    def show(self, spots: Sequence[Spot], speed_mps: float = 0.0) -> None:
+        """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
+        if not spots and not self._in:
+            return
+        names = [f"~{self._name}~{spot.lane}" for spot in spots]
+        for name in [name for name in self._in if name not in names]:
+            self._world.remove(name)
+            del self._in[name]
+        for name, (x, y, heading, length, lane) in zip(names, spots, strict=True):
+            if name not in self._in:
+                self._world.add_body(name, GHOST_TYPE, (self._edge,), length)
+            self._in[name] = speed_mps
+            half = length / 2
+            self._world.place(name, x + half * math.cos(heading), y + half * math.sin(heading), heading, lane)
+
+    def settle(self) -> None:
+        """After a step: tell SUMO the speed; it makes one up from the displacement."""
+        for name, speed in self._in.items():
+            self._world.settle(name, speed, 0.0)
+
+
+class Block(Mobile):
+    """An obstacle; it stands."""
+
+    __slots__ = ("ghost", "spots")
+
+    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
+        """Stand where it is placed, and find the lanes that it blocks."""
+        super().__init__(actor)
+        self.ghost = Ghost(world, network, actor.id, edge)
+        self.spots = _blocked(self, network)
+
+
+class Walker(Mobile):
+    """A pedestrian, cyclist or vehicle that follows a path."""
+
+    __slots__ = ("_world", "cruise", "follower", "ghost", "held_until", "network", "road_at", "stops")
+
+    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
+        """Start as far along the path as the scene says."""
+        super().__init__(actor)
+        model, paced = actor.model, sped(actor)
+        self._world, self.network = world, network
+        self.cruise = paced.cruise_mps
+        self.follower = PathFollower(
+            actor.path,
+            pace_mps=self.cruise,
+            acceleration_mps2=model.acceleration_mps2,
+            braking_mps2=model.braking_mps2,
+            length_m=0.0 if model.kind == "pedestrian" else model.length_m,
+            along_m=actor.along_m,
+            speed_mps=paced.speed_mps,
+            lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, friction),
+        )
+        self.ghost = Ghost(world, network, actor.id, edge)
+        self.stops = actor.walk_stops
+        self.road_at: dict[int, tuple[float, str] | None] = {}
+        self.along = actor.along_m
+        pose = self.follower.pose()
+        self.move(pose.x, pose.y, pose.heading, self.follower.speed_mps, self.acceleration)
+
+    def walk(self) -> None:
+        """Move one step."""
+        follower = self.follower
+        halted = follower.arrived or follower.pace_mps == 0.0
+        if halted and follower.speed_mps == self.speed == self.acceleration == self.yaw_rate == 0.0:
+            return
+        follower.stop_m = self._red_light()
+        pose = follower.step(STEP_S)
+        heading = math.remainder(pose.heading, math.tau)
+        self.move(pose.x, pose.y, heading, pose.speed, pose.acceleration, pose.yaw_rate)
+        self.along = follower.along_m
+
+    def show(self) -> None:
+        """Let SUMO's vehicles see it where it is on the road, or about to step on it."""
+        road = self._road(self.along)
+        if road is None and self.speed > STANDS_MPS:
+            road = self._road(min(self.along + STEPS_OUT_M, self.follower.line.length_m))
+        if road is None:
+            self.ghost.show(())
+            return
+        heading, lane = road
+        turned = self.heading - heading
+        extent = abs(math.cos(turned)) * self.length + abs(math.sin(turned)) * self.width
+        self.ghost.show((Spot(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned)))
+
+    def _road(self, along: float) -> tuple[float, str] | None:
+        """Heading and id of the lane at a length of the path, None where that is off the road."""
+        k = round(along / _GRID_M)
+        if k not in self.road_at:
+            x, y, heading = self.follower.line.at(k * _GRID_M)
+            self.road_at[k] = _lane_here(self.network, x, y, heading)
+        return self.road_at[k]
+
+    def _red_light(self) -> float | None:
+        for enters, _, tls, link in self.stops:
+            stop = enters - KERB_M
+            # One that waits there may have been written down a rounding further on.
+            if self.along <= stop + ROUNDING_M and self._world.colour(tls, link) in ("red", "amber"):
+                return max(stop, self.along)
+        return None
+
+
+class Steered(Body):
+    """A vehicle that SUMO drives until a steering offset sets in; from then on it is a bicycle in Python."""
+
+    __slots__ = ("friction", "recovery", "taken")
+
+    def __init__(self, actor: PlacedActor, network: RoadNetwork, friction: float) -> None:
+        """Start where the actor is placed."""
+        super().__init__(actor, network)
+        self.friction = friction
+        self.recovery: LaneRecovery | None = None
+        self.taken: BicycleState | None = None
+
+    def due(self, time_s: float) -> bool:
+        """Whether it is to be taken over now."""
+        steering = self.placed.steering
+        return self.taken is None and steering is not None and time_s >= steering.start_s - STEP_S / 100
+
+    def take_over(self, network: RoadNetwork, cruise_mps: float) -> None:
+        """Take it over where it is."""
+        actor = self.placed
+        line = actor.line or network.line(actor.route, start_lane=actor.lane or None)
+        limits = limits_of(actor.model, self.friction)
+        self.recovery = LaneRecovery(limits, line, cruise_mps=cruise_mps, offset=actor.steering, line_m=actor.line_m)
+        self.taken = self.recovery.take_over(self.x, self.y, self.heading, self.speed, self.acceleration)
+        self.lane = ""
+
+    def recover(self, time_s: float, others: Sequence[Mover], stop_s: float | None, *, yields: bool) -> None:
+        """Move one step; afterwards it may be gone (`present`)."""
+        if self.recovery is None or self.taken is None:
+            return
+        self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s, yields=yields)
+        self.become(self.taken)
+        self.present = not self.recovery.done(self.taken)
+
+
+def sped(actor: PlacedActor) -> PlacedActor:
+    """Return an actor with its `timing` worked into its speeds, within what its model can."""
+    k, top = actor.timing, actor.model.max_speed_mps
+    if k == 1.0:
+        return actor
+    return replace(actor, cruise_mps=min(actor.cruise_mps * k, top), speed_mps=min(actor.speed_mps * k, top))
+
+
+_HERE: WeakKeyDictionary[RoadNetwork, dict[tuple[float, float, float], tuple[float, str] | None]] = WeakKeyDictionary()
+"""What was looked up: the paths of a clip's children are the same."""
+
+
+def _lane_here(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
+    """Heading and id of the lane at a place, None where that is off the road; `fallback` where there is no lane."""
+    known = _HERE.setdefault(network, {})
+    where = x, y, fallback
+    if where not in known:
+        known[where] = _look_up_lane(network, *where)
+    return known[where]
+
+
+def _look_up_lane(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
+    if not shapely.contains_xy(network.drivable, x, y):
+        return None
+    near = network.nearest_lane(x, y, None, "car", 5.0)
+    return (near.lane.line.at(near.pos_m)[2], near.lane.id) if near is not None else (fallback, "")
+
+
+def _blocked(block: Mobile, network: RoadNetwork) -> tuple[Spot, ...]:
+    """The stretches of lanes that a body blocks."""
+    found: dict[str, Spot] = {}
+    for x, y in ((block.x, block.y), *corner_points(block.box)):
+        near = network.nearest_lane(x, y, None, "car", PASSES_M)
+        if near is None or near.lane.id in found:
+            continue
+        pos, _ = near.lane.line.project(block.x, block.y)
+        lane_x, lane_y, heading = near.lane.line.at(min(max(pos, 0.0), near.lane.line.length_m))
+        turned = block.heading - heading
+        extent = abs(math.cos(turned)) * block.length + abs(math.sin(turned)) * block.width
+        found[near.lane.id] = Spot(lane_x, lane_y, heading, extent, near.lane.id)
+    return tuple(found.values())

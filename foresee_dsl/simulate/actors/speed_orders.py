@@ -1,0 +1,163 @@
+"""Orders that set an actor's speed for a while: a change of speed, a stop, a meeting.
+
+A later order to the same actor replaces the one before.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from foresee_dsl.language.model import Meets, MeetsState
+from foresee_dsl.language.project.concrete import si_of, word_of
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, Walker
+from foresee_dsl.simulate.actors.population import Cast
+from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.simulate.recorder import Recorder
+from foresee_dsl.simulate.trace import STEP_S
+
+COMFORT_MPS2 = 3.0
+"""How hard an actor brakes that `stops`. Ours: the upper end of comfortable braking (ISO 15622 allows 3.5 m/s^2)."""
+COMMITS_M = 15.0
+"""It keeps its speed from so far before the junction on. Ours: a second at 50 km/h; a late change gives it away."""
+COMMITS_WALKING_M = 2.0
+"""The same for pedestrians and bicycles on their path. Ours: their reaction takes one or two paces."""
+MET_M = 6.0
+"""...until so far inside it, about its middle. Ours: most junctions of two-lane roads are 12 m to 20 m wide."""
+CREEPS_MPS = 1.0
+"""It does not come to a halt there, where it would stay: the slowest speed that times of arrival are counted with."""
+WAITS_MPS = 3.0
+"""The other counts as driving at least this fast. Ours: with 1 m/s, an ego that waits and an actor that times itself
+by it both creep up to the junction and let each other go (a right turn into traffic took 25 s in scenario 9)."""
+HASTE = 1.3
+"""It drives at most so many times its cruising speed (the language's definition of `meets`)."""
+BOUND_FROM_M = 60.0
+"""An actor that ignores a rule at one junction does so from here before it. Ours: SUMO's cars begin to brake for a
+red signal within their stopping distance, 35 m at 65 km/h."""
+
+
+class Command(Protocol):
+    """Sets an actor's speed for a while; a later one of the same actor replaces it."""
+
+    def update(self, time_s: float) -> bool:
+        """Set the speed for the step that begins now; False when there is nothing left to do."""
+        ...
+
+    def complete(self) -> bool:
+        """Whether what was ordered is done, so that what comes `then` can begin (see the language's `Then`)."""
+        ...
+
+
+class Ramp:
+    """Changes speed linearly; afterwards that is what the actor drives where nothing hinders it."""
+
+    def __init__(self, cast: Cast, actor: Mobile, to_mps: float, over_s: float) -> None:
+        self._cast, self._actor, self._to, self._over = cast, actor, to_mps, over_s
+        self._since, self._from = cast.time_s, actor.speed
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        share = 1.0 if self._over <= 0 else min(1.0, (time_s + STEP_S - self._since) / self._over)
+        self._cast.pace(self._actor, self._from + (self._to - self._from) * share)
+        if share < 1.0:
+            return True
+        self._cast.cruise[self._actor.id] = self._to
+        return False
+
+    def complete(self) -> bool:
+        """Whether the time is over; without one, whether the speed is reached."""
+        if self._over > 0:
+            return self._cast.time_s >= self._since + self._over - STEP_S / 100
+        return abs(self._actor.speed - self._to) < STANDS_MPS
+
+
+class Stop:
+    """Brakes in comfort, stands for a time or for good, then goes on as before."""
+
+    def __init__(self, cast: Cast, actor: Mobile, duration_s: float | None) -> None:
+        self._cast, self._actor, self._duration = cast, actor, duration_s
+        self._pace = actor.speed
+        self._stands_since: float | None = None
+        self._gone_on = False
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        if self._stands_since is None and self._actor.speed < STANDS_MPS:
+            self._stands_since = time_s
+        if self._over(time_s):
+            self._cast.pace(self._actor, self._cast.cruise[self._actor.id])
+            self._gone_on = True
+            return False
+        self._pace = max(0.0, self._pace - COMFORT_MPS2 * STEP_S)
+        self._cast.pace(self._actor, self._pace)
+        return True
+
+    def complete(self) -> bool:
+        """Whether it goes on again."""
+        return self._gone_on
+
+    def _over(self, time_s: float) -> bool:
+        if self._stands_since is None or self._duration is None:
+            return False
+        return time_s >= self._stands_since + self._duration - STEP_S / 100
+
+
+class Meeting:
+    """Sets an actor's speed so that it comes to a point when the other was, or will be, there.
+
+    It plans anew every step, and near the junction keeps the speed that it has until it is well inside. The plan hangs
+    on where both are, and that it keeps its speed is an event: a clip that begins in between goes on in the same way.
+    """
+
+    def __init__(self, cast: Cast, recorder: Recorder, actor: Mobile, meets: Meets | MeetsState) -> None:
+        self._cast, self._recorder, self._actor = cast, recorder, actor
+        self._other, self._junction = cast.by_id[meets.other], word_of(meets.junction)
+        self._points = cast.progress.meeting(actor, self._other, self._junction)
+        self._gap_s = si_of(meets.gap) * (1 if meets.order == "after" else -1)
+        self._committed = False
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        if self.over():
+            self._recorder.event(time_s, self._actor.id, "met", {"junction": self._junction})
+            self._cast.pace(self._actor, self._cast.cruise[self._actor.id])
+            return False
+        if not self._committed:
+            pace, self._committed = self.asked(), self._near()
+            self._cast.pace(self._actor, pace)
+            if self._committed:
+                detail = {"junction": self._junction, "speed_mps": pace}
+                self._recorder.event(time_s, self._actor.id, "keeps_speed", detail)
+        return True
+
+    def complete(self) -> bool:
+        """Whether the actor has left the junction (or does not come there)."""
+        span = self._cast.progress.span(self._actor, self._junction)
+        return span is None or self._cast.progress.front(self._actor, self._cast.frame) >= span[1]
+
+    def asked(self) -> float:
+        """Return what it asks the actor to drive now, without the actor's `timing`, m/s."""
+        cast, actor, other, timing = self._cast, self._actor, self._other, self._actor.placed.timing
+        cruise = cast.cruise[actor.id] / timing
+        fastest = HASTE * cruise
+        if self._near():
+            return min(max(actor.speed / timing, CREEPS_MPS), fastest)
+        if self._points is None or not other.present:
+            return cruise
+        own = self._points[0] - cast.progress.front(actor, cast.frame)
+        theirs = self._points[1] - cast.progress.front(other, cast.frame)
+        if own <= 0 or theirs <= 0:
+            return cruise
+        arrival = theirs / max(other.speed, WAITS_MPS) + self._gap_s
+        return min(own / arrival, fastest) if arrival > 0 else fastest
+
+    def over(self) -> bool:
+        """Whether the actor is well inside the junction, has left the world, or does not come there."""
+        room = self._room()
+        return math.isnan(room) or room <= -MET_M or not self._actor.present
+
+    def _near(self) -> bool:
+        return self._room() <= (COMMITS_WALKING_M if isinstance(self._actor, Walker) else COMMITS_M)
+
+    def _room(self) -> float:
+        return self._cast.progress.to_junction(self._actor, self._junction, self._cast.frame)

@@ -1,0 +1,208 @@
+"""Where an actor is at a moment: what every kind of actor has in common while a run goes on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.simulate.actors.dynamics import BicycleState, centre_of_front
+from foresee_dsl.simulate.results.collision import Box, Mover
+from foresee_dsl.simulate.trace import FIELDS
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+_ON_NONE = -1
+
+
+class Mobile:
+    """An actor's footprint now; the runner's other modules change it in place (20 actors, 20 times a second).
+
+    Its numbers lie in a row of their own, or, once it has joined a `Crowd`, in the crowd's.
+
+    Attributes:
+        id: its name. placed: the actor as the scene has it. length, width: of the footprint, m.
+    """
+
+    __slots__ = ("_along", "_crowd", "_lane", "_number", "_present", "_row", "id", "length", "placed", "width")
+
+    def __init__(self, actor: PlacedActor) -> None:
+        """Stand where the scene places it."""
+        self.placed = actor
+        self.id = actor.id
+        self.length = actor.model.length_m
+        self.width = actor.model.width_m
+        x, y = actor.x, actor.y
+        if actor.control in ("ego", "sumo"):  # placed by the front bumper
+            x, y = centre_of_front(x, y, actor.heading_rad, self.length)
+        self._row = np.array(
+            (x, y, actor.heading_rad, actor.speed_mps, actor.acceleration_mps2, 0.0, actor.steer_rad), dtype=np.float64
+        )
+        self._lane, self._along, self._present = actor.lane, math.nan, True
+        self._crowd: Crowd | None = None
+        self._number = 0
+
+    @property
+    def x(self) -> float:
+        """m, of the centre."""
+        return self._row.item(0)
+
+    @property
+    def y(self) -> float:
+        """m, of the centre."""
+        return self._row.item(1)
+
+    @property
+    def heading(self) -> float:
+        """rad, counter-clockwise from east."""
+        return self._row.item(2)
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+        return self._row.item(3)
+
+    @speed.setter
+    def speed(self, mps: float) -> None:
+        self._row[3] = mps
+
+    @property
+    def acceleration(self) -> float:
+        """m/s^2, along the heading."""
+        return self._row.item(4)
+
+    @property
+    def yaw_rate(self) -> float:
+        """rad/s."""
+        return self._row.item(5)
+
+    @property
+    def steer(self) -> float:
+        """rad, of the front wheels, left positive."""
+        return self._row.item(6)
+
+    @property
+    def lane(self) -> str:
+        """SUMO's id of the lane it is on, or ""."""
+        return self._lane
+
+    @lane.setter
+    def lane(self, lane: str) -> None:
+        if lane != self._lane:
+            self._lane = lane
+            if self._crowd is not None:
+                self._crowd.put_on(self._number, lane)
+
+    @property
+    def along(self) -> float:
+        """m along its path; NaN where it follows none."""
+        return self._along
+
+    @along.setter
+    def along(self, along_m: float) -> None:
+        self._along = along_m
+        if self._crowd is not None:
+            self._crowd.along[self._number] = along_m
+
+    @property
+    def present(self) -> bool:
+        """False before it comes and after it has gone."""
+        return self._present
+
+    @present.setter
+    def present(self, present: bool) -> None:
+        if present == self._present:
+            return
+        self._present = present
+        if self._crowd is not None:
+            self._crowd.is_there(self._number, present, self._lane)
+
+    @property
+    def front(self) -> tuple[float, float]:
+        """The middle of the front bumper, m."""
+        x, y, heading, *_ = self._row.tolist()
+        half = self.length / 2
+        return x + half * math.cos(heading), y + half * math.sin(heading)
+
+    @property
+    def box(self) -> Box:
+        """The footprint."""
+        x, y, heading, *_ = self._row.tolist()
+        return Box(x, y, heading, self.length, self.width)
+
+    @property
+    def mover(self) -> Mover:
+        """The footprint with its speed."""
+        x, y, heading, speed, *_ = self._row.tolist()
+        return Mover(x, y, heading, speed, self.length, self.width)
+
+    def bicycle(self) -> BicycleState:
+        """The same as a bicycle's state."""
+        return BicycleState(*self._row.tolist())
+
+    def move(
+        self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0, yaw_rate: float = 0.0
+    ) -> None:
+        """Be somewhere else; the steering stays."""
+        self._row[:6] = x, y, heading, speed, acceleration, yaw_rate
+
+    def become(self, state: BicycleState) -> None:
+        """Take over a bicycle's state."""
+        heading = math.remainder(state.heading, math.tau)
+        self._row[:] = state.x, state.y, heading, state.speed, state.acceleration, state.yaw_rate, state.steer
+
+    def join(self, crowd: Crowd, number: int, row: FloatArray) -> None:
+        """Keep its numbers in a crowd's table from now on; its lane and whether it is there are told to the crowd."""
+        self._row, self._crowd, self._number = row, crowd, number
+        crowd.put_on(number, self._lane)
+        crowd.along[number] = self._along
+        if not self._present:
+            crowd.is_there(number, False, "")
+
+
+class Crowd:
+    """All actors of a run as tables, so that one call moves them all, or writes a frame down.
+
+    Attributes:
+        states: [A, 7] the columns of `Trace.states`, also of those who are not there.
+        lanes: [A] index into `lane_ids`, -1 on none; another array whenever somebody changes lane.
+        lane_ids: every lane that somebody has been on, with its index.
+        along: [A] m along a path, NaN for those who follow none.
+    """
+
+    def __init__(self, actors: Sequence[Mobile]) -> None:
+        """Gather these actors; their rows become the tables' rows, in this order."""
+        self.states = np.array([actor._row for actor in actors]).reshape(-1, len(FIELDS))
+        self.lanes: IntArray = np.full(len(actors), _ON_NONE, dtype=np.int32)
+        self.along: FloatArray = np.full(len(actors), math.nan)
+        self._absent: NDArray[np.intp] = np.empty(0, dtype=np.intp)
+        self.lane_ids: dict[str, int] = {}
+        for number, actor in enumerate(actors):
+            actor.join(self, number, self.states[number])
+        self._somebody_walks = not np.isnan(self.along).all()
+
+    def put_on(self, number: int, lane: str) -> None:
+        """Note which lane an actor is on."""
+        self.lanes = self.lanes.copy()
+        self.lanes[number] = self.lane_ids.setdefault(lane, len(self.lane_ids)) if lane else _ON_NONE
+
+    def is_there(self, number: int, present: bool, lane: str) -> None:
+        """Note whether an actor is there, and if so, on which lane."""
+        others = self._absent[self._absent != number]
+        self._absent = others if present else np.append(others, number)
+        self.put_on(number, lane if present else "")
+        if not present:
+            self.along[number] = math.nan
+
+    def frame(self) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Return `states`, `lanes` and `along` as they are now, with NaN and -1 for those who are not there."""
+        states, lanes, along = self.states.copy(), self.lanes, self.along
+        if self._somebody_walks:
+            along = along.copy()
+        if self._absent.size:
+            states[self._absent] = math.nan
+        return states, lanes, along

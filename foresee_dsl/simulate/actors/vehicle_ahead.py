@@ -1,0 +1,156 @@
+"""What is in the way of a vehicle that SUMO does not move any more: how far it is, and how fast it goes the same way.
+
+It looks along its lane, along the arc of its wheels, and for who will cross its way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import cos, hypot, pi, radians, sin, tan
+from typing import NamedTuple, Protocol
+
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.drivers.protocol import VehicleLimits
+from foresee_dsl.simulate.actors.dynamics import BicycleState
+from foresee_dsl.simulate.results.collision import Mover
+
+SIGHT_M = 80.0
+"""How far ahead it looks. Ours."""
+MARGIN_M = 0.2
+"""A body counts as ahead when it comes this near to the swept corridor. Ours."""
+STRAYS_M = 1.0
+"""Further than this from its lane's centre an actor looks where its wheels point and not along its lane. Ours: a car
+in a lane of 3.3 m that is 1 m off has a side on the marking."""
+ARC_S, ARC_STRAYING_S = 0.5, 3.0
+"""How far along the arc of its wheels it looks, in and out of its lane. Ours: in it, for what has come upon it; out of
+it, the time in which any speed in a town is braked away (25 m/s at 8 m/s^2)."""
+CROSSING_S = 2.0
+"""How far ahead it sees that somebody who crosses will be where it will be. Ours: the time to collision from which UN
+R157's careful driver reacts (2 s; see `derive.preventability_risk`)."""
+CROSSES_RAD = radians(30)
+"""Who goes at least so much across its way crosses it; the others come or go with it, and their lanes bend. Ours."""
+MOVES_MPS = 0.3
+"""Who is slower crosses nothing within that time: 0.6 m. Ours."""
+_EVERY_S = 0.1
+"""A crossing is looked for at these times; at 20 m/s, each 2 m."""
+
+
+class Lane(Protocol):
+    """What is needed of a route's centreline."""
+
+    def at(self, s: float, /) -> tuple[float, float, float]:
+        """Return x, y and heading at a length."""
+        ...
+
+    def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]:
+        """Return the length nearest to a point, and how far to the left of the line it lies."""
+        ...
+
+
+class Hindrance(NamedTuple):
+    """Something in the way: the room up to it (m) and its speed in our direction (m/s)."""
+
+    room_m: float
+    speed_mps: float
+
+
+class Lookout:
+    """Finds what a vehicle has to brake for.
+
+    Args:
+        limits: of the vehicle.
+        line: the centreline of its route. line_m: how far to the left of it the vehicle keeps.
+    """
+
+    def __init__(self, limits: VehicleLimits, line: Lane, line_m: float = 0.0) -> None:
+        """Look along this line."""
+        self._limits, self._line, self._line_m = limits, line, line_m
+
+    def hindrances(
+        self, state: BicycleState, s: float, others: Sequence[Mover], *, strays: bool, yields: bool
+    ) -> Iterator[Hindrance]:
+        """Yield everything in the way.
+
+        Args:
+            state: of the vehicle. s: how far along the line it is.
+            others: everybody else; NaN where absent.
+            strays: it does not keep its lane now, so that its wheels say where it goes.
+            yields: False for who does not look out for those who cross its way, only for what is on it.
+        """
+        arc = tan(state.steer) / self._limits.wheelbase_m
+        c, si = cos(state.heading), sin(state.heading)
+        for other in others:
+            dx, dy = other.x - state.x, other.y - state.y
+            if not hypot(dx, dy) <= SIGHT_M:  # NaN is not there
+                continue
+            along, left = dx * c + dy * si, dy * c - dx * si
+            found = None
+            if along > 0:
+                found = self._on_arc(state, arc, other, along, left, strays=strays)
+                found = found or (None if strays else self._in_lane(s, other, along))
+            if found is None and yields:
+                found = self._crossing(state, arc, s, other, strays=strays)
+            if found is not None:
+                yield found
+
+    def _on_arc(
+        self, state: BicycleState, arc: float, other: Mover, along: float, left: float, *, strays: bool
+    ) -> Hindrance | None:
+        """What lies on the arc that the wheels now describe; `along`, `left`: where it is in our frame (m).
+
+        Who keeps the lane looks at the lane: its wheels say little about where it will be in a second.
+        """
+        facing = state.heading + arc * along
+        room = along - self._limits.length_m / 2 - half_extent(other, facing)
+        # A sharp arc is left again soon: beyond a radian it says nothing.
+        if room > state.speed * (ARC_STRAYING_S if strays else ARC_S) or abs(arc) * along > 1:
+            return None
+        if abs(left - arc * along * along / 2) > self._reach(other, facing):
+            return None
+        return Hindrance(room, other.speed * cos(other.heading - facing))
+
+    def _in_lane(self, s: float, other: Mover, along: float) -> Hindrance | None:
+        """What stands or drives in its lane."""
+        there, beside = self._line.project(other.x, other.y, s + along)
+        facing = self._line.at(there)[2]
+        if there <= s or abs(beside - self._line_m) > self._reach(other, facing):
+            return None
+        room = there - s - self._limits.length_m / 2 - half_extent(other, facing)
+        return Hindrance(room, other.speed * cos(other.heading - facing))
+
+    def _crossing(self, state: BicycleState, arc: float, s: float, other: Mover, *, strays: bool) -> Hindrance | None:
+        """Who will be in front of it where it will be, if both go on as they do: as a wall at that place."""
+        far = (abs(state.speed) + abs(other.speed)) * CROSSING_S + self._limits.length_m + other.length
+        if other.speed < MOVES_MPS or hypot(other.x - state.x, other.y - state.y) > far:
+            return None
+        ex, ey = other.velocity
+        for k in range(1, round(CROSSING_S / _EVERY_S) + 1):
+            way = state.speed * k * _EVERY_S
+            x, y, heading = self._on_its_way(state, arc, s, way, strays=strays)
+            dx, dy = other.x + ex * k * _EVERY_S - x, other.y + ey * k * _EVERY_S - y
+            along, left = dx * cos(heading) + dy * sin(heading), dy * cos(heading) - dx * sin(heading)
+            touches = abs(along) <= self._limits.length_m / 2 + half_extent(other, heading)
+            if not touches or abs(left) > self._reach(other, heading):
+                continue
+            across = abs(wrap(other.heading - heading))
+            # Who comes against its side is not avoided by braking.
+            return Hindrance(way, 0.0) if along > 0 and CROSSES_RAD <= across <= pi - CROSSES_RAD else None
+        return None
+
+    def _on_its_way(
+        self, state: BicycleState, arc: float, s: float, way_m: float, *, strays: bool
+    ) -> tuple[float, float, float]:
+        if not strays:
+            x, y, heading = self._line.at(s + way_m)
+            return x - self._line_m * sin(heading), y + self._line_m * cos(heading), heading
+        middle = state.heading + arc * way_m / 2
+        return state.x + way_m * cos(middle), state.y + way_m * sin(middle), state.heading + arc * way_m
+
+    def _reach(self, other: Mover, facing: float) -> float:
+        return self._limits.width_m / 2 + MARGIN_M + half_extent(other, facing + pi / 2)
+
+
+def half_extent(body: Mover, angle: float) -> float:
+    """Return half the length of a body's shadow on a line in direction `angle`, m."""
+    turned = angle - body.heading
+    return (body.length * abs(cos(turned)) + body.width * abs(sin(turned))) / 2

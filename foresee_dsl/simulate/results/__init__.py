@@ -1,0 +1,1 @@
+"""What a run's result is made of: contacts, verdict, near misses."""

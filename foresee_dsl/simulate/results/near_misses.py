@@ -1,0 +1,333 @@
+"""How near a run came to a failure: smallest distance, time to collision and post-encroachment time, hardest braking.
+
+Everything is between the ego's footprint and another's. A *way* is the curve that a footprint took in the run, gone on
+with straight ahead where the run ends. The formulas are those of Westhofen et al., "Criticality Metrics for Automated
+Driving" (Archives of Computational Methods in Engineering, 2023), from memory and not checked; that they go along the
+ways, and not straight ahead from each frame, is ours: straight ahead, everybody who turns at a junction would have a
+small time to collision with who waits there, and two who meet in a bend with each other.
+
+- distance(t): between the footprints, m.
+- TTC(t): the least tau at which the footprints touch, had both gone on from t with the speeds of t along their ways.
+- DRAC(t) = c / (2 TTC(t)), with c the speed at which the ego comes nearer along its own heading at that touch,
+  v_ego - v_other cos(turn). In line that is the usual c^2 / (2 gap), as the gap is c TTC; across it is the braking with
+  which the ego stops where they would touch. Who stands need not brake.
+- PET: the least time between one leaving a spot and the other coming to it, in different directions. Who follows
+  another in its direction has a time gap and no PET.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from foresee_dsl.simulate.results.collision import FloatArray, IntArray, box_overlap, pairwise_box_distance
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
+
+HORIZON_S = 5.0
+"""Longer times to collision and post-encroachment times are none. Ours: conflict studies call 1.5 s to 3 s serious."""
+LOOKS_AHEAD_S = 0.1
+"""TTC is looked for in such steps ahead, then to a millisecond. Ours: a touch that is shorter, of two corners, is
+missed."""
+CROSSING_RAD = math.radians(20)
+"""Ways that differ by less at the spot go in one direction. Ours: the angle from which the forecast calls ways
+crossing (`crossing_angle_rad`)."""
+STANDS_MPS = 0.1
+"""Slower is standing: SUMO's threshold of halting."""
+_SKIPPED = 4
+"""Every fourth frame is looked at first, then all about the worst of them."""
+_STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)
+_BIN_M = 2.0
+"""Ways are compared first in pieces of this length. Ours: it decides the time that it takes, not the answer."""
+_BEND_M = 0.4
+"""A piece leaves the straight line by less than this, on an arc of 5 m: 2^2 / (2 x 5)."""
+_HALVINGS = 7
+"""0.1 s halved so many times is under a millisecond."""
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """The worst value of a measure, when it was, and with whom.
+
+    Attributes:
+        value: m, s or m/s^2. time_s: in the run; of a post-encroachment time, when the second one came to the spot.
+        actor: the other's id.
+    """
+
+    value: float
+    time_s: float
+    actor: str
+
+
+@dataclass(frozen=True)
+class NearMisses:
+    """How near a run came to a failure; None where nobody ever came near enough for a measure to be said.
+
+    Attributes:
+        distance_m: smallest distance between footprints. ttc_s: smallest time to collision.
+        pet_s: smallest post-encroachment time. drac_mps2: hardest braking needed, infinity at a contact.
+    """
+
+    distance_m: NearMiss | None
+    ttc_s: NearMiss | None
+    pet_s: NearMiss | None
+    drac_mps2: NearMiss | None
+
+    def as_dict(self) -> dict[str, dict[str, float | str | None] | None]:
+        """Return it for JSON: by measure the value (null where it is infinite), when and with whom."""
+        return {name: _as_dict(found) for name, found in vars(self).items()}
+
+
+def _as_dict(found: NearMiss | None) -> dict[str, float | str | None] | None:
+    if found is None:
+        return None
+    value = round(found.value, 3) if math.isfinite(found.value) else None
+    return {"value": value, "time_s": round(found.time_s, 2), "with": found.actor}
+
+
+def near_misses(trace: Trace) -> NearMisses:
+    """Return how near the ego came to a failure in a run, obstacles and parked cars included."""
+    ways = _Ways(trace)
+    ttc, drac = _conflicts(ways)
+    return NearMisses(_closest(ways), ttc, _encroachment(ways), drac)
+
+
+class _Ways:
+    """A run as footprints with lengths along their ways."""
+
+    def __init__(self, trace: Trace) -> None:
+        self.trace = trace
+        self.xy: FloatArray = trace.states[:, :, [X, Y]]
+        self.heading: FloatArray = trace.states[:, :, HEADING]
+        self.speed: FloatArray = trace.states[:, :, SPEED]
+        self.size = np.array([(info.length_m, info.width_m) for info in trace.actors], dtype=np.float64)
+        self.radius: FloatArray = np.hypot(self.size[:, 0], self.size[:, 1]) / 2
+        delta = self.xy[:, 1:] - self.xy[:, :1]
+        self.apart: FloatArray = np.hypot(delta[..., 0], delta[..., 1])
+        """[T, A - 1] m between the middles, NaN where absent."""
+
+    def boxes(self, frames: IntArray, actors: IntArray | int) -> FloatArray:
+        """Return footprints, [N, 5]."""
+        xy, size = self.xy[frames, actors], np.broadcast_to(self.size[actors], (len(frames), 2))
+        return np.column_stack([xy, self.heading[frames, actors], size])
+
+    def miss(self, value: float, frame: int, actor: int) -> NearMiss:
+        """Name a value."""
+        return NearMiss(float(value), float(self.trace.time_s[frame]), self.trace.actors[actor].id)
+
+
+class _Way:
+    """One actor's way by its length, m."""
+
+    def __init__(self, ways: _Ways, actor: int) -> None:
+        self.present: IntArray = np.flatnonzero(~np.isnan(ways.xy[:, actor, 0]))
+        self._xy, self._heading = ways.xy[self.present, actor], np.unwrap(ways.heading[self.present, actor])
+        self._along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self._xy, axis=0).T))])
+        self.along: FloatArray = np.full(len(ways.xy), np.nan)
+        self.along[self.present] = self._along
+
+    def places(self, along: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return x and y at lengths; straight on beyond the end."""
+        beyond = np.maximum(along - self._along[-1], 0.0)
+        last = self._heading[-1]
+        x = np.interp(along, self._along, self._xy[:, 0]) + beyond * math.cos(last)
+        y = np.interp(along, self._along, self._xy[:, 1]) + beyond * math.sin(last)
+        return x, y
+
+    def headings(self, along: FloatArray) -> FloatArray:
+        """Return the headings at lengths, rad."""
+        found: FloatArray = np.interp(along, self._along, self._heading)
+        return found
+
+
+# --- smallest distance -----------------------------------------------------------------------------------------------
+
+
+def _closest(ways: _Ways) -> NearMiss | None:
+    if not np.isfinite(ways.apart).any():
+        return None
+    # Two footprints are at least as far apart as the circles around them, and at most as those inside them.
+    least = ways.apart - ways.radius[0] - ways.radius[1:]
+    most = np.maximum(ways.apart - ways.size[0].min() / 2 - ways.size[1:].min(axis=1) / 2, 0.0)
+    frames, others = np.nonzero(least <= np.nanmin(most))
+    found = pairwise_box_distance(ways.boxes(frames, 0), ways.boxes(frames, others + 1))
+    k = int(found.argmin())
+    return ways.miss(found[k], int(frames[k]), int(others[k]) + 1)
+
+
+# --- time to collision, and the braking it takes ---------------------------------------------------------------------
+
+
+def _conflicts(ways: _Ways) -> tuple[NearMiss | None, NearMiss | None]:
+    """Return the smallest TTC and the largest DRAC."""
+    ego, frames = _Way(ways, 0), len(ways.xy)
+    # The last frame is where a run fails.
+    looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
+    soonest: NearMiss | None = None
+    hardest: NearMiss | None = None
+    near: list[tuple[int, IntArray]] = []
+    places = _ahead(ways, ego, looked_at)
+    for actor in range(1, ways.xy.shape[1]):
+        rows, ttc, drac = _with(ways, ego, actor, looked_at, places)
+        if rows.size:
+            near.append((actor, np.unique([rows[ttc.argmin()], rows[drac.argmax()]])))
+    # Then the frames between, about the worst of those of each actor.
+    for actor, worst in near:
+        about = np.unique(np.clip(worst[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
+        rows, ttc, drac = _with(ways, ego, actor, about, _ahead(ways, ego, about))
+        k, h = int(ttc.argmin()), int(drac.argmax())
+        if soonest is None or ttc[k] < soonest.value:
+            soonest = ways.miss(ttc[k], int(rows[k]), actor)
+        if drac[h] > 0 and (hardest is None or drac[h] > hardest.value):
+            hardest = ways.miss(drac[h], int(rows[h]), actor)
+    return soonest, hardest
+
+
+def _ahead(ways: _Ways, ego: _Way, frames: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the ego will be from each frame on, [N, steps ahead] x and y."""
+    return ego.places(ego.along[frames, None] + ways.speed[frames, 0, None] * _STEPS_AHEAD_S)
+
+
+def _with(
+    ways: _Ways,
+    ego: _Way,
+    actor: int,
+    looked_at: IntArray,
+    ego_places: tuple[FloatArray, FloatArray],
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the frames at which a touch lies ahead with an actor, its TTC and DRAC there."""
+    reach = ways.radius[0] + ways.radius[actor]
+    closing = ways.speed[looked_at, 0] + ways.speed[looked_at, actor]
+    can = np.flatnonzero(ways.apart[looked_at, actor - 1] - reach <= closing * HORIZON_S)  # False where absent
+    if not can.size:
+        return can, np.empty(0), np.empty(0)
+    frames, way = looked_at[can], _Way(ways, actor)
+    speeds = ways.speed[frames, 0], ways.speed[frames, actor]
+    x, y = way.places(way.along[frames, None] + speeds[1][:, None] * _STEPS_AHEAD_S)
+    near = (x - ego_places[0][can]) ** 2 + (y - ego_places[1][can]) ** 2 <= reach * reach
+    row, column = np.nonzero(near)
+
+    def touch(row: IntArray, tau: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
+        """Whether the footprints overlap `tau` after the frames of rows; and by how much they are turned."""
+        mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, way.along[frames[row]] + speeds[1][row] * tau
+        a, b = _swept(ego, mine, ways.size[0]), _swept(way, theirs, ways.size[actor])
+        return box_overlap(a, b), b[:, 2] - a[:, 2]
+
+    touching = touch(row, _STEPS_AHEAD_S[column])[0]
+    if not touching.any():
+        return can[:0], np.empty(0), np.empty(0)
+    row, first = np.unique(row[touching], return_index=True)
+    late = _STEPS_AHEAD_S[column[touching][first]]
+    early = np.maximum(late - LOOKS_AHEAD_S, 0.0)
+    for _ in range(_HALVINGS):
+        middle = (early + late) / 2
+        there = touch(row, middle)[0]
+        early, late = np.where(there, early, middle), np.where(there, middle, late)
+    ttc = np.where(touch(row, np.zeros(len(row)))[0], 0.0, late)
+    closes = speeds[0][row] - speeds[1][row] * np.cos(touch(row, ttc)[1])
+    closes = np.where(speeds[0][row] < STANDS_MPS, 0.0, np.maximum(closes, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        drac = np.where(closes > 0, closes / (2 * ttc), 0.0)
+    return frames[row], ttc, drac
+
+
+def _swept(way: _Way, along: FloatArray, size: FloatArray) -> FloatArray:
+    x, y = way.places(along)
+    return np.column_stack([x, y, way.headings(along), np.broadcast_to(size, (len(along), 2))])
+
+
+# --- post-encroachment time ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Ways cut into pieces of `_BIN_M`, in the order of their frames.
+
+    Attributes:
+        actor: [P]. first, last: [P] frames of a piece; who stands does so within one. middle: [P] one between them.
+    """
+
+    actor: IntArray
+    first: IntArray
+    last: IntArray
+    middle: IntArray
+
+
+def _encroachment(ways: _Ways) -> NearMiss | None:
+    if ways.xy.shape[1] < 2 or not len(ways.xy):
+        return None
+    mine, theirs = _pieces(ways, [0]), _pieces(ways, list(range(1, ways.xy.shape[1])))
+    i, j = _candidates(ways, mine, theirs)
+    gap = np.maximum(np.maximum(mine.first[i] - theirs.last[j], theirs.first[j] - mine.last[i]), 0)
+    best: tuple[int, int, int] | None = None  # steps between, frame, actor
+    horizon = round(HORIZON_S / STEP_S)
+    for k in np.argsort(gap, kind="stable").tolist():
+        if gap[k] > horizon or (best is not None and gap[k] >= best[0]):
+            break
+        actor = int(theirs.actor[j[k]])
+        found = _between(ways, mine, int(i[k]), theirs, int(j[k]))
+        if found is not None and found[0] <= horizon and (best is None or found[0] < best[0]):
+            best = *found, actor
+    return None if best is None else ways.miss(best[0] * STEP_S, best[1], best[2])
+
+
+def _pieces(ways: _Ways, actors: list[int]) -> _Pieces:
+    first, last, who = [], [], []
+    for actor in actors:
+        way = _Way(ways, actor)
+        if not way.present.size:
+            continue
+        number = np.floor(way.along[way.present] / _BIN_M)
+        begins = np.flatnonzero(np.diff(number, prepend=-1.0))
+        first.append(way.present[begins])
+        last.append(way.present[np.append(begins[1:], len(number)) - 1])
+        who.append(np.full(len(begins), actor))
+    empty = [np.empty(0, dtype=np.intp)]
+    a, b = np.concatenate(first or empty), np.concatenate(last or empty)
+    return _Pieces(np.concatenate(who or empty), a, b, (a + b) // 2)
+
+
+def _candidates(ways: _Ways, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
+    """Return pairs of pieces (of the ego, of another) that may have a spot in common."""
+    if not theirs.actor.size:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    within = ways.radius[0] + ways.radius[theirs.actor].max() + 2 * _BIN_M
+    tree = shapely.STRtree(np.asarray(shapely.points(ways.xy[theirs.middle, theirs.actor]), dtype=np.object_))
+    i, j = tree.query(shapely.points(ways.xy[mine.middle, 0]), predicate="dwithin", distance=within)
+    horizon = round(HORIZON_S / STEP_S)
+    soon = (mine.first[i] - theirs.last[j] <= horizon) & (theirs.first[j] - mine.last[i] <= horizon)
+    i, j = i[soon], j[soon]
+    a, b = ways.boxes(mine.middle[i], 0), ways.boxes(theirs.middle[j], theirs.actor[j])
+    for boxes in (a, b):
+        boxes[:, 3] += 2 * _BIN_M
+        boxes[:, 4] += 2 * _BEND_M
+    meet = box_overlap(a, b)
+    return i[meet], j[meet]
+
+
+def _between(ways: _Ways, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
+    """Return the least number of steps between two passages of a spot in two pieces, and when the second was there."""
+    actor = int(theirs.actor[j])
+    e = _moving(ways, int(mine.first[i]), int(mine.last[i]), 0)
+    o = _moving(ways, int(theirs.first[j]), int(theirs.last[j]), actor)
+    ego, other = np.repeat(e, len(o)), np.tile(o, len(e))
+    crossing = np.cos(ways.heading[ego, 0] - ways.heading[other, actor]) <= math.cos(CROSSING_RAD)
+    ego, other = ego[crossing], other[crossing]
+    hit = box_overlap(ways.boxes(ego, 0), ways.boxes(other, actor))
+    if not hit.any():
+        return None
+    ego, other = ego[hit], other[hit]
+    steps = np.abs(ego - other)
+    k = int(steps.argmin())
+    return int(steps[k]), int(max(ego[k], other[k]))
+
+
+def _moving(ways: _Ways, first: int, last: int, actor: int) -> IntArray:
+    """Return the frames of a piece without those at which it goes on standing: coming and leaving are what counts."""
+    frames = np.arange(first, last + 1)
+    stands = ways.speed[frames, actor] == 0.0
+    inner = stands[1:-1] & stands[:-2] & stands[2:]
+    return frames[np.concatenate([[True], ~inner, [True]])] if len(frames) > 2 else frames

@@ -1,0 +1,332 @@
+"""How a run ends: what kind of failure a collision is, and when a run is over.
+
+The kinds are the paper's (section 4.4): F1 elements beyond the road (pavements, poles), F2 pedestrians, F3 frontal,
+F4 lateral and F5 rear collisions with other vehicles. The paper does not say where one of the last three ends and the
+next begins; ours is the contact normal. Both vehicles are moved back to where they first touched; there the line at
+right angles to the touching sides is the *contact normal*. A body is hit in front, at a side or in the rear when the
+normal leaves it within 45 degrees of that direction. Then
+
+- F3 frontal: headings within 45 degrees of opposite, both hit in front;
+- F5 rear: headings within 45 degrees of equal, one hit in front, the other in the rear (either may be the ego);
+- F4 lateral: everything else (side swipes, T-bones, corners).
+
+Bicycles and motorcycles are vehicles. Whether the ego is to blame plays no role, as in the paper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, hypot, inf, pi, sin
+
+import numpy as np
+
+from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.results.collision import FloatArray, Mover, corner_points, ego_hits
+from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
+
+STUCK_SPEED_MPS = 0.1
+"""Slower than this is standing. Ours: the same as SUMO's threshold for a halting vehicle."""
+
+STUCK_AFTER_S = 20.0
+"""A vehicle that stands this long with nothing to wait for is stuck. Ours: longer than any pause in giving way that
+the bundled scenarios hold; a red signal and traffic ahead do not count."""
+
+WHEEL_INSET_M = 0.3
+"""The ego is off the road when the inner edge of a tyre is. Ours: a tyre is 0.2 m wide and stands up to 0.1 m inside
+the body, so brushing a kerb is no failure, and a whole wheel on the pavement is."""
+
+FACING_RAD = pi / 4
+"""Half the sector that counts as front, side or rear. Ours: four equal sectors."""
+
+CONTACT_WITHIN_S = 0.1
+"""How far back the first touch is looked for. Ours: two steps; were the bodies to need longer to come apart, their
+turning has brought them together and not their speed, and the least penetration says which sides touch."""
+
+FLUSH_M = 0.05
+"""Two sides whose ends are this near to each other touch along their length, nearer in angle than cars are square
+(ours); otherwise a corner of the one touches."""
+
+_PHRASE = {
+    Verdict.F3: "frontal collision with {}",
+    Verdict.F4: "lateral collision with {}",
+    Verdict.F5: "rear collision with {}",
+}
+
+
+def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
+    """Return the kind of failure that a collision is.
+
+    Args:
+        ego: the ego where it overlaps the other.
+        other: what it hit, at the same moment.
+        kind: what the other is.
+
+    Returns:
+        One of F1 to F5.
+    """
+    if kind == "obstacle":
+        return Verdict.F1
+    if kind == "pedestrian":
+        return Verdict.F2
+    mine, theirs = contact_sides(ego, other)
+    turned = abs(wrap(other.heading - ego.heading))
+    if turned >= pi - FACING_RAD and mine == theirs == "front":
+        return Verdict.F3
+    if turned <= FACING_RAD and {mine, theirs} == {"front", "rear"}:
+        return Verdict.F5
+    return Verdict.F4
+
+
+def impact(ego: Mover, other: Mover, name: str) -> Impact:
+    """Return how two bodies touched.
+
+    The speeds are those of the moment given. Sides and place are those of the first touch, to which both are moved
+    back along their velocities.
+
+    Args:
+        ego: the ego where it overlaps the other. other: what it touches, at the same moment. name: the other's id.
+    """
+    since_s, normal = _first_touch(ego, other)
+    (ax, ay), (bx, by) = ego.velocity, other.velocity
+    nx, ny = cos(normal), sin(normal)
+    ahead, left = _touched_at(_moved_back(ego, since_s), _moved_back(other, since_s), normal)
+    return Impact(
+        with_=name,
+        side=_side(normal - ego.heading),
+        other_side=_side(normal + pi - other.heading),
+        ahead_m=ahead,
+        left_m=left,
+        turned_rad=wrap(other.heading - ego.heading),
+        struck_by=who_struck(ego, other),
+        relative_mps=hypot(ax - bx, ay - by),
+        closing_mps=(ax - bx) * nx + (ay - by) * ny,
+        ego_mps=ego.speed,
+        other_mps=other.speed,
+    )
+
+
+def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
+    """Return which sides of two overlapping bodies touched first: (of the ego, of the other)."""
+    normal = contact_normal(ego, other)
+    return _side(normal - ego.heading), _side(normal + pi - other.heading)
+
+
+def who_struck(ego: Mover, other: Mover) -> Striker:
+    """Return which of two overlapping bodies moved towards the other, along the contact normal.
+
+    Who did by more than `STUCK_SPEED_MPS` counts: both (head on, two that drift together), or neither (one that turns
+    into the other while it passes).
+    """
+    normal = contact_normal(ego, other)
+    ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
+    strikes, struck = ahead > STUCK_SPEED_MPS, -against > STUCK_SPEED_MPS
+    if strikes == struck:
+        return "both" if strikes else "neither"
+    return "ego" if strikes else "other"
+
+
+def contact_normal(a: Mover, b: Mover) -> float:
+    """Return the direction (rad) from `a` to `b` at right angles to the sides that touched first."""
+    return _first_touch(a, b)[1]
+
+
+def _first_touch(a: Mover, b: Mover) -> tuple[float, float]:
+    """Return how long ago (s) two overlapping bodies touched first, and the contact normal (rad, from `a` to `b`).
+
+    Two boxes come to overlap at the moment when the last of the four directions at right angles to their sides stops
+    separating them. Going back along the relative velocity, that is the direction which separates them first. Where
+    their speeds do not tell, it is now, and the direction is that of the least penetration.
+    """
+    dx, dy = b.x - a.x, b.y - a.y
+    (ax, ay), (bx, by) = a.velocity, b.velocity
+    vx, vy = bx - ax, by - ay
+    soonest, normal = CONTACT_WITHIN_S, None
+    least, shallowest = inf, 0.0
+    for angle in (a.heading, a.heading + pi / 2, b.heading, b.heading + pi / 2):
+        nx, ny = cos(angle), sin(angle)
+        reach = (_extent(a, angle) + _extent(b, angle)) / 2
+        apart, speed = dx * nx + dy * ny, -(vx * nx + vy * ny)
+        depth = reach - abs(apart)
+        if depth < least:
+            least, shallowest = depth, angle if apart >= 0 else angle + pi
+        if speed != 0.0:
+            sign = 1.0 if speed > 0 else -1.0
+            since = (reach - sign * apart) / abs(speed)
+            if since < soonest:
+                soonest, normal = since, angle if speed > 0 else angle + pi
+    return (0.0, shallowest) if normal is None else (soonest, normal)
+
+
+def _moved_back(body: Mover, time_s: float) -> Mover:
+    east, north = body.velocity
+    return body._replace(x=body.x - east * time_s, y=body.y - north * time_s)
+
+
+def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
+    """Return where two bodies touch across the contact normal: m ahead of the ego's centre and to its left.
+
+    It is the middle of what the ego's outermost side (or corner) and the other's have in common.
+    """
+    nx, ny = cos(normal), sin(normal)
+    (low, high), (theirs_low, theirs_high) = (
+        _outermost(body, sign * nx, sign * ny, (-ny, nx)) for body, sign in ((ego, 1.0), (other, -1.0))
+    )
+    # The middle of the overlap; bodies whose speeds do not tell may have none, and then it is the nearer end.
+    across = min(max((max(low, theirs_low) + min(high, theirs_high)) / 2, low), high)
+    out = _extent(ego, normal) / 2 + ego.x * nx + ego.y * ny
+    dx, dy = out * nx - across * ny - ego.x, out * ny + across * nx - ego.y
+    c, s = cos(ego.heading), sin(ego.heading)
+    return dx * c + dy * s, dy * c - dx * s
+
+
+def _outermost(body: Mover, nx: float, ny: float, tangent: tuple[float, float]) -> tuple[float, float]:
+    """Return from where to where the outermost side of a body in a direction reaches along the tangent, m."""
+    points = corner_points(body.box)
+    farthest = max(x * nx + y * ny for x, y in points)
+    along = [x * tangent[0] + y * tangent[1] for x, y in points if x * nx + y * ny > farthest - FLUSH_M]
+    return min(along), max(along)
+
+
+def off_road_points(bicycle: Bicycle, state: BicycleState) -> FloatArray:
+    """Return the four points ([4, 2] m) that must all lie on the drivable area: the tyres' inner edges.
+
+    The body may hang over the kerb, as it does in tight turns; a wheel may not stand beyond it.
+    """
+    return bicycle.wheels(state, WHEEL_INSET_M)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The end of a run.
+
+    Attributes:
+        verdict: how it ended. time_s: when. with_: id of the other party, or "". reason: a sentence for people.
+        impact: of a contact.
+    """
+
+    verdict: Verdict
+    time_s: float
+    with_: str
+    reason: str
+    impact: Impact | None = None
+
+
+class Judge:
+    """Watches a run and says when it is over.
+
+    Args:
+        ids: [K] ids of the others. kinds: [K]. sizes: [K, 2] length and width (m), in the order of `look`'s poses.
+        ego_size: length and width (m).
+        end_s: the run ends at this time.
+        must_arrive: not to arrive before the end is a timeout; otherwise the end is a pass.
+
+    Raises:
+        ValueError: ids, kinds and sizes differ in length.
+    """
+
+    def __init__(
+        self,
+        *,
+        ids: Sequence[str],
+        kinds: Sequence[ActorKind],
+        sizes: FloatArray,
+        ego_size: tuple[float, float],
+        end_s: float,
+        must_arrive: bool = False,
+    ) -> None:
+        if not len(ids) == len(kinds) == len(sizes):
+            raise ValueError(f"{len(ids)} ids, {len(kinds)} kinds and {len(sizes)} sizes")
+        self._ids, self._kinds = tuple(ids), tuple(kinds)
+        self._sizes = np.asarray(sizes, dtype=np.float64).reshape(-1, 2)
+        self._ego_size, self._end_s, self._must_arrive = ego_size, end_s, must_arrive
+        self._standing_since: float | None = None
+
+    def look(
+        self,
+        time_s: float,
+        ego: BicycleState,
+        poses: FloatArray,
+        speeds: FloatArray,
+        *,
+        off_road: bool,
+        arrived: bool,
+        may_wait: bool,
+    ) -> Decision | None:
+        """Look at one frame; None while the run goes on.
+
+        Args:
+            time_s: 0 at the first frame.
+            ego: the ego.
+            poses: [K, 3] x, y, heading of the others' footprints, NaN where absent. speeds: [K] m/s.
+            off_road: one of `off_road_points` is not on the drivable area.
+            arrived: the ego has reached its goal.
+            may_wait: there is something to wait for (a red signal, someone close ahead).
+        """
+        hits = ego_hits(ego.pose, self._ego_size, poses, self._sizes)
+        if hits.size:
+            k = int(hits[0])
+            x, y, heading = poses[k].tolist()
+            other = Mover(x, y, heading, float(speeds[k]), *self._sizes[k].tolist())
+            me = Mover(ego.x, ego.y, ego.heading, ego.speed, *self._ego_size)
+            return self._collision(time_s, me, other, k)
+        if off_road:
+            if time_s <= 0:
+                return Decision(Verdict.INVALID, time_s, "", "invalid: the ego begins off the drivable area")
+            return Decision(Verdict.F1, time_s, "", f"F1 left the drivable area at {time_s:.2f} s")
+        if arrived:
+            return Decision(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
+        return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
+
+    def goes_on(self) -> None:
+        """Take note of a frame at which the ego moves, and of which is known that the run goes on."""
+        self._standing_since = None
+
+    def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:
+        name, kind = self._ids[k], self._kinds[k]
+        whom = f"{name} ({kind})"
+        how = impact(ego, other, name)
+        if time_s <= 0:
+            return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
+        verdict = classify(ego, other, kind)
+        what = _PHRASE.get(verdict, "collision with {}").format(whom)
+        # What comes after the time is left out when two runs are compared (`campaign.verify`).
+        return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
+
+    def _stuck(self, time_s: float, speed: float, may_wait: bool) -> Decision | None:
+        if speed >= STUCK_SPEED_MPS or may_wait:
+            self._standing_since = None
+            return None
+        if self._standing_since is None:
+            self._standing_since = time_s
+        standing = time_s - self._standing_since
+        if standing < STUCK_AFTER_S - 1e-9:
+            return None
+        reason = f"stuck: stood for {standing:.0f} s with nothing to wait for, until {time_s:.2f} s"
+        return Decision(Verdict.STUCK, time_s, "", reason)
+
+    def _time_is_up(self, time_s: float) -> Decision | None:
+        if time_s < self._end_s - 1e-9:
+            return None
+        if self._must_arrive:
+            return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
+        return Decision(Verdict.PASS, time_s, "", f"drove to the end at {time_s:.2f} s")
+
+
+def _extent(body: Mover, angle: float) -> float:
+    """Length of the body's shadow on a line in direction `angle`."""
+    turned = angle - body.heading
+    return body.length * abs(cos(turned)) + body.width * abs(sin(turned))
+
+
+def _side(angle: float) -> Side:
+    """The side of a body whose outward direction is nearest to `angle`, which counts from its heading."""
+    angle = wrap(angle)
+    # Ties go to the front and the rear.
+    if abs(angle) <= FACING_RAD:
+        return "front"
+    if abs(angle) >= pi - FACING_RAD:
+        return "rear"
+    return "left" if angle > 0 else "right"

@@ -1,0 +1,127 @@
+"""Watches conditions over time: `C for 2 s` remembers since when C holds."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from foresee_dsl.language.model import Both, Condition, Either, Not, Sustained
+from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.triggers.conditions import Conditions
+from foresee_dsl.simulate.triggers.robustness import Outcome, every, some
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Since when what a `for` is about holds without a break.
+
+    Under an odd number of `not`, what cannot be said counts as holding: only a `for` that is false can matter there.
+
+    Attributes:
+        since_s: in the run, or before it (`for 2 s since -1.30 s`).
+        known: that it did not hold just before that; False where nobody looked, or it could not be said.
+    """
+
+    since_s: float
+    known: bool
+
+
+Note = Callable[[int, Run | None], None]
+"""Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
+
+
+class Watch:
+    """One condition of one trigger, step or expectation. `look` has to be called at every frame that counts.
+
+    Every part is looked at at every frame, even where `and` or `or` would not need it, so that what a `for` remembers
+    does not hang on its neighbours.
+    """
+
+    def __init__(self, condition: Condition, conditions: Conditions, note: Note | None = None) -> None:
+        """Begin to watch at the frame that is looked at first."""
+        self._condition, self._conditions, self._note = condition, conditions, note
+        self._windows: dict[int, _Window] = {}
+        self._last: tuple[int, Outcome | None] | None = None
+
+    def look(self) -> Outcome | None:
+        """Return whether the condition holds at this frame and by how much; None where it cannot be said."""
+        frame = self._conditions.frame
+        if self._last is None or self._last[0] != frame:
+            outcome, _ = self._look(self._condition, 0, positive=True)
+            self._last = (frame, outcome)
+        return self._last[1]
+
+    def holds(self) -> bool:
+        """Whether the condition holds at this frame; what cannot be said does not."""
+        outcome = self.look()
+        return outcome is not None and outcome.held
+
+    def _look(self, condition: Condition, number: int, *, positive: bool) -> tuple[Outcome | None, int]:
+        """Return the outcome of a part and the number of the part after it (`parts` counts outer ones first).
+
+        `positive`: it stands under an even number of `not`.
+        """
+        if isinstance(condition, Not):
+            inner, after = self._look(condition.condition, number + 1, positive=not positive)
+            return None if inner is None else inner.negated(), after
+        if isinstance(condition, Sustained):
+            inner, after = self._look(condition.condition, number + 1, positive=positive)
+            now_s = self._conditions.time_s
+            if number not in self._windows:
+                self._windows[number] = _Window(condition, now_s, unsaid=not positive)
+            window = self._windows[number]
+            changed = window.add(inner, now_s)
+            if changed and self._note is not None:
+                self._note(number, window.run)
+            return window.outcome(), after
+        if isinstance(condition, Both | Either):
+            found, after = [], number + 1
+            for part in condition.conditions:
+                outcome, after = self._look(part, after, positive=positive)
+                found.append(outcome)
+            return (every if isinstance(condition, Both) else some)(found), after
+        return self._conditions.outcome(condition), number + 1
+
+
+class _Window:
+    """What a `for` remembers: the outcomes of its condition over the time that it asks for.
+
+    Args:
+        condition: the `for`.
+        now_s: when it is looked at first.
+        unsaid: whether what cannot be said counts as holding, for `run`.
+    """
+
+    def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:
+        self._frames = max(0, math.ceil(si_of(condition.duration) / STEP_S - 1e-6))
+        self._unsaid = unsaid
+        self._seen: deque[Outcome | None] = deque(maxlen=self._frames + 1)
+        self._since_s: float | None = None if condition.since is None else si_of(condition.since)
+        if self._since_s is not None:
+            self._seen.append(Outcome(False, decides=condition))
+            held = math.floor((now_s - self._since_s) / STEP_S + 1e-6)
+            self._seen.extend([Outcome(True, decides=condition)] * min(held, self._frames + 1))
+        self.run: Run | None = None
+
+    def add(self, outcome: Outcome | None, now_s: float) -> bool:
+        """Take the outcome of one more frame; True when it now holds and did not before, or the other way round."""
+        before_s, self._since_s = self._since_s, None
+        known = before_s is not None or (bool(self._seen) and self._seen[-1] is not None)
+        self._seen.append(outcome)
+        was = self.run
+        if not (self._unsaid if outcome is None else outcome.held):
+            self.run = None
+        elif was is None:
+            self.run = Run(now_s if before_s is None else before_s, known)
+        return (was is None) != (self.run is None)
+
+    def outcome(self) -> Outcome | None:
+        """Return whether it has held for so long; None while the run (or the step) is not that old.
+
+        Where it failed once the time does not matter: it has not.
+        """
+        missing = len(self._seen) <= self._frames
+        return every(self._seen, unknown=missing)

@@ -1,0 +1,112 @@
+"""A project whose campaign takes seconds: one crossing, three cases of a car that crosses, the driver `idm`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
+from foresee_dsl.campaign.execution.events import Silent
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.trace import Trace
+
+TEXT = """foresee 1
+
+# Somebody crosses in front of the ego, and just makes it.
+scenario crosser {
+  network crossing {
+    junction west at (0 m, 0 m)
+    junction east at (160 m, 0 m)
+    junction south at (80 m, -80 m)
+    junction north at (80 m, 80 m)
+    junction middle at (80 m, 0 m)
+    road in from west to middle { lanes 1; speed 60 km/h }
+    road out from middle to east { lanes 1; speed 60 km/h }
+    road up from south to middle { lanes 1; speed 30 km/h }
+    road on from middle to north { lanes 1; speed 30 km/h }
+  }
+  param gap: time = 1.5 s in -4 s..4 s step 0.1 s
+
+  ego: car.sedan {
+    route [in, out]
+    start at 25 m along in
+    start speed 36 km/h
+    goal 30 m along out
+  }
+  vehicle other: car.compact {
+    route [up, on]
+    start at 30 m along up
+    speed 40 km/h
+  }
+
+  when ego.eta(middle) < 4 s {
+    other meets ego at middle after gap
+    other ignores priority at middle
+  }
+
+  expect never collision(ego)
+  end after 12 s
+
+  case after { gap = -0.8 s }
+  case later { gap = -0.7 s }
+  case last { gap = -0.9 s }
+}
+"""
+SETTINGS = CampaignSettings(driver="idm", before_s=3, after_s=3, risky_points=2, children=4)
+
+
+def write_project(folder: Path) -> Path:
+    """Write the scenario and return its file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "crosser.foresee"
+    file.write_text(TEXT)
+    return file
+
+
+class Heard(Silent):
+    """Remembers which steps were done, and which were known."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+        self.names: list[str] = []
+        self.old: list[str] = []
+
+    def finished(self, row: Row) -> None:
+        self.done.append(row.kind)
+        self.names.append(row.name)
+
+    def known(self, row: Row) -> None:
+        self.old.append(row.kind)
+
+    def count(self, kind: str) -> int:
+        return self.done.count(kind)
+
+
+def campaign(
+    file: Path | list[Path],
+    out: Path,
+    settings: CampaignSettings = SETTINGS,
+    *,
+    store: Path | None = None,
+    options: RunOptions | None = None,
+    heard: Heard | None = None,
+) -> tuple[CampaignResult, Heard]:
+    """Run a campaign in this process's workers."""
+    heard = heard or Heard()
+    cases = load_test_cases(file if isinstance(file, list) else [file])
+    with Store(store or out / "store") as opened:
+        result = run_campaign(cases, settings, out=out, store=opened, listener=heard, options=options or RunOptions())
+    return result, heard
+
+
+def published(out: Path) -> dict[str, Any]:
+    """Everything in a campaign's folder that has to be the same for the same results: files by name, what
+    traces hold, and the JSON."""
+    data = json.loads((out / "campaign.json").read_text())
+    files = {str(f.relative_to(out)): f.read_bytes() for f in sorted((out / "children").rglob("*.foresee"))}
+    traces = {str(f.relative_to(out)): Trace.load(f).digest for f in sorted((out / "traces").rglob("*.npz"))}
+    return {"json": {**data, "wall_s": 0}, "files": files, "traces": traces}
