@@ -15,9 +15,9 @@ from statistics import median
 import foresee_dsl
 from benchmarks.figures import Figure, costs, cpu_of, interleaved, run_program
 from benchmarks.texts import scenario
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.project.checked_files import check_paths
-from foresee_dsl.resources import data_folder
 
 ROUNDS = 15
 """Ours: the median of nine moved by under a tenth between runs on a busy machine of two cores; the quickest of a few

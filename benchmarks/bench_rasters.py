@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.figures import Figure, costs
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.resources import data_folder
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.rasters import Canvas, stops_of
 from foresee_dsl.simulate.rasters.ground import GroundMap

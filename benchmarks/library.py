@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.resources import data_folder
 
 ADDRESSES = (
     "scenario3.foresee::r01",

@@ -12,7 +12,7 @@ from benchmarks import bench_engine, bench_forecast, bench_workers, library, run
 from benchmarks.figures import Figure
 from foresee_dsl.campaign.campaign_file import read_campaign
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.resources import data_folder
+from foresee_dsl.files import data_folder
 
 ASKED = {
     "child_vs_bare": "at most 2",

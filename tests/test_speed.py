@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from benchmarks.texts import scenario
-from foresee_dsl import kept
+from foresee_dsl import disk_cache
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.errors import InputError
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.parser import format_text, load, parse
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.resources import data_folder
 
 SCENARIO = data_folder("scenarios") / "scenario3.foresee"
 HEAVY = {"numpy", "scipy", "shapely", "networkx", "jinja2", "libsumo", "defusedxml"}
@@ -120,28 +120,28 @@ def test_a_kept_document_is_the_one_that_was_parsed():
 
 def test_a_damaged_kept_value_is_made_again(tmp_path, monkeypatch):
     monkeypatch.setenv("FORESEE_CACHE", str(tmp_path))
-    place = kept.place_of("things", ("a", b"b"))
-    assert kept.take(place) is None
-    kept.put(place, {"x": 1})
-    assert kept.take(place) == {"x": 1}
-    assert kept.place_of("things", ("ab", b"")) != place
+    place = disk_cache.entry("things", ("a", b"b"))
+    assert disk_cache.load(place) is None
+    disk_cache.store(place, {"x": 1})
+    assert disk_cache.load(place) == {"x": 1}
+    assert disk_cache.entry("things", ("ab", b"")) != place
     place.write_bytes(place.read_bytes()[:-1])
-    assert kept.take(place) is None
+    assert disk_cache.load(place) is None
     monkeypatch.setenv("FORESEE_CACHE", str(place))  # a file: no folder can be made there
-    assert kept.place_of("things", ("a",)) is None
-    kept.put(None, 1)
-    assert kept.take(None) is None
+    assert disk_cache.entry("things", ("a",)) is None
+    disk_cache.store(None, 1)
+    assert disk_cache.load(None) is None
 
 
 def test_the_older_half_of_too_much_is_thrown_away(tmp_path, monkeypatch):
     monkeypatch.setenv("FORESEE_CACHE", str(tmp_path))
-    monkeypatch.setattr(kept, "MOST", 6)
-    places = [kept.place_of("many", (str(k),)) for k in range(7)]
+    monkeypatch.setattr(disk_cache, "MOST", 6)
+    places = [disk_cache.entry("many", (str(k),)) for k in range(7)]
     for k, place in enumerate(places[:6]):
-        kept.put(place, k)
+        disk_cache.store(place, k)
         os.utime(place, ns=(k, k))
-    kept.put(places[6], 6)
-    assert [kept.take(place) for place in places] == [None, None, None, 3, 4, 5, 6]
+    disk_cache.store(places[6], 6)
+    assert [disk_cache.load(place) for place in places] == [None, None, None, 3, 4, 5, 6]
 
 
 def test_a_check_is_linear_in_the_length_and_formatting_no_dearer_than_four_parses():

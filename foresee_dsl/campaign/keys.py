@@ -20,15 +20,15 @@ from foresee_dsl import __version__
 from foresee_dsl.derive.operators import GROUP as OPERATORS
 from foresee_dsl.drivers.registry import GROUP as DRIVERS
 from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import GROUP as RANKERS
-from foresee_dsl.resources import data_folder
 
 KEY_DIGITS = 40
 """Hexadecimal digits of a key. Ours: 160 bits; two of a billion keys are the same with a chance below 1e-30."""
 _LANGUAGE = (
     "language",
     "errors.py",
-    "resources.py",
+    "files.py",
     *(f"campaign/{name}.py" for name in ("storage/records", "results", "steps", "work")),
 )
 _RUN = (*_LANGUAGE, "compile", "drivers", "simulate")

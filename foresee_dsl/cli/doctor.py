@@ -88,8 +88,8 @@ def _libsumo() -> str:
 
 
 def _grammar() -> str:
+    from foresee_dsl.files import data_folder
     from foresee_dsl.language.parser import parse
-    from foresee_dsl.resources import data_folder
 
     file = data_folder("scenarios") / "models.foresee"
     parse(file.read_text(encoding="utf-8"), str(file))
@@ -97,7 +97,7 @@ def _grammar() -> str:
 
 
 def _cache() -> str:
-    from foresee_dsl.resources import cache_folder
+    from foresee_dsl.files import cache_folder
 
     folder = cache_folder("doctor")
     probe = folder / "probe"
@@ -118,8 +118,8 @@ def _drivers() -> str:
 
 def _whole_line() -> str:
     from foresee_dsl.campaign.steps import run_test_case
+    from foresee_dsl.files import data_folder
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.resources import data_folder
 
     case = load_test_cases([str(data_folder("scenarios"))])[0]
     result = run_test_case(case, "pdm", 0)

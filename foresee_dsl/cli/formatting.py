@@ -94,8 +94,8 @@ def _files(paths: Sequence[str], tally: _Tally) -> Iterator[Path]:
 
 
 def _format_file(file: Path, tally: _Tally, *, check_only: bool, show_diff: bool) -> None:
+    from foresee_dsl.files import write_whole
     from foresee_dsl.language.parser import read_text
-    from foresee_dsl.resources import write_whole
 
     tally.files += 1
     before = read_text(file, str(file))

@@ -128,9 +128,9 @@ def clip(
     """
     from foresee_dsl.campaign.steps import case_name, clip_around, measure_clip
     from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.files import write_whole
     from foresee_dsl.language.printer import print_model
     from foresee_dsl.language.project.loading import load_test_case
-    from foresee_dsl.resources import write_whole
 
     loaded = _load_trace(trace)
     points = _points(loaded, ranker, seed, before, after)
@@ -168,7 +168,7 @@ def mutate(
     [dim]foresee mutate clips/red_light_runner_r01_p1.foresee --children 8[/dim]
     """
     from foresee_dsl.campaign.steps import mutate_file
-    from foresee_dsl.resources import write_whole
+    from foresee_dsl.files import write_whole
 
     outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed, allow_outside=allow_outside)
     for child in outcomes:

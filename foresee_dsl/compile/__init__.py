@@ -34,14 +34,14 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     Raises:
         CompileError: SUMO's programs are missing or refuse a network.
     """
-    from foresee_dsl import kept
+    from foresee_dsl import disk_cache
     from foresee_dsl.compile.nets.netconvert import tool_version
 
     found: dict[Diagnostic, None] = {}
     for case in cases:
         # what a case means is all that placing it depends on; mistakes are not kept, as they have places in the text
-        right = kept.place_of("placed", (case.meaning, tool_version()))
-        if kept.take(right):
+        right = disk_cache.entry("placed", (case.meaning, tool_version()))
+        if disk_cache.load(right):
             continue
         from foresee_dsl.compile.compiler import check_case  # here: a fifth of a check's time
 
@@ -50,5 +50,5 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
         except InputError as error:
             found |= dict.fromkeys(error.diagnostics)
         else:
-            kept.put(right, True)
+            disk_cache.store(right, True)
     return tuple(found)

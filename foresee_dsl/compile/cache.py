@@ -11,7 +11,7 @@ from pathlib import Path
 from foresee_dsl.compile.nets.netconvert import tool_version
 from foresee_dsl.compile.templates import template_sources
 from foresee_dsl.errors import CompileError
-from foresee_dsl.resources import cache_folder
+from foresee_dsl.files import cache_folder
 
 FORMAT = 1
 """Raise it when our own code makes other nets from the same input."""

@@ -15,10 +15,10 @@ from foresee_dsl.compile.nets.net_cache import read_net_once
 from foresee_dsl.compile.placement.scene import build_scene, check_scene
 from foresee_dsl.compile.roads.network_geometry import RoadNetwork, buildings_of
 from foresee_dsl.errors import CompileError
+from foresee_dsl.files import cache_folder
 from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.model import Network
 from foresee_dsl.language.project.document import PlacementError, TestCase
-from foresee_dsl.resources import cache_folder
 
 _TYPES = "types.add.xml"
 

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.resources import data_folder
+from foresee_dsl.files import data_folder
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -11,12 +11,12 @@ from pathlib import Path
 from foresee_dsl.editor.symbols import Occurrence, SymbolKind, occurrences
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import MAX_BYTES
 from foresee_dsl.language.project.addresses import scenario_files
 from foresee_dsl.language.project.expand import absolute
 from foresee_dsl.language.syntax.nodes import Node
-from foresee_dsl.resources import data_folder
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)
 """An edge's id: its road, `_back` for the other direction, `#1` for a part of one that netconvert cut."""

@@ -11,7 +11,7 @@ import pydantic
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
-from foresee_dsl import kept
+from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.model import Catalogue, Definition, Item, Network
@@ -86,15 +86,15 @@ def load(path: Path, shown_as: str | None = None) -> Document:
     """
     name = shown_as if shown_as is not None else str(path)
     text = read_text(path, name)
-    place = kept.place_of("documents", (name, text, pydantic.VERSION))
-    known = kept.take(place)
+    place = disk_cache.entry("documents", (name, text, pydantic.VERSION))
+    known = disk_cache.load(place)
     if known is not None:
         return _with_spans(*known)
     document = parse(text, name)
     if isinstance(document.model, (Network, Catalogue)):  # many files use them, and they are seldom edited
         items = {id(item): item for item in walk(document.model)}
         spans = [(items[key], field, _numbers(at)) for (key, field), at in document.spans.items()]
-        kept.put(place, (replace(document, spans={}), spans))
+        disk_cache.store(place, (replace(document, spans={}), spans))
     return document
 
 

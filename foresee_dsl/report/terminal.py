@@ -14,8 +14,8 @@ from rich.text import Text
 from foresee_dsl.campaign.results import FAILURES, CampaignResult, FamilyRow
 from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.files import write_whole
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.resources import write_whole
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, RunResult, Verdict
 

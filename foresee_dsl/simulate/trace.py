@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import zipfile
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -14,6 +13,8 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
+from foresee_dsl.files import replacing
 
 FIELDS = ("x", "y", "heading", "speed", "acceleration", "yaw_rate", "steer")
 """Columns of `Trace.states`: m, m, rad (counter-clockwise from east), m/s, m/s^2, rad/s, rad (front wheels)."""
@@ -137,9 +138,8 @@ class Trace:
     def save(self, path: Path) -> None:
         """Write the trace as a compressed `.npz`: the arrays, and `header`, a JSON text with everything else. All or
         nothing."""
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        temporary.write_bytes(self.packed())
-        temporary.replace(path)
+        with replacing(path) as temporary:
+            temporary.write_bytes(self.packed())
 
     def packed(self) -> bytes:
         """Return what `save` writes."""

@@ -12,7 +12,7 @@ import pytest
 
 from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
 from foresee_dsl.errors import InputError
-from foresee_dsl.resources import data_folder
+from foresee_dsl.files import data_folder
 from tests.support.small_campaign import write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"

@@ -10,10 +10,10 @@ from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, cruise_speed, spec_of
 from foresee_dsl.compile.files import write_types
 from foresee_dsl.compile.nets.written_network import build_network
 from foresee_dsl.errors import CompileError
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import Quantity, Ref, VehicleModel
 from foresee_dsl.language.parser import parse
-from foresee_dsl.resources import data_folder
 from tests.support.built_networks import four_arms, q, run_sumo
 
 NEEDED = {

@@ -9,10 +9,10 @@ import shapely
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Doc, End, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.resources import data_folder
 
 FAMILIES = {"3": 16, "4": 46, "7": 19, "8": 19, "9": 20}
 """Cases of each scenario (paper, table of scenarios)."""

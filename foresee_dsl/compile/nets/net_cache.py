@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
-from foresee_dsl import kept
+from foresee_dsl import disk_cache
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.nets.net_parts import NetParts, read_net
 from foresee_dsl.language.model import Network
@@ -24,11 +24,11 @@ def read_net_once(net_file: Path, network: Network | None) -> _Read:
     Raises:
         CompileError: see `read_net` and `read_signals`.
     """
-    place = kept.place_of("read", (net_file.parent.name,))
-    known = kept.take(place)
+    place = disk_cache.entry("read", (net_file.parent.name,))
+    known = disk_cache.load(place)
     if known is None:
         from foresee_dsl.compile.nets.signals import read_signals  # only for a net that is new
 
         known = read_net(net_file), read_signals(net_file, network)
-        kept.put(place, known)
+        disk_cache.store(place, known)
     return cast("_Read", known)

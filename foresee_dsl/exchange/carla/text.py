@@ -15,13 +15,13 @@ from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.exchange.carla.families import Row, common, is_of_route, param, value_of
 from foresee_dsl.exchange.carla.models import CATALOGUE, ego_of, mix_of, vehicles_of
 from foresee_dsl.exchange.naming import name_of, sentence
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Catalogue, Scenario, VehicleModel
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.catalogues import bundled_models
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.document import PlacementError, TestCase
-from foresee_dsl.resources import data_folder
 
 if TYPE_CHECKING:
     from jinja2 import Environment

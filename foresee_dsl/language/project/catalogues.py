@@ -7,6 +7,7 @@ from functools import lru_cache
 from types import MappingProxyType
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import data_folder
 from foresee_dsl.language.codes.project_codes import UNKNOWN_MODEL, WRONG_CLASS
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
@@ -25,7 +26,6 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.project.concretise import Reporter
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.resources import data_folder
 
 VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
 """The classes that the ego and a `vehicle` may have; the other actors have the class of their own name."""

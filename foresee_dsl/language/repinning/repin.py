@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.files import write_whole
 from foresee_dsl.language.codes.project_codes import STALE_PIN, WRONG_KIND
 from foresee_dsl.language.diff import Difference, diff_cases, to_dict
 from foresee_dsl.language.meaning import clip_pin, pin_of
@@ -20,7 +21,6 @@ from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import absolute, expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.history import History
-from foresee_dsl.resources import write_whole
 
 Validate = Callable[[TestCase], Sequence[Diagnostic]]
 """Looks for mistakes that show only with the network built; the command line hands in the compiler's."""

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import os
 import sys
-import tempfile
-from contextlib import suppress
 from contextvars import ContextVar
 from pathlib import Path
 
 import lark
 from lark import Lark, Token, Tree
 
-from foresee_dsl.resources import cache_folder, data_folder
+from foresee_dsl.files import cache_folder, data_folder, replacing
 
 STARTS = (
     "scenario_item",
@@ -83,23 +80,10 @@ def _cached(starts: tuple[str, ...]) -> Lark:
         cached = cache_folder("grammar") / f"{key}.lark"
         if cached.is_file():
             return _make(grammar, starts, cached)
-        return _make_and_keep(grammar, starts, cached)
+        with replacing(cached) as own:
+            return _make(grammar, starts, own)
     except OSError:
         return _make(grammar, starts, None)
-
-
-def _make_and_keep(grammar: str, starts: tuple[str, ...], cached: Path) -> Lark:
-    """Build the parser into a file of our own, then move it into place, so that no other process sees half a cache."""
-    handle, name = tempfile.mkstemp(prefix="making-", dir=cached.parent)
-    os.close(handle)
-    own = Path(name)
-    try:
-        made = _make(grammar, starts, own)
-        own.replace(cached)
-        return made
-    finally:
-        with suppress(FileNotFoundError):
-            own.unlink()
 
 
 def _make(grammar: str, starts: tuple[str, ...], cache: Path | None) -> Lark:

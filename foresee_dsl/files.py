@@ -1,8 +1,10 @@
-"""Where the files that ship with the package are, and where files that it makes may be kept."""
+"""Where the package's own files and its cache are, and files that are written whole or not at all."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -28,14 +30,24 @@ def cache_folder(name: str) -> Path:
     return folder
 
 
-def write_whole(file: Path, text: str) -> None:
-    """Write a text file whole or not at all, making its folder; an existing file keeps its permissions."""
-    file.parent.mkdir(parents=True, exist_ok=True)
+@contextmanager
+def replacing(file: Path) -> Iterator[Path]:
+    """Give a temporary path beside `file`; what is written there becomes `file` at the end, unless there is an error.
+
+    So no other process ever reads half a file, and an error leaves the old file as it was.
+    """
     temporary = file.with_name(f".{file.name}.{os.getpid()}")
     try:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
-        if file.exists():
-            temporary.chmod(file.stat().st_mode & 0o777)
+        yield temporary
         temporary.replace(file)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Write a text file whole or not at all, making its folder; an existing file keeps its permissions."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+        if file.exists():
+            temporary.chmod(file.stat().st_mode & 0o777)

@@ -1,7 +1,7 @@
-"""Keeps values that cost time to make, by what they were made from, in the user's cache folder.
+"""Stores values that take long to compute in the user's cache folder, under a hash of what they depend on.
 
-A kept value that is damaged, or cannot be read or written, only costs the time to make it again. It is never taken by
-another version of the code, of Python or of a library, as all of these go into its name.
+An entry that is damaged, or cannot be read or written, only costs the time to compute the value again. Another version
+of the code, of Python or of a library never reads it: all of these are part of the hash.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.resources import cache_folder, data_folder
+from foresee_dsl.files import cache_folder, data_folder, replacing
 
 _SUM_BYTES = 32
 MOST = 2000
-"""How many values a folder keeps. Ours: a day's edits of a large project; a few kB to 60 kB each, 40 MB in all."""
+"""How many values a folder holds. Ours: a day's edits of a large project; a few kB to 60 kB each, 40 MB in all."""
 
 
-def place_of(folder: str, made_of: Iterable[str | bytes]) -> Path | None:
-    """Return where in the cache folder `folder` the value that is made of these parts is kept; None without a cache.
+def entry(folder: str, depends_on: Iterable[str | bytes]) -> Path | None:
+    """Return the file in the cache folder `folder` for a value; None where there is no cache.
 
     Args:
         folder: a name such as "documents".
-        made_of: everything that the value depends on, apart from this package's code and Python.
+        depends_on: everything that the value depends on, apart from this package's code and Python.
     """
     digest = hashlib.sha256(_code())
-    for part in made_of:
+    for part in depends_on:
         data = part.encode() if isinstance(part, str) else part
         digest.update(b"%d:" % len(data))  # so that ("ab", "c") and ("a", "bc") differ
         digest.update(data)
@@ -41,12 +41,12 @@ def place_of(folder: str, made_of: Iterable[str | bytes]) -> Path | None:
         return None
 
 
-def take(place: Path | None) -> Any:  # noqa: ANN401 - whatever was put there
-    """Return what was put at a place, or None."""
-    if place is None:
+def load(file: Path | None) -> Any:  # noqa: ANN401 - any value that was stored
+    """Return the value that is stored in an entry, or None."""
+    if file is None:
         return None
     try:
-        content = place.read_bytes()
+        content = file.read_bytes()
     except OSError:
         return None
     if content[:_SUM_BYTES] != hashlib.sha256(content[_SUM_BYTES:]).digest():
@@ -54,20 +54,19 @@ def take(place: Path | None) -> Any:  # noqa: ANN401 - whatever was put there
     return pickle.loads(content[_SUM_BYTES:])  # noqa: S301 - our own, whole, and in the user's own folder
 
 
-def put(place: Path | None, value: object) -> None:
-    """Keep a value (not None) at a place, whole or not at all, past what other processes put there."""
-    if place is None:
+def store(file: Path | None, value: object) -> None:
+    """Store a value (not None) in an entry; one that another process stored is replaced."""
+    if file is None:
         return
     data = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
-    fresh = place.with_name(f".{place.name}.{os.getpid()}")
     with suppress(OSError):
-        fresh.write_bytes(hashlib.sha256(data).digest() + data)
-        fresh.replace(place)
-        _tidy(place.parent)
+        with replacing(file) as temporary:
+            temporary.write_bytes(hashlib.sha256(data).digest() + data)
+        _tidy(file.parent)
 
 
 def _tidy(folder: Path) -> None:
-    """Throw the older half away where a folder holds too much; what is missed is made again."""
+    """Delete the older half of a folder that holds too many values; what is missed is computed again."""
     with os.scandir(folder) as entries:
         there = [entry.path for entry in entries]
     if len(there) <= MOST:
@@ -80,7 +79,7 @@ def _tidy(folder: Path) -> None:
 
 @cache
 def _code() -> bytes:
-    """Return what stands for the code that made a value: Python, and the package's files with sizes and times."""
+    """Return a digest of the code that computes values: Python, and the package's files with sizes and times."""
     digest = hashlib.sha256(sys.version.encode())
     for top in (Path(__file__).parent, data_folder("grammars")):
         for folder, inner, names in os.walk(top):
