@@ -22,7 +22,7 @@ from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleL
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.project.expand import expand_clip
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.actors.population import Cast
+from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
@@ -113,7 +113,7 @@ def child_of(folder: Path) -> SumoBundle:
 def _state_of(child: SumoBundle, folder: Path) -> Path:
     """Save the child's first frame as SUMO does it."""
     state = folder / "state.xml"
-    Cast(child, World.shared(child))
+    Simulation(child, World.shared(child))
     libsumo.simulation.saveState(str(state))
     return state
 

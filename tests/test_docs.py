@@ -390,7 +390,7 @@ def test_every_stage_has_its_table() -> None:
         "foresee_dsl.simulate.results.outcome",
         "foresee_dsl.simulate.actors.dynamics",
         "foresee_dsl.simulate.actors.bend_speeds",
-        "foresee_dsl.simulate.actors.vehicle_ahead",
+        "foresee_dsl.simulate.actors.target_selection",
         "foresee_dsl.simulate.results.near_misses",
         "foresee_dsl.simulate.actors.lane_recovery",
         "foresee_dsl.simulate.actors.lane_recovery.RecoverySettings",

@@ -14,10 +14,10 @@ import numpy as np
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.lateral_offset import LINE_OVER_M
 from foresee_dsl.forecast.geometry import FloatArray, footprints
+from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.results.collision import pairwise_box_distance
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
-from foresee_dsl.simulate.traffic_kernels import SIDEWAYS_MPS, SIDEWAYS_SHARE
 
 RECOVERS_S = 1.0
 """How fast a lane-recovering vehicle takes back an error of its heading. Ours: the time in which the simulated one

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.forecast.path_kernels import cut, project
-from foresee_dsl.simulate.footprint_kernels import ever_within, gaps_to_first
+from foresee_dsl.kernels.boxes import ever_within, gaps_to_first
+from foresee_dsl.kernels.paths import cut, project
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
-from foresee_dsl.simulate.actors.states import Crowd, IntArray
+from foresee_dsl.simulate.actors.states import IntArray, StateTable
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.world import World
 
@@ -21,12 +21,12 @@ class Recorder:
     """Collects frames of one run; `frame` once a step, `trace` at the end.
 
     Args:
-        actors: in the scene's order, the ego first. crowd: the same, as tables.
+        actors: in the scene's order, the ego first. state_table: the same, as tables.
         signals: the bundle's, by junction.
     """
 
-    def __init__(self, actors: Sequence[PlacedActor], crowd: Crowd, signals: Mapping[str, Signal]) -> None:
-        self._actors, self._crowd = actors, crowd
+    def __init__(self, actors: Sequence[PlacedActor], state_table: StateTable, signals: Mapping[str, Signal]) -> None:
+        self._actors, self._state_table = actors, state_table
         self._signals = tuple(signals.values())
         self._rows: list[FloatArray] = []
         self._lanes: list[IntArray] = []
@@ -50,7 +50,7 @@ class Recorder:
         if now_s >= self._until_s:
             self._look_at_signals(world)
         self._now_s.append(now_s)
-        states, lanes, along = self._crowd.frame()
+        states, lanes, along = self._state_table.frame()
         self._rows.append(states)
         self._lanes.append(lanes)
         self._along.append(along)
@@ -79,7 +79,7 @@ class Recorder:
             elapsed=np.round(np.array(self._now_s)[:, None] - since_s, 6),
             waypoints=np.asarray(waypoints, dtype=np.float64),
             actors=tuple(_info(actor) for actor in self._actors),
-            lane_ids=tuple(self._crowd.lane_ids),
+            lane_ids=tuple(self._state_table.lane_ids),
             signals=tuple(signal.junction for signal in self._signals),
             signal_stages=tuple(signal.stages for signal in self._signals),
             events=tuple(self.events),

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
 from foresee_dsl.errors import DriverError, SimulationError
+from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
-from foresee_dsl.simulate.actors.population import Cast
-from foresee_dsl.simulate.footprint_kernels import drives_on
+from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.drivable_area import on_road, squares_of
@@ -76,20 +76,20 @@ class _Run:
     ) -> None:
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
         self._world = World.shared(bundle)
-        self._cast = Cast(bundle, self._world)
-        self._recorder = Recorder(bundle.scene.actors, self._cast.crowd, bundle.signals)
-        self._conditions = Conditions(self._cast, bundle.signals)
-        self._director = Director(self._cast, self._conditions, self._recorder)
+        self._simulation = Simulation(bundle, self._world)
+        self._recorder = Recorder(bundle.scene.actors, self._simulation.state_table, bundle.signals)
+        self._conditions = Conditions(self._simulation, bundle.signals)
+        self._director = Director(self._simulation, self._conditions, self._recorder)
         self._expectations = Expectations(bundle.scene.expects, self._conditions)
         self._mission: Mission = mission_of(bundle)
         # A clip of an ego that hardly moved has its goal where it begins: it goes on to the end of its window.
-        room = bundle.scene.goal_s - self._cast.progress.of(self._cast.ego, 0)[0]
+        room = bundle.scene.goal_s - self._simulation.progress.of(self._simulation.ego, 0)[0]
         self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
-        others = self._cast.actors[1:]
-        self._sensing = Sensing(self._cast, self._mission, seed, sensors)
+        others = self._simulation.actors[1:]
+        self._sensing = Sensing(self._simulation, self._mission, seed, sensors)
         self._sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
-        self._squares = squares_of(self._cast.network)
-        ego = self._cast.ego
+        self._squares = squares_of(self._simulation.network)
+        ego = self._simulation.ego
         self._footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
         self._judge = Judge(
             ids=[actor.id for actor in others],
@@ -103,7 +103,7 @@ class _Run:
 
     def go(self) -> RunResult:
         try:
-            self._driver.reset(self._mission, self._cast.ego.limits, self._seed)
+            self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
         except Exception as err:  # whatever it raises is a result
             return self._finish(self._broken(err), steps=0)
         steps = 0
@@ -119,33 +119,33 @@ class _Run:
             except Exception as err:  # whatever it raises is a result
                 return self._finish(self._broken(err), steps)
             try:
-                left = self._cast.step(control)
+                left = self._simulation.step(control)
             except SimulationError as err:
                 World.close_shared()  # the next run begins with a fresh SUMO
-                decision = Decision(Verdict.CRASH, self._cast.time_s, "", f"the simulator broke: {err}")
+                decision = Decision(Verdict.CRASH, self._simulation.time_s, "", f"the simulator broke: {err}")
                 return self._finish(decision, steps)
             steps += 1
             for name in left:
-                self._recorder.event(self._cast.time_s, name, "arrived")
+                self._recorder.event(self._simulation.time_s, name, "arrived")
 
     def _look(self, states: FloatArray) -> Decision | None:
-        cast = self._cast
+        simulation = self._simulation
         arrived = not self._began_at_goal and self._conditions.arrived("ego")
         decision = None
         if not arrived and self._drives_on(states):
             self._judge.goes_on()
         else:
-            ego = cast.ego.bicycle()
+            ego = simulation.ego.bicycle()
             decision = self._judge.look(
-                cast.time_s,
+                simulation.time_s,
                 ego,
                 states[1:, :3],
                 states[1:, SPEED],
-                off_road=not on_road(cast.network, off_road_points(cast.ego.motion, ego)),
+                off_road=not on_road(simulation.network, off_road_points(simulation.ego.motion, ego)),
                 arrived=arrived,
                 may_wait=self._may_wait(),
             )
-        self._expectations.look(cast.time_s, ego_hit=decision is not None and bool(decision.with_))
+        self._expectations.look(simulation.time_s, ego_hit=decision is not None and bool(decision.with_))
         return decision
 
     def _drives_on(self, states: FloatArray) -> bool:
@@ -153,7 +153,7 @@ class _Run:
         squares = self._squares
         return (
             states.item(SPEED) >= STANDS_MPS
-            and self._cast.time_s < self._bundle.scene.end_s - STEP_S / 2
+            and self._simulation.time_s < self._bundle.scene.end_s - STEP_S / 2
             and drives_on(
                 states, self._sizes, self._footprint, squares.left, squares.bottom, squares.cell, squares.known
             )
@@ -164,28 +164,28 @@ class _Run:
 
         This judges the run, so it goes by where everybody is, not by what the driver sees.
         """
-        cast = self._cast
-        if cast.ego.speed >= STANDS_MPS:
+        simulation = self._simulation
+        if simulation.ego.speed >= STANDS_MPS:
             return True  # it does not wait, so the question does not arise
-        for passage, room in cast.progress.ahead(cast.ego, cast.frame, SIGNAL_AHEAD_M):
+        for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, SIGNAL_AHEAD_M):
             tls, link = passage.movement.tls, passage.movement.link
             if room >= 0 and tls is not None and link >= 0:
                 if self._world.colour(tls, link) in ("red", "amber"):
                     return True
                 break
-        cos, sin = np.cos(cast.ego.heading), np.sin(cast.ego.heading)
+        cos, sin = np.cos(simulation.ego.heading), np.sin(simulation.ego.heading)
         return any(
             other.placed.control != "static"
-            and np.hypot(other.x - cast.ego.x, other.y - cast.ego.y) <= CLOSE_AHEAD_M
-            and (other.x - cast.ego.x) * cos + (other.y - cast.ego.y) * sin > 0
-            for other in cast.others(cast.ego)
+            and np.hypot(other.x - simulation.ego.x, other.y - simulation.ego.y) <= CLOSE_AHEAD_M
+            and (other.x - simulation.ego.x) * cos + (other.y - simulation.ego.y) * sin > 0
+            for other in simulation.others(simulation.ego)
         )
 
     def _broken(self, err: Exception) -> Decision:
         what = "the driver broke" if isinstance(err, DriverError) else f"the driver raised {type(err).__name__}"
         # A reason is one line, and goes into texts between double quotes.
         said = " ".join(str(err).split()).replace('"', "'")[:_LONGEST_REASON]
-        return Decision(Verdict.CRASH, self._cast.time_s, "", f"{what}: {said}")
+        return Decision(Verdict.CRASH, self._simulation.time_s, "", f"{what}: {said}")
 
     def _finish(self, decision: Decision, steps: int) -> RunResult:
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import itertools
 import math
 from collections.abc import Callable
-from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -14,7 +12,6 @@ import numpy as np
 import pytest
 from shapely import LineString, Point, Polygon
 
-from foresee_dsl.forecast import path_kernels
 from foresee_dsl.forecast.geometry import (
     all_distances_to_ego,
     distances_to_ego,
@@ -23,7 +20,8 @@ from foresee_dsl.forecast.geometry import (
     footprints,
     paths_cut,
 )
-from foresee_dsl.simulate import footprint_kernels, line_kernels
+from foresee_dsl.kernels import boxes as box_kernels
+from foresee_dsl.kernels import paths as path_kernels
 from foresee_dsl.simulate.results.collision import corners, pairwise_box_distance
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight, until
 
@@ -104,7 +102,7 @@ def plain(module: ModuleType) -> dict[str, Callable[..., Any]]:
 
 def test_compiled_they_answer_as_plain_functions() -> None:
     rng = np.random.default_rng(4)
-    of_paths, of_boxes = plain(path_kernels), plain(footprint_kernels)
+    of_paths, of_boxes = plain(path_kernels), plain(box_kernels)
     for pieces in (1, 15, 16, 17, 33):
         a, b = winding(rng, pieces), winding(rng, 20)
         assert of_paths["cut"](a, b, 0.0) == path_kernels.cut(a, b, 0.0)
@@ -116,25 +114,12 @@ def test_compiled_they_answer_as_plain_functions() -> None:
         for one, other in zip(*answers, strict=True):
             assert one == pytest.approx(other, abs=1e-12)
     poses, sizes = rng.uniform(-5, 5, (4, 30, 3)), rng.uniform(0.5, 5, (4, 2))
-    functions = of_boxes["gaps_to_first"], footprint_kernels.gaps_to_first
+    functions = of_boxes["gaps_to_first"], box_kernels.gaps_to_first
     found = [function(poses, sizes, np.array([1.0, 5.0, 50.0])) for function in functions]
     assert found[0] == pytest.approx(found[1], abs=1e-12)
     for radius in (0.0, 0.5):
         arguments = poses[:2], poses[2], sizes[:2], radius
-        assert of_boxes["ever_within"](*arguments) == footprint_kernels.ever_within(*arguments)
-
-
-@pytest.mark.parametrize("module", [path_kernels, footprint_kernels, line_kernels], ids=lambda m: m.__name__)
-def test_what_is_compiled_into_a_kernel_stands_in_its_own_file(module: ModuleType) -> None:
-    """As of the drivers' kernels: it is kept until its file changes."""
-    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"))
-    own = {n.name for n in tree.body if isinstance(n, ast.FunctionDef)}
-    for node in tree.body:
-        if isinstance(node, ast.Assign):
-            own |= {n.id for target in node.targets for n in ast.walk(target) if isinstance(n, ast.Name)}
-    for name, function in plain(module).items():
-        used = {n for n in function.__code__.co_names if n in vars(module)}
-        assert used - {"math", "np"} <= own, name
+        assert of_boxes["ever_within"](*arguments) == box_kernels.ever_within(*arguments)
 
 
 def test_all_at_once_is_one_after_the_other() -> None:
@@ -158,7 +143,7 @@ def test_gaps_between_boxes_are_those_of_shapely() -> None:
     rng = np.random.default_rng(6)
     poses, sizes = rng.uniform(-8, 8, (2, 3000, 3)), np.array([[4.5, 1.8], [8.0, 2.4]])
     poses[0, 0, 0] = poses[1, 1, 1] = np.nan
-    found = footprint_kernels.gaps_to_first(poses, sizes, np.array([100.0]))
+    found = box_kernels.gaps_to_first(poses, sizes, np.array([100.0]))
     boxes = [np.column_stack([p, np.broadcast_to(size, (3000, 2))]) for p, size in zip(poses, sizes, strict=True)]
     outlines = [[Polygon(points) for points in corners(of)[2:]] for of in boxes]
     exact = [one.distance(other) for one, other in zip(*outlines, strict=True)]

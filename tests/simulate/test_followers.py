@@ -259,7 +259,7 @@ def test_before_a_turn_it_does_not_brake_for_what_waits_straight_on() -> None:
 
 
 def test_on_its_swerve_it_brakes_for_what_the_wheels_point_at() -> None:
-    # Steered into the oncoming lane; there a car stands that is not in its own lane.
+    # SteeredVehicle into the oncoming lane; there a car stands that is not in its own lane.
     stands = Mover(85, 3.3, math.pi, 0.0, 4.5, 1.8)
     offset = Steering(0.03, 0.0, 2.0)
 

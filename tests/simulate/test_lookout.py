@@ -12,7 +12,7 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Steering
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import BicycleState
-from foresee_dsl.simulate.actors.vehicle_ahead import Hindrance, Lookout
+from foresee_dsl.simulate.actors.target_selection import Target, TargetSelection
 from foresee_dsl.simulate.results.collision import Mover, pairwise_box_distance
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
@@ -23,10 +23,10 @@ CAR = VehicleLimits("car.compact", 4.0, 1.8, 2.6, 0.85, 45.0, 2.6, 4.5, 8.0, mat
 STRAIGHT = Polyline.of([(0.0, 0.0), (600.0, 0.0)])
 
 
-def seen(*others: Mover, yields: bool = True, strays: bool = False, steer: float = 0.0) -> list[Hindrance]:
+def seen(*others: Mover, yields: bool = True, strays: bool = False, steer: float = 0.0) -> list[Target]:
     """What a car at x = 50 m that drives east with 10 m/s has in its way."""
     state = BicycleState(50.0, 0.0, 0.0, 10.0, steer=steer)
-    return list(Lookout(CAR, STRAIGHT).hindrances(state, 50.0, others, strays=strays, yields=yields))
+    return list(TargetSelection(CAR, STRAIGHT).targets(state, 50.0, others, strays=strays, yields=yields))
 
 
 def test_who_will_cross_its_way_is_a_wall_where_they_meet() -> None:
@@ -55,7 +55,7 @@ def test_who_does_not_come_in_front_of_it_is_none(other: Mover) -> None:
 def test_who_runs_a_light_minds_what_is_in_its_lane_only() -> None:
     crossing, standing = Mover(67.0, -9.0, math.pi / 2, 6.0, 4.0, 1.8), Mover(80.0, 0.4, 0.0, 0.0, 4.0, 1.8)
     assert len(seen(crossing, standing)) == 2
-    assert seen(crossing, standing, yields=False) == [Hindrance(pytest.approx(26.0), 0.0)]
+    assert seen(crossing, standing, yields=False) == [Target(pytest.approx(26.0), 0.0)]
 
 
 def test_on_a_swerve_it_looks_along_the_arc_of_its_wheels() -> None:

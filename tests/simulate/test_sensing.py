@@ -210,7 +210,7 @@ def test_without_noise_all_is_exact_and_the_nearest_come_first() -> None:
     assert (second.length_m, second.width_m) == (4.4, 1.8)
 
 
-def crowd(
+def state_table(
     frames: int, gap: float, speed: float = 0.0, *, settings: SensorSettings = STANDARD, air: Air = CLEAR
 ) -> list[SeenActor]:
     """What is measured of 400 cars in the same place, which hide nobody, in some frames."""
@@ -227,7 +227,7 @@ def spread(actors: list[SeenActor], field: str) -> tuple[float, float]:
 def test_errors_grow_with_the_distance_and_are_as_large_as_said() -> None:
     noise = STANDARD.noise
     for gap in (10.0, 50.0):
-        found = crowd(60, gap, 4.0, settings=replace(STANDARD, dropouts=NO_DROPOUTS))
+        found = state_table(60, gap, 4.0, settings=replace(STANDARD, dropouts=NO_DROPOUTS))
         along, across = noise.radial_m + noise.radial_share * gap, noise.lateral_m + noise.lateral_rad * gap
         assert spread(found, "x") == pytest.approx((gap, along), rel=0.05)
         assert spread(found, "y") == pytest.approx((0.0, across), rel=0.05, abs=0.02)
@@ -252,7 +252,7 @@ def test_what_stands_hardly_moves() -> None:
 
 def test_more_is_missed_far_away_and_in_rain() -> None:
     def share(gap: float, air: Air = CLEAR) -> float:
-        return 1.0 - len(crowd(40, gap, air=air)) / (40 * 400)
+        return 1.0 - len(state_table(40, gap, air=air)) / (40 * 400)
 
     assert share(8.0) == pytest.approx(0.01, abs=0.005)
     assert share(64.0) == pytest.approx(0.01 + 0.40 * 0.8**4, abs=0.012)

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import ast
 import math
 import os
 import pickle
 import subprocess
 import sys
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
-from foresee_dsl.simulate.sensing import STANDARD, noise_kernels, object_kernels, sight_kernels
+from foresee_dsl.simulate.sensing import STANDARD
 from foresee_dsl.simulate.sensing.objects import ObjectList
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from tests.support.nets import ADULT, COMPACT, CRATE, VAN
 
-KERNELS = (noise_kernels, object_kernels, sight_kernels)
 HOUSES = (((10.0, 8.0), (30.0, 8.0), (30.0, 30.0), (10.0, 30.0)), ((-40.0, -30.0), (-15.0, -30.0), (-15.0, -9.0)))
 PLAIN = """
 import pickle, sys, warnings
-from foresee_dsl.simulate.sensing import object_kernels
-assert not hasattr(object_kernels.measured, "py_func")  # not compiled
+from foresee_dsl.kernels import object_list
+assert not hasattr(object_list.measured, "py_func")  # not compiled
 warnings.simplefilter("ignore", RuntimeWarning)  # hashes overflow: meant so
 objects, scans = pickle.load(sys.stdin.buffer)
 sys.stdout.buffer.write(pickle.dumps([objects.measure(*scan) for scan in scans]))
@@ -61,28 +57,6 @@ def test_compiled_they_measure_what_the_plain_functions_do() -> None:
         for a, b in zip(one, other, strict=True):
             values = [(s.x, s.y, s.heading_rad, s.speed_mps, s.length_m, s.width_m) for s in (a, b)]
             assert values[0] == pytest.approx(values[1], abs=1e-9)
-
-
-@pytest.mark.parametrize("module", KERNELS, ids=lambda m: m.__name__.rpartition(".")[2])
-def test_what_is_compiled_stands_in_the_files_that_are_looked_at(module: ModuleType) -> None:
-    """A kernel is kept until one of these files changes: a number from elsewhere would be kept with it."""
-    fixed = {"math", "np", "min", "max", "abs", "int", "float", "range", "len"}
-    for node in ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.FunctionDef):
-            fixed.add(node.name)
-        if isinstance(node, ast.Assign) and _names(node.value) <= {"range"}:
-            fixed.update(name for target in node.targets for name in _names(target))
-        if isinstance(node, ast.ImportFrom) and str(node.module).endswith("_kernels") and module is object_kernels:
-            fixed.update(alias.name for alias in node.names)  # the one module with `made_of`
-    kernels = {name: f.py_func for name, f in vars(module).items() if hasattr(f, "py_func")}
-    assert kernels
-    for name, function in kernels.items():
-        used = {n for n in function.__code__.co_names if n in vars(module)}
-        assert used <= fixed, name
-
-
-def _names(tree: ast.AST) -> set[str]:
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
 
 
 @pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf, 1e300])

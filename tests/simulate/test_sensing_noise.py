@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from foresee_dsl.kernels.noise import hashes, normal, normals_over, uniform
 from foresee_dsl.simulate.sensing.noise import Streams, key_of
-from foresee_dsl.simulate.sensing.noise_kernels import hashes, normal, normals_over, uniform
 
 ROW = [0.2340768886674433, 1.5833081528832296]
 """What these streams gave when they were made; a clip of an older release would not fit any more."""

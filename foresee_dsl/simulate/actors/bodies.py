@@ -18,21 +18,20 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.compile.roads.parts import Lane
-from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.kernels.sumo_traffic import BESIDE_S, OFFSET, RAW_X, RAW_Y, SIDEWAYS_MPS, SIDEWAYS_SHARE
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.traffic_columns import BESIDE_S, OFFSET, RAW_X, RAW_Y
-from foresee_dsl.simulate.traffic_kernels import SIDEWAYS_MPS, SIDEWAYS_SHARE
 
 ROUNDING_M = 1e-2
 """An offset from the lane that rounding in a description can explain; it is corrected at once."""
 
 
-class Body(Mobile):
+class SumoVehicle(Actor):
     """A vehicle that SUMO drives.
 
     Attributes:
         rolls: SUMO drives it over the step before the first frame (`in_sumo`), as it would have in its parent.
-        memory: [7] what is remembered of the last step, see `traffic_columns`.
+        memory: [7] what is remembered of the last step, see `kernels.sumo_traffic`.
     """
 
     __slots__ = ("_beside", "_network", "memory", "rolls")
@@ -49,7 +48,7 @@ class Body(Mobile):
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """[5] what a kernel needs to know of it, see `traffic_columns`."""
+        """[5] what a kernel needs to know of it, see `kernels.sumo_traffic`."""
         model = self.placed.model
         reach = model.front_overhang_m + model.wheelbase_m
         return model.length_m / 2, reach, model.wheelbase_m, model.max_steer_rad, self.placed.line_m

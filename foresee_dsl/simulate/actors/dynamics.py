@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
+from foresee_dsl.kernels.boxes import wheels
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
-from foresee_dsl.simulate.footprint_kernels import wheels
 
 FloatArray = NDArray[np.float64]
 

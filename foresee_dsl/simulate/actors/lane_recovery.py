@@ -19,7 +19,7 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.simulate.actors.bend_speeds import PLANNED_SHARE, TURNS_WITH, approached
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
-from foresee_dsl.simulate.actors.vehicle_ahead import STRAYS_M, Hindrance, Lookout
+from foresee_dsl.simulate.actors.target_selection import STRAYS_M, Target, TargetSelection
 from foresee_dsl.simulate.results.collision import Mover
 
 FloatArray = NDArray[np.float64]
@@ -118,7 +118,7 @@ class LaneRecovery:
         holds = self.bicycle.lateral_mps2
         self.offset_mps2 = holds if lateral_bound_mps2 is None else min(holds, lateral_bound_mps2)
         self.recovery_mps2 = min(holds, self.settings.recovery_mps2)
-        self._lookout = Lookout(limits, line, line_m)
+        self._lookout = TargetSelection(limits, line, line_m)
         self._marks: list[float] = line.s.tolist()
         self._allowed = _allowed_speed(line, min(self.recovery_mps2, TURNS_WITH * holds), limits.braking_mps2)
         self._curvature: list[float] = line.curvature.tolist()
@@ -162,13 +162,13 @@ class LaneRecovery:
         s, beside = self._along(state)
         offset = self._offset_now(time_s)
         steer = self._steering(state, offset, s, dt)
-        hindrances: list[Hindrance] = []
+        targets: list[Target] = []
         if self.brakes:
             strays = offset != 0 or abs(beside - self.line_m) > STRAYS_M
-            hindrances.extend(self._lookout.hindrances(state, s, others, strays=strays, yields=yields))
+            targets.extend(self._lookout.targets(state, s, others, strays=strays, yields=yields))
         if stop_s is not None:
-            hindrances.extend(self._line_ahead(state, stop_s - s - self.limits.length_m / 2))
-        acceleration = self._pedals(state.speed, s, hindrances)
+            targets.extend(self._line_ahead(state, stop_s - s - self.limits.length_m / 2))
+        acceleration = self._pedals(state.speed, s, targets)
         return self.bicycle.step(state, self._control(state, steer, acceleration), dt)
 
     def _along(self, state: BicycleState) -> tuple[float, float]:
@@ -209,8 +209,8 @@ class LaneRecovery:
             return self.limits.steer_max_rad if angle > 0 else -self.limits.steer_max_rad
         return atan(2 * self.limits.wheelbase_m * sin(angle) / distance)
 
-    def _pedals(self, speed: float, s: float, hindrances: Iterable[Hindrance]) -> float:
-        """Acceleration (m/s^2) of the Intelligent Driver Model; each hindrance is the room to it and its speed."""
+    def _pedals(self, speed: float, s: float, targets: Iterable[Target]) -> float:
+        """Acceleration (m/s^2) of the Intelligent Driver Model; each target is the room to it and its speed."""
         limits = self.limits
         allowed = self._allowed[self._mark(s + speed * SLOWING_S)]
         wanted = max(0.1, min(self.cruise_mps, allowed, limits.max_speed_mps))
@@ -219,20 +219,20 @@ class LaneRecovery:
         else:  # the model's own answer to too much speed is weak near the wanted speed; slow down at a rate instead
             free = max((wanted - speed) / SLOWING_S, -limits.braking_mps2)
         acceleration = free
-        for room, their_speed in hindrances:
+        for room, their_speed in targets:
             closing = speed * (speed - their_speed) / (2 * sqrt(limits.acceleration_mps2 * limits.braking_mps2))
             desired = self.settings.standstill_m + max(0.0, speed * self.settings.headway_s + closing)
             hindered = max(free, 0.0) - limits.acceleration_mps2 * (desired / max(room, 0.1)) ** 2
             acceleration = min(acceleration, hindered)
         return max(acceleration, -limits.emergency_braking_mps2)
 
-    def _line_ahead(self, state: BicycleState, room: float) -> tuple[Hindrance, ...]:
+    def _line_ahead(self, state: BicycleState, room: float) -> tuple[Target, ...]:
         """A stop line as if it were a body that stands; nothing when it is behind or can no longer be stopped at."""
         can_stop = state.speed**2 <= 2 * self.limits.emergency_braking_mps2 * (room + STOP_LINE_M)
         if room < -STOP_LINE_M or not can_stop:
             return ()
         # The model keeps `standstill_m` from a body; the front comes nearer than that to a line.
-        return (Hindrance(room + self.settings.standstill_m - STOP_LINE_M, 0.0),)
+        return (Target(room + self.settings.standstill_m - STOP_LINE_M, 0.0),)
 
     def _mark(self, s: float) -> int:
         """Index of the line's point at or before this length."""

@@ -16,12 +16,12 @@ import shapely
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.roads.network_geometry import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
-from foresee_dsl.simulate.actors.bodies import ROUNDING_M, Body
+from foresee_dsl.simulate.actors.bodies import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, lateral_limit_mps2, limits_of
 from foresee_dsl.simulate.actors.handover import handed_over
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
 from foresee_dsl.simulate.actors.path_followers import PathFollower
-from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.results.collision import Mover, corner_points
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import GHOST_TYPE, World
@@ -38,7 +38,7 @@ _GRID_M = 0.5
 """Where a path lies is looked up once per so much of it."""
 
 
-class Ego(Mobile):
+class Ego(Actor):
     """The vehicle of the driver under test."""
 
     __slots__ = ("_recorded", "motion")
@@ -60,10 +60,10 @@ class Ego(Mobile):
         While there are recorded states it moves to the next of them, whatever the driver answers.
         """
         recorded = next(self._recorded, None)
-        self.become(recorded or self.motion.step(self.bicycle(), control, STEP_S))
+        self.set_state(recorded or self.motion.step(self.bicycle(), control, STEP_S))
 
 
-class Spot(NamedTuple):
+class LanePosition(NamedTuple):
     """Where a body is seen: x, y of its middle (m), the lane with its heading there (rad), the length along it (m)."""
 
     x: float
@@ -73,7 +73,7 @@ class Spot(NamedTuple):
     lane: str
 
 
-class Ghost:
+class StandIn:
     """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive.
 
     A new one for each lane: SUMO remembers of one that changes lane on a junction when it came and how, and who may go
@@ -85,7 +85,7 @@ class Ghost:
         self._world, self._network, self._name, self._edge = world, network, name, edge
         self._in: dict[str, float] = {}
 
-    def show(self, spots: Sequence[Spot], speed_mps: float = 0.0) -> None:
+    def show(self, spots: Sequence[LanePosition], speed_mps: float = 0.0) -> None:
         """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
         if not spots and not self._in:
             return
@@ -106,7 +106,7 @@ class Ghost:
             self._world.settle(name, speed, 0.0)
 
 
-class Block(Mobile):
+class StaticActor(Actor):
     """An obstacle; it stands."""
 
     __slots__ = ("ghost", "spots")
@@ -114,11 +114,11 @@ class Block(Mobile):
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
         """Stand where it is placed, and find the lanes that it blocks."""
         super().__init__(actor)
-        self.ghost = Ghost(world, network, actor.id, edge)
+        self.ghost = StandIn(world, network, actor.id, edge)
         self.spots = _blocked(self, network)
 
 
-class Walker(Mobile):
+class PathActor(Actor):
     """A pedestrian, cyclist or vehicle that follows a path."""
 
     __slots__ = ("_world", "cruise", "follower", "ghost", "held_until", "network", "road_at", "stops")
@@ -126,7 +126,7 @@ class Walker(Mobile):
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Start as far along the path as the scene says."""
         super().__init__(actor)
-        model, paced = actor.model, sped(actor)
+        model, paced = actor.model, with_timing(actor)
         self._world, self.network = world, network
         self.cruise = paced.cruise_mps
         self.follower = PathFollower(
@@ -139,7 +139,7 @@ class Walker(Mobile):
             speed_mps=paced.speed_mps,
             lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, friction),
         )
-        self.ghost = Ghost(world, network, actor.id, edge)
+        self.ghost = StandIn(world, network, actor.id, edge)
         self.stops = actor.walk_stops
         self.road_at: dict[int, tuple[float, str] | None] = {}
         self.along = actor.along_m
@@ -169,7 +169,7 @@ class Walker(Mobile):
         heading, lane = road
         turned = self.heading - heading
         extent = abs(math.cos(turned)) * self.length + abs(math.sin(turned)) * self.width
-        self.ghost.show((Spot(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned)))
+        self.ghost.show((LanePosition(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned)))
 
     def _road(self, along: float) -> tuple[float, str] | None:
         """Heading and id of the lane at a length of the path, None where that is off the road."""
@@ -188,7 +188,7 @@ class Walker(Mobile):
         return None
 
 
-class Steered(Body):
+class SteeredVehicle(SumoVehicle):
     """A vehicle that SUMO drives until a steering offset sets in; from then on it is a bicycle in Python."""
 
     __slots__ = ("friction", "recovery", "taken")
@@ -219,11 +219,11 @@ class Steered(Body):
         if self.recovery is None or self.taken is None:
             return
         self.taken = self.recovery.step(self.taken, time_s, others, STEP_S, stop_s=stop_s, yields=yields)
-        self.become(self.taken)
+        self.set_state(self.taken)
         self.present = not self.recovery.done(self.taken)
 
 
-def sped(actor: PlacedActor) -> PlacedActor:
+def with_timing(actor: PlacedActor) -> PlacedActor:
     """Return an actor with its `timing` worked into its speeds, within what its model can."""
     k, top = actor.timing, actor.model.max_speed_mps
     if k == 1.0:
@@ -251,9 +251,9 @@ def _look_up_lane(network: RoadNetwork, x: float, y: float, fallback: float) -> 
     return (near.lane.line.at(near.pos_m)[2], near.lane.id) if near is not None else (fallback, "")
 
 
-def _blocked(block: Mobile, network: RoadNetwork) -> tuple[Spot, ...]:
+def _blocked(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:
     """The stretches of lanes that a body blocks."""
-    found: dict[str, Spot] = {}
+    found: dict[str, LanePosition] = {}
     for x, y in ((block.x, block.y), *corner_points(block.box)):
         near = network.nearest_lane(x, y, None, "car", PASSES_M)
         if near is None or near.lane.id in found:
@@ -262,5 +262,5 @@ def _blocked(block: Mobile, network: RoadNetwork) -> tuple[Spot, ...]:
         lane_x, lane_y, heading = near.lane.line.at(min(max(pos, 0.0), near.lane.line.length_m))
         turned = block.heading - heading
         extent = abs(math.cos(turned)) * block.length + abs(math.sin(turned)) * block.width
-        found[near.lane.id] = Spot(lane_x, lane_y, heading, extent, near.lane.id)
+        found[near.lane.id] = LanePosition(lane_x, lane_y, heading, extent, near.lane.id)
     return tuple(found.values())

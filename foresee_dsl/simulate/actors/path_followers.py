@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.polyline import Points, as_line, line_of, wrap
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
+from foresee_dsl.kernels.lines import place_at, value_at
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
-from foresee_dsl.simulate.line_kernels import place_at, value_at
 
 FloatArray = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def _approach(room: float, speed: float, braking: float, dt: float) -> float:
     return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
 
 
-@compiled(FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, made_of="line_kernels.py")
+@compiled(FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, made_of="lines.py")
 def _stands(
     along: float, half: float, xs: FloatArray, ys: FloatArray, marks: FloatArray, angles: FloatArray
 ) -> tuple[float, float, float]:
@@ -149,7 +149,7 @@ def _stands(
 
 @compiled(
     FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS,
-    made_of="line_kernels.py",
+    made_of="lines.py",
 )  # fmt: skip
 def _advance(
     along: float,

@@ -10,9 +10,9 @@ from typing import Protocol
 
 from foresee_dsl.language.model import Meets, MeetsState
 from foresee_dsl.language.project.concrete import si_of, word_of
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, Walker
-from foresee_dsl.simulate.actors.population import Cast
-from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
+from foresee_dsl.simulate.actors.simulation import Simulation
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -51,31 +51,31 @@ class Command(Protocol):
 class Ramp:
     """Changes speed linearly; afterwards that is what the actor drives where nothing hinders it."""
 
-    def __init__(self, cast: Cast, actor: Mobile, to_mps: float, over_s: float) -> None:
-        self._cast, self._actor, self._to, self._over = cast, actor, to_mps, over_s
-        self._since, self._from = cast.time_s, actor.speed
+    def __init__(self, simulation: Simulation, actor: Actor, to_mps: float, over_s: float) -> None:
+        self._simulation, self._actor, self._to, self._over = simulation, actor, to_mps, over_s
+        self._since, self._from = simulation.time_s, actor.speed
 
     def update(self, time_s: float) -> bool:
         """See `Command`."""
         share = 1.0 if self._over <= 0 else min(1.0, (time_s + STEP_S - self._since) / self._over)
-        self._cast.pace(self._actor, self._from + (self._to - self._from) * share)
+        self._simulation.order_speed(self._actor, self._from + (self._to - self._from) * share)
         if share < 1.0:
             return True
-        self._cast.cruise[self._actor.id] = self._to
+        self._simulation.cruise_mps[self._actor.id] = self._to
         return False
 
     def complete(self) -> bool:
         """Whether the time is over; without one, whether the speed is reached."""
         if self._over > 0:
-            return self._cast.time_s >= self._since + self._over - STEP_S / 100
+            return self._simulation.time_s >= self._since + self._over - STEP_S / 100
         return abs(self._actor.speed - self._to) < STANDS_MPS
 
 
 class Stop:
     """Brakes in comfort, stands for a time or for good, then goes on as before."""
 
-    def __init__(self, cast: Cast, actor: Mobile, duration_s: float | None) -> None:
-        self._cast, self._actor, self._duration = cast, actor, duration_s
+    def __init__(self, simulation: Simulation, actor: Actor, duration_s: float | None) -> None:
+        self._simulation, self._actor, self._duration = simulation, actor, duration_s
         self._pace = actor.speed
         self._stands_since: float | None = None
         self._gone_on = False
@@ -85,11 +85,11 @@ class Stop:
         if self._stands_since is None and self._actor.speed < STANDS_MPS:
             self._stands_since = time_s
         if self._over(time_s):
-            self._cast.pace(self._actor, self._cast.cruise[self._actor.id])
+            self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             self._gone_on = True
             return False
         self._pace = max(0.0, self._pace - COMFORT_MPS2 * STEP_S)
-        self._cast.pace(self._actor, self._pace)
+        self._simulation.order_speed(self._actor, self._pace)
         return True
 
     def complete(self) -> bool:
@@ -109,10 +109,10 @@ class Meeting:
     on where both are, and that it keeps its speed is an event: a clip that begins in between goes on in the same way.
     """
 
-    def __init__(self, cast: Cast, recorder: Recorder, actor: Mobile, meets: Meets | MeetsState) -> None:
-        self._cast, self._recorder, self._actor = cast, recorder, actor
-        self._other, self._junction = cast.by_id[meets.other], word_of(meets.junction)
-        self._points = cast.progress.meeting(actor, self._other, self._junction)
+    def __init__(self, simulation: Simulation, recorder: Recorder, actor: Actor, meets: Meets | MeetsState) -> None:
+        self._simulation, self._recorder, self._actor = simulation, recorder, actor
+        self._other, self._junction = simulation.by_id[meets.other], word_of(meets.junction)
+        self._points = simulation.progress.meeting(actor, self._other, self._junction)
         self._gap_s = si_of(meets.gap) * (1 if meets.order == "after" else -1)
         self._committed = False
 
@@ -120,11 +120,11 @@ class Meeting:
         """See `Command`."""
         if self.over():
             self._recorder.event(time_s, self._actor.id, "met", {"junction": self._junction})
-            self._cast.pace(self._actor, self._cast.cruise[self._actor.id])
+            self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             return False
         if not self._committed:
             pace, self._committed = self.asked(), self._near()
-            self._cast.pace(self._actor, pace)
+            self._simulation.order_speed(self._actor, pace)
             if self._committed:
                 detail = {"junction": self._junction, "speed_mps": pace}
                 self._recorder.event(time_s, self._actor.id, "keeps_speed", detail)
@@ -132,20 +132,20 @@ class Meeting:
 
     def complete(self) -> bool:
         """Whether the actor has left the junction (or does not come there)."""
-        span = self._cast.progress.span(self._actor, self._junction)
-        return span is None or self._cast.progress.front(self._actor, self._cast.frame) >= span[1]
+        span = self._simulation.progress.span(self._actor, self._junction)
+        return span is None or self._simulation.progress.front(self._actor, self._simulation.frame) >= span[1]
 
     def asked(self) -> float:
         """Return what it asks the actor to drive now, without the actor's `timing`, m/s."""
-        cast, actor, other, timing = self._cast, self._actor, self._other, self._actor.placed.timing
-        cruise = cast.cruise[actor.id] / timing
+        simulation, actor, other, timing = self._simulation, self._actor, self._other, self._actor.placed.timing
+        cruise = simulation.cruise_mps[actor.id] / timing
         fastest = HASTE * cruise
         if self._near():
             return min(max(actor.speed / timing, CREEPS_MPS), fastest)
         if self._points is None or not other.present:
             return cruise
-        own = self._points[0] - cast.progress.front(actor, cast.frame)
-        theirs = self._points[1] - cast.progress.front(other, cast.frame)
+        own = self._points[0] - simulation.progress.front(actor, simulation.frame)
+        theirs = self._points[1] - simulation.progress.front(other, simulation.frame)
         if own <= 0 or theirs <= 0:
             return cruise
         arrival = theirs / max(other.speed, WAITS_MPS) + self._gap_s
@@ -157,7 +157,7 @@ class Meeting:
         return math.isnan(room) or room <= -MET_M or not self._actor.present
 
     def _near(self) -> bool:
-        return self._room() <= (COMMITS_WALKING_M if isinstance(self._actor, Walker) else COMMITS_M)
+        return self._room() <= (COMMITS_WALKING_M if isinstance(self._actor, PathActor) else COMMITS_M)
 
     def _room(self) -> float:
-        return self._cast.progress.to_junction(self._actor, self._junction, self._cast.frame)
+        return self._simulation.progress.to_junction(self._actor, self._junction, self._simulation.frame)

@@ -19,16 +19,16 @@ IntArray = NDArray[np.int32]
 _ON_NONE = -1
 
 
-class Mobile:
+class Actor:
     """An actor's footprint now; the runner's other modules change it in place (20 actors, 20 times a second).
 
-    Its numbers lie in a row of their own, or, once it has joined a `Crowd`, in the crowd's.
+    Its numbers lie in a row of their own, or, once it has joined a `StateTable`, in a row of that.
 
     Attributes:
         id: its name. placed: the actor as the scene has it. length, width: of the footprint, m.
     """
 
-    __slots__ = ("_along", "_crowd", "_lane", "_number", "_present", "_row", "id", "length", "placed", "width")
+    __slots__ = ("_along", "_lane", "_number", "_present", "_row", "_state_table", "id", "length", "placed", "width")
 
     def __init__(self, actor: PlacedActor) -> None:
         """Stand where the scene places it."""
@@ -43,7 +43,7 @@ class Mobile:
             (x, y, actor.heading_rad, actor.speed_mps, actor.acceleration_mps2, 0.0, actor.steer_rad), dtype=np.float64
         )
         self._lane, self._along, self._present = actor.lane, math.nan, True
-        self._crowd: Crowd | None = None
+        self._state_table: StateTable | None = None
         self._number = 0
 
     @property
@@ -94,8 +94,8 @@ class Mobile:
     def lane(self, lane: str) -> None:
         if lane != self._lane:
             self._lane = lane
-            if self._crowd is not None:
-                self._crowd.put_on(self._number, lane)
+            if self._state_table is not None:
+                self._state_table.set_lane(self._number, lane)
 
     @property
     def along(self) -> float:
@@ -105,8 +105,8 @@ class Mobile:
     @along.setter
     def along(self, along_m: float) -> None:
         self._along = along_m
-        if self._crowd is not None:
-            self._crowd.along[self._number] = along_m
+        if self._state_table is not None:
+            self._state_table.along[self._number] = along_m
 
     @property
     def present(self) -> bool:
@@ -118,8 +118,8 @@ class Mobile:
         if present == self._present:
             return
         self._present = present
-        if self._crowd is not None:
-            self._crowd.is_there(self._number, present, self._lane)
+        if self._state_table is not None:
+            self._state_table.set_present(self._number, present, self._lane)
 
     @property
     def front(self) -> tuple[float, float]:
@@ -150,21 +150,21 @@ class Mobile:
         """Be somewhere else; the steering stays."""
         self._row[:6] = x, y, heading, speed, acceleration, yaw_rate
 
-    def become(self, state: BicycleState) -> None:
+    def set_state(self, state: BicycleState) -> None:
         """Take over a bicycle's state."""
         heading = math.remainder(state.heading, math.tau)
         self._row[:] = state.x, state.y, heading, state.speed, state.acceleration, state.yaw_rate, state.steer
 
-    def join(self, crowd: Crowd, number: int, row: FloatArray) -> None:
-        """Keep its numbers in a crowd's table from now on; its lane and whether it is there are told to the crowd."""
-        self._row, self._crowd, self._number = row, crowd, number
-        crowd.put_on(number, self._lane)
-        crowd.along[number] = self._along
+    def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
+        """Keep its numbers in a row of a table from now on, and tell the table its lane and whether it is there."""
+        self._row, self._state_table, self._number = row, state_table, number
+        state_table.set_lane(number, self._lane)
+        state_table.along[number] = self._along
         if not self._present:
-            crowd.is_there(number, False, "")
+            state_table.set_present(number, False, "")
 
 
-class Crowd:
+class StateTable:
     """All actors of a run as tables, so that one call moves them all, or writes a frame down.
 
     Attributes:
@@ -174,7 +174,7 @@ class Crowd:
         along: [A] m along a path, NaN for those who follow none.
     """
 
-    def __init__(self, actors: Sequence[Mobile]) -> None:
+    def __init__(self, actors: Sequence[Actor]) -> None:
         """Gather these actors; their rows become the tables' rows, in this order."""
         self.states = np.array([actor._row for actor in actors]).reshape(-1, len(FIELDS))
         self.lanes: IntArray = np.full(len(actors), _ON_NONE, dtype=np.int32)
@@ -185,16 +185,16 @@ class Crowd:
             actor.join(self, number, self.states[number])
         self._somebody_walks = not np.isnan(self.along).all()
 
-    def put_on(self, number: int, lane: str) -> None:
+    def set_lane(self, number: int, lane: str) -> None:
         """Note which lane an actor is on."""
         self.lanes = self.lanes.copy()
         self.lanes[number] = self.lane_ids.setdefault(lane, len(self.lane_ids)) if lane else _ON_NONE
 
-    def is_there(self, number: int, present: bool, lane: str) -> None:
+    def set_present(self, number: int, present: bool, lane: str) -> None:
         """Note whether an actor is there, and if so, on which lane."""
         others = self._absent[self._absent != number]
         self._absent = others if present else np.append(others, number)
-        self.put_on(number, lane if present else "")
+        self.set_lane(number, lane if present else "")
         if not present:
             self.along[number] = math.nan
 

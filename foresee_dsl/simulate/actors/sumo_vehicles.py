@@ -8,31 +8,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.kernels.sumo_traffic import BENDS_S, BESIDE_S, follow, slow_for_bends
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
-from foresee_dsl.simulate.actors.bodies import Body
-from foresee_dsl.simulate.actors.states import Crowd
+from foresee_dsl.simulate.actors.bodies import SumoVehicle
+from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.lane_table import lane_table
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.traffic_columns import BENDS_S, BESIDE_S
-from foresee_dsl.simulate.traffic_kernels import follow, slow_for_bends
 from foresee_dsl.simulate.world import World
 
 IntArray = NDArray[np.int64]
 
 
-class Traffic:
+class SumoTraffic:
     """The vehicles that SUMO drives, until they leave or are taken over.
 
     Args:
-        bodies: their bodies, which have joined the crowd. rows: of the crowd, by id.
+        bodies: their bodies, which have joined the state_table. rows: of the state_table, by id.
         world: where they drive. network: their roads. friction: of the tyres on them.
         cruise_mps: what each drives where nothing hinders it, by id.
     """
 
     def __init__(
         self,
-        bodies: Sequence[Body],
-        crowd: Crowd,
+        bodies: Sequence[SumoVehicle],
+        state_table: StateTable,
         rows: Mapping[str, int],
         world: World,
         network: RoadNetwork,
@@ -40,7 +39,7 @@ class Traffic:
         cruise_mps: Mapping[str, float],
     ) -> None:
         count = len(bodies)
-        self._bodies, self._crowd, self._world = tuple(bodies), crowd, world
+        self._bodies, self._state_table, self._world = tuple(bodies), state_table, world
         self._numbers = {body.id: number for number, body in enumerate(bodies)}
         self._rows = np.array([rows[body.id] for body in bodies], dtype=np.int64)
         self._memory = np.array([body.memory for body in bodies]).reshape(count, 7)
@@ -94,7 +93,7 @@ class Traffic:
                 self._is_on(number, lane)
         table = self._table
         follow(
-            np.array(places), np.array(speeds), self._who, self._rows, self._crowd.states, self._memory,
+            np.array(places), np.array(speeds), self._who, self._rows, self._state_table.states, self._memory,
             self._shape, self._lanes, table.first, table.x, table.y, table.marks, table.angles, STEP_S,
         )  # fmt: skip
         return left
@@ -107,9 +106,9 @@ class Traffic:
         """Find out what each may drive; return those for whom it is something else than they were told."""
         table, bends = self._table, self._bends
         found = slow_for_bends(
-            self._driven, self._rows, self._crowd.states, self._memory, self._lanes, table.first, table.x, table.y,
-            table.marks, self._begin, self._count, self._slowest, bends.marks, bends.speeds, self._cruise, self._limit,
-            self._told, self._changed, STEP_S,
+            self._driven, self._rows, self._state_table.states, self._memory, self._lanes, table.first, table.x,
+            table.y, table.marks, self._begin, self._count, self._slowest, bends.marks, bends.speeds,
+            self._cruise, self._limit, self._told, self._changed, STEP_S,
         )  # fmt: skip
         changed: list[int] = self._changed[:found].tolist()
         return changed

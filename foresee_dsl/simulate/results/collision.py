@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.simulate.footprint_kernels import gaps, hits, overlap, overlaps_of
+from foresee_dsl.kernels.boxes import gaps, hits, overlap, overlaps_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.simulate.footprint_kernels import WHOLE, all_whole
+from foresee_dsl.kernels.boxes import WHOLE, all_whole
 
 FloatArray = NDArray[np.float64]
 

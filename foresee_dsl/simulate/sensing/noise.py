@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.simulate.sensing.noise_kernels import hashes, normals_over
+from foresee_dsl.kernels.noise import hashes, normals_over
 
 FloatArray = NDArray[np.float64]
 Hashes = NDArray[np.uint64]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import SeenActor
+from foresee_dsl.kernels.object_list import measured
 from foresee_dsl.simulate.sensing.noise import Streams
-from foresee_dsl.simulate.sensing.object_kernels import measured
 from foresee_dsl.simulate.sensing.settings import SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.tracks import Tracks
@@ -78,7 +78,7 @@ class ObjectList:
 
 
 def _numbers(settings: SensorSettings) -> tuple[float, ...]:
-    """Return what `object_kernels.measured` needs of the settings, in its order."""
+    """Return what `kernels.object_list.measured` needs of the settings, in its order."""
     noise, missed = settings.noise, settings.dropouts
     return (
         noise.radial_m,

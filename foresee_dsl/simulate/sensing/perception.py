@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
-from foresee_dsl.simulate.actors.population import Cast
+from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.rasters import RunViews
 from foresee_dsl.simulate.rasters.layout import CAMERA_RANGE_M
 from foresee_dsl.simulate.sensing.noise import Streams
@@ -80,20 +80,23 @@ class Sensing:
     everybody would have been with the speed of that frame.
     """
 
-    def __init__(self, cast: Cast, mission: Mission, seed: int, settings: SensorSettings = STANDARD) -> None:
+    def __init__(
+        self, simulation: Simulation, mission: Mission, seed: int, settings: SensorSettings = STANDARD
+    ) -> None:
         """Mount the sensors.
 
         Args:
-            cast: the actors. mission: whose signals are meant. seed: of the run. settings: what the sensors can do.
+            simulation: the run. mission: whose signals are meant. seed: of the run.
+            settings: what the sensors can do.
         """
-        scene = cast.scene
-        others = cast.actors[1:]
+        scene = simulation.scene
+        others = simulation.actors[1:]
         bodies = Bodies.of([actor.placed.model for actor in others])
         air = Air(scene.rain, scene.fog, scene.sun)
-        self._cast, self._air, self._settings = cast, air, settings
+        self._simulation, self._air, self._settings = simulation, air, settings
         self._began = frames_of(scene.began_s)
         self._latency, self._scan = frames_of(settings.latency_s), max(frames_of(settings.scan_s), 1)
-        self._sight = Sight(bodies, cast.network.buildings, settings, air)
+        self._sight = Sight(bodies, simulation.network.buildings, settings, air)
         self._objects = ObjectList(bodies, [actor.id for actor in others], self._sight, settings, seed)
         self._heads = SignalHeads(mission, settings)
         # The mission's line may begin elsewhere than the scene's.
@@ -112,20 +115,20 @@ class Sensing:
 
     @cached_property
     def _views(self) -> RunViews:
-        air, settings, scene = self._air, self._settings, self._cast.scene
-        models = [actor.placed.model for actor in self._cast.actors[1:]]
+        air, settings, scene = self._air, self._settings, self._simulation.scene
+        models = [actor.placed.model for actor in self._simulation.actors[1:]]
         camera_m = air.object_range_m(CAMERA_RANGE_M) if settings.weather else CAMERA_RANGE_M
-        return RunViews(self._cast.network, self._mission, scene.ego.model, models, range_m=camera_m)
+        return RunViews(self._simulation.network, self._mission, scene.ego.model, models, range_m=camera_m)
 
     def observe(self, states: FloatArray) -> Observation:
-        """Return what the driver learns at the frame that the cast is at.
+        """Return what the driver learns at the frame that the simulation is at.
 
         Args:
             states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; not to be
                 changed afterwards.
         """
-        cast = self._cast
-        now = self._began + cast.frame
+        simulation = self._simulation
+        now = self._began + simulation.frame
         ready = now - self._latency
         if not self._pipe:
             for frame in range(ready - ready % self._scan, now, self._scan):
@@ -138,7 +141,7 @@ class Sensing:
         got = self._pipe[0]
         told = _Told.__new__(_Told)
         put = object.__setattr__
-        put(told, "time_s", cast.time_s)
+        put(told, "time_s", simulation.time_s)
         put(told, "measured_s", got.measured_s)
         put(told, "_late", (self, got, now, states))
         return told
@@ -170,12 +173,12 @@ class Sensing:
 
     def _scan_of(self, frame: int, pose: Pose, s: float, states: FloatArray) -> _Scan:
         heads = self._heads.near(pose, s, self._sight.signal_range_m)
-        shown = {key: self._cast.world.colour(*self._links[key]) for key in self._heads.signals(heads)}
+        shown = {key: self._simulation.world.colour(*self._links[key]) for key in self._heads.signals(heads)}
         return _Scan(frame, round((frame - self._began) * STEP_S, 6), pose, states, heads, shown)
 
     def _s(self) -> float:
         """The ego's length along the mission's line."""
-        return self._cast.progress.of(self._cast.ego, self._cast.frame)[0] + self._shift_s
+        return self._simulation.progress.of(self._simulation.ego, self._simulation.frame)[0] + self._shift_s
 
     def _measure(self, scan: _Scan) -> None:
         scan.measured = True

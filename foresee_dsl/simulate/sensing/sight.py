@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.kernels.sight import MARKS, clear_points, in_sight
 from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorSettings
-from foresee_dsl.simulate.sensing.sight_kernels import MARKS, clear_points, in_sight
 from foresee_dsl.simulate.sensing.walls import Walls
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
 
@@ -49,7 +49,7 @@ class Sight:
 
     Attributes:
         range_m: [N] how far each object is seen in this weather. signal_range_m: the same for signals.
-        bodies, limits, walls: as `sight_kernels` wants them.
+        bodies, limits, walls: as `kernels.sight` wants them.
     """
 
     def __init__(

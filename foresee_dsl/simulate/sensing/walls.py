@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.polyline import Points
-from foresee_dsl.simulate.sensing.sight_kernels import walls_near
+from foresee_dsl.kernels.sight import walls_near
 
 FloatArray = NDArray[np.float64]
 

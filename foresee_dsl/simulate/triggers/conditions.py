@@ -24,9 +24,9 @@ from foresee_dsl.language.model import (
     Within,
 )
 from foresee_dsl.language.project.concrete import si_of, word_of
-from foresee_dsl.simulate.actors.moved_actors import Walker
-from foresee_dsl.simulate.actors.population import Cast
-from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.simulation import Simulation
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.results.collision import box_distance, overlaps
 from foresee_dsl.simulate.results.junction_outlines import Outlines, point_distance
 from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta, ttc
@@ -34,20 +34,20 @@ from foresee_dsl.simulate.triggers.robustness import Outcome
 
 
 class Conditions:
-    """Answers what can be said of a single frame about a cast; `watch` makes whole conditions of it.
+    """Answers what can be said of a single frame about a simulation; `watch` makes whole conditions of it.
 
     Args:
-        cast: at the frame that is asked about.
+        simulation: at the frame that is asked about.
         signals: the bundle's, by junction.
     """
 
-    def __init__(self, cast: Cast, signals: Mapping[str, Signal]) -> None:
-        self._cast, self._signals = cast, signals
-        self._outlines = Outlines(cast.network)
+    def __init__(self, simulation: Simulation, signals: Mapping[str, Signal]) -> None:
+        self._simulation, self._signals = simulation, signals
+        self._outlines = Outlines(simulation.network)
         self.ego_hit: bool | None = None
         """Whether the ego touches anything at this frame, where that is known already."""
         self._measures: dict[str, Callable[[Measure], float]] = {
-            "time": lambda _: cast.time_s,
+            "time": lambda _: simulation.time_s,
             "speed": self._speed,
             "acceleration": self._acceleration,
             "eta": self._eta,
@@ -65,13 +65,13 @@ class Conditions:
 
     @property
     def frame(self) -> int:
-        """The frame that the cast is at."""
-        return self._cast.frame
+        """The frame that the simulation is at."""
+        return self._simulation.frame
 
     @property
     def time_s(self) -> float:
         """Its time."""
-        return self._cast.time_s
+        return self._simulation.time_s
 
     def outcome(self, condition: Condition) -> Outcome | None:
         """Return whether an innermost condition holds now and by how much; None where it cannot be said.
@@ -89,12 +89,12 @@ class Conditions:
 
     def arrived(self, name: str) -> bool:
         """Whether an actor has reached its goal: the ego's point, a path's end, the end of a route."""
-        actor = self._cast.by_id.get(name)
+        actor = self._simulation.by_id.get(name)
         if actor is None:
             return False
-        if actor is self._cast.ego:
-            return self._cast.progress.of(actor, self._cast.frame)[0] >= self._cast.scene.goal_s
-        if isinstance(actor, Walker):
+        if actor is self._simulation.ego:
+            return self._simulation.progress.of(actor, self._simulation.frame)[0] >= self._simulation.scene.goal_s
+        if isinstance(actor, PathActor):
             return actor.follower.arrived
         return not actor.present
 
@@ -115,7 +115,7 @@ class Conditions:
         if predicate.actor == "ego" and self.ego_hit is not None:
             return Outcome(self.ego_hit, decides=predicate)
         actor = self._actor(predicate.actor)
-        hit = actor is not None and any(overlaps(actor.box, other.box) for other in self._cast.others(actor))
+        hit = actor is not None and any(overlaps(actor.box, other.box) for other in self._simulation.others(actor))
         return Outcome(hit, decides=predicate)
 
     def _in_junction(self, condition: InJunction) -> Outcome | None:
@@ -140,15 +140,15 @@ class Conditions:
         slack = si_of(condition.distance) - away
         return _judged(condition, slack >= 0, slack, condition.distance)
 
-    def _away(self, actor: Mobile, condition: Within) -> float:
+    def _away(self, actor: Actor, condition: Within) -> float:
         of = condition.of
         if isinstance(of, Named):
             name = word_of(of.name)
-            if name not in self._cast.by_id and name in self._cast.network.junctions:
+            if name not in self._simulation.by_id and name in self._simulation.network.junctions:
                 return self._outlines.distance(actor.box, name)
             other = self._actor(name)
             return math.nan if other is None else box_distance(actor.box, other.box)
-        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, Point) else self._cast.scene.places[of]
+        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, Point) else self._simulation.scene.places[of]
         return point_distance(actor.box, x, y)
 
     def _shows(self, condition: Shows) -> Outcome | None:
@@ -157,20 +157,20 @@ class Conditions:
         if signal is None:
             return None
         if condition.actor is None:
-            stage, _ = self._cast.world.stage(signal.tls)
+            stage, _ = self._simulation.world.stage(signal.tls)
             return Outcome(signal.stages[stage] == state, decides=condition)
         actor = self._actor(condition.actor)
         link = None if actor is None else self._link(actor, junction, signal.tls)
         if link is None:
             return None
-        return Outcome(self._cast.world.colour(*link) == state, decides=condition)
+        return Outcome(self._simulation.world.colour(*link) == state, decides=condition)
 
-    def _link(self, actor: Mobile, junction: str, tls: str) -> tuple[str, int] | None:
+    def _link(self, actor: Actor, junction: str, tls: str) -> tuple[str, int] | None:
         """Return which signal, and which of its links, an actor has to look at until it has left a junction."""
-        if isinstance(actor, Walker):
+        if isinstance(actor, PathActor):
             stops = actor.placed.walk_stops
             return next(((name, link) for _, leaves, name, link in stops if name == tls and leaves > actor.along), None)
-        for passage, _ in self._cast.progress.ahead(actor, self._cast.frame, math.inf):
+        for passage, _ in self._simulation.progress.ahead(actor, self._simulation.frame, math.inf):
             movement = passage.movement
             if passage.junction == junction:
                 return (movement.tls, movement.link) if movement.tls is not None and movement.link >= 0 else None
@@ -178,8 +178,8 @@ class Conditions:
 
     # --- measures --------------------------------------------------------------------------------------------------
 
-    def _actor(self, name: str | None) -> Mobile | None:
-        actor = self._cast.by_id.get(name or "")
+    def _actor(self, name: str | None) -> Actor | None:
+        actor = self._simulation.by_id.get(name or "")
         return actor if actor is not None and actor.present else None
 
     def _speed(self, measure: Measure) -> float:
@@ -194,15 +194,15 @@ class Conditions:
         actor = self._actor(measure.actor)
         if actor is None:
             return math.nan
-        room = self._cast.progress.to_junction(actor, word_of(measure.other or ""), self._cast.frame)
+        room = self._simulation.progress.to_junction(actor, word_of(measure.other or ""), self._simulation.frame)
         return math.inf if math.isnan(room) else eta(room, actor.speed)
 
     def _distance(self, measure: Measure) -> float:
         actor, name = self._actor(measure.actor), word_of(measure.other or "")
         if actor is None:
             return math.nan
-        if name not in self._cast.by_id and name in self._cast.network.junctions:
-            return self._cast.progress.to_junction(actor, name, self._cast.frame)
+        if name not in self._simulation.by_id and name in self._simulation.network.junctions:
+            return self._simulation.progress.to_junction(actor, name, self._simulation.frame)
         other = self._actor(name)  # one of the traffic may have found no room
         return math.nan if other is None else box_distance(actor.box, other.box)
 

@@ -30,9 +30,9 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printing.phrases import place as text_of
 from foresee_dsl.language.project.concrete import si_of, word_of
-from foresee_dsl.simulate.actors.population import Cast
+from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Meeting, Ramp, Stop
-from foresee_dsl.simulate.actors.states import Mobile
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.condition_history import Run, Watch
@@ -47,16 +47,16 @@ class Director:
     """Watches the triggers of a scene and carries out what they set off.
 
     Args:
-        cast: the actors, at the first frame. recorder: takes the events.
+        simulation: the actors, at the first frame. recorder: takes the events.
     """
 
-    def __init__(self, cast: Cast, conditions: Conditions, recorder: Recorder) -> None:
-        self._cast, self._conditions, self._recorder = cast, conditions, recorder
+    def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder) -> None:
+        self._simulation, self._conditions, self._recorder = simulation, conditions, recorder
         self._commands: dict[str, Command] = {}
         self._latest: dict[str, Command] = {}
         self._new: list[str] = []
         self._starts: dict[str, float] = {}
-        self._bound: list[tuple[Mobile, str, str]] = []
+        self._bound: list[tuple[Actor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
         self._do: dict[type, Callable[..., Doing]] = {
             Meets: self._meets,
@@ -67,19 +67,19 @@ class Director:
             Stops: self._stop,
         }
         self._begin()
-        self._triggers = [_Trigger(index, when, self) for index, when in enumerate(cast.scene.whens)]
+        self._triggers = [_Trigger(index, when, self) for index, when in enumerate(simulation.scene.whens)]
 
     def step(self) -> None:
-        """Look at the frame that the cast is at; what follows takes effect in the next step."""
+        """Look at the frame that the simulation is at; what follows takes effect in the next step."""
         if not (self._triggers or self._commands or self._starts or self._bound):
             return
-        time_s = self._cast.time_s
+        time_s = self._simulation.time_s
         self._new.clear()
         for trigger in self._triggers:
             trigger.look()
         for name in [name for name, at in self._starts.items() if time_s >= at - STEP_S / 100]:
             del self._starts[name]
-            self._cast.pace(self._cast.by_id[name], self._cast.cruise[name])
+            self._simulation.order_speed(self._simulation.by_id[name], self._simulation.cruise_mps[name])
         self._keep_bounds()
         self._update(list(self._commands))
         # What is complete now lets the next step begin now; an order that it gives may be complete at once.
@@ -94,14 +94,14 @@ class Director:
     def _update(self, names: list[str]) -> None:
         for name in list(dict.fromkeys(names)):
             command = self._commands.get(name)
-            if command is not None and not command.update(self._cast.time_s):
+            if command is not None and not command.update(self._simulation.time_s):
                 del self._commands[name]
 
     # --- what triggers need ----------------------------------------------------------------------------------------
 
     def event(self, what: str, detail: dict[str, Any]) -> None:
         """Note something about a trigger."""
-        self._recorder.event(self._cast.time_s, "", what, detail)
+        self._recorder.event(self._simulation.time_s, "", what, detail)
 
     def watch(self, condition: Condition, index: int, where: Where) -> Watch:
         """Begin to watch a condition of a trigger (or of one of its steps)."""
@@ -115,25 +115,25 @@ class Director:
     def act(self, action: Action) -> Doing:
         """Begin an action; what comes back says whether it is complete."""
         if isinstance(action, Wait):
-            until = self._cast.time_s + si_of(action.duration)
-            return lambda: self._cast.time_s >= until - STEP_S / 100
+            until = self._simulation.time_s + si_of(action.duration)
+            return lambda: self._simulation.time_s >= until - STEP_S / 100
         if isinstance(action, Then):
             raise TypeError("a block is no action of its own: `Sequence` goes through it")
-        actor = self._cast.by_id.get(action.actor)
+        actor = self._simulation.by_id.get(action.actor)
         if actor is None or not actor.present:  # one of the traffic may have found no room
             return _at_once
         doing = self._do[type(action)](actor, action)
         return lambda: not actor.present or doing()
 
     def _begin(self) -> None:
-        for actor in self._cast.actors[1:]:
+        for actor in self._simulation.actors[1:]:
             placed = actor.placed
             if placed.control == "static":
                 continue
             if placed.waits:
-                self._cast.pace(actor, 0.0)
+                self._simulation.order_speed(actor, 0.0)
             elif placed.delay_s > 0:
-                self._cast.pace(actor, 0.0)
+                self._simulation.order_speed(actor, 0.0)
                 self._starts[actor.id] = placed.delay_s
             for what, junction in placed.ignores:
                 self._ignore(actor, what, junction)
@@ -144,9 +144,9 @@ class Director:
 
     def _places(self) -> dict[str, tuple[float, float]]:
         """Where the places of the triggers' conditions are: on a route they hang on where somebody starts."""
-        return {text_of(place, frozenset()): at for place, at in self._cast.scene.places.items()}
+        return {text_of(place, frozenset()): at for place, at in self._simulation.scene.places.items()}
 
-    def _order(self, actor: Mobile, command: Command) -> Doing:
+    def _order(self, actor: Actor, command: Command) -> Doing:
         """Give an order; it is over when it is done, or when another one replaces it."""
         self._commands[actor.id] = self._latest[actor.id] = command
         self._new.append(actor.id)
@@ -154,73 +154,73 @@ class Director:
 
     # --- actions ---------------------------------------------------------------------------------------------------
 
-    def _meets(self, actor: Mobile, action: Meets) -> Doing:
+    def _meets(self, actor: Actor, action: Meets) -> Doing:
         return self._meet(actor, action)
 
-    def _meet(self, actor: Mobile, meets: Meets | MeetsState) -> Doing:
+    def _meet(self, actor: Actor, meets: Meets | MeetsState) -> Doing:
         detail = {
             "other": meets.other,
             "junction": word_of(meets.junction),
             "gap_s": si_of(meets.gap),
             "order": meets.order,
         }
-        self._recorder.event(self._cast.time_s, actor.id, "meets", detail)
-        meeting = Meeting(self._cast, self._recorder, actor, meets)
+        self._recorder.event(self._simulation.time_s, actor.id, "meets", detail)
+        meeting = Meeting(self._simulation, self._recorder, actor, meets)
         if actor.placed.timing == 1.0:
             return self._order(actor, meeting)
         # It would make up for its `timing`: it drives on as it would have driven now, times the factor.
         if not meeting.over():
             self._commands.pop(actor.id, None)
-            self._cast.cruise[actor.id] = meeting.asked() * actor.placed.timing
-            self._cast.pace(actor, self._cast.cruise[actor.id])
+            self._simulation.cruise_mps[actor.id] = meeting.asked() * actor.placed.timing
+            self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
         self._latest[actor.id] = meeting
         return lambda: self._latest[actor.id] is not meeting or meeting.complete()
 
-    def _ignores(self, actor: Mobile, action: Ignores) -> Doing:
+    def _ignores(self, actor: Actor, action: Ignores) -> Doing:
         self._ignore(actor, action.what, None if action.junction is None else word_of(action.junction))
         return _at_once
 
-    def _ignore(self, actor: Mobile, what: str, junction: str | None) -> None:
-        self._recorder.event(self._cast.time_s, actor.id, "ignores", {"what": what, "junction": junction})
+    def _ignore(self, actor: Actor, what: str, junction: str | None) -> None:
+        self._recorder.event(self._simulation.time_s, actor.id, "ignores", {"what": what, "junction": junction})
         if junction is None:
-            self._cast.ignore(actor, what)
+            self._simulation.ignore(actor, what)
         else:
             self._bound.append((actor, what, junction))
 
-    def _start(self, actor: Mobile, _: Starts) -> Doing:
-        self._recorder.event(self._cast.time_s, actor.id, "starts", {"delay_s": actor.placed.delay_s})
-        at = self._starts[actor.id] = self._cast.time_s + actor.placed.delay_s
-        return lambda: self._cast.time_s >= at - STEP_S / 100
+    def _start(self, actor: Actor, _: Starts) -> Doing:
+        self._recorder.event(self._simulation.time_s, actor.id, "starts", {"delay_s": actor.placed.delay_s})
+        at = self._starts[actor.id] = self._simulation.time_s + actor.placed.delay_s
+        return lambda: self._simulation.time_s >= at - STEP_S / 100
 
-    def _change_speed(self, actor: Mobile, action: ChangesSpeed) -> Doing:
+    def _change_speed(self, actor: Actor, action: ChangesSpeed) -> Doing:
         to, over = si_of(action.to), None if action.over is None else si_of(action.over)
         detail = {"to_mps": to, "over_s": over, "from_mps": actor.speed}
-        self._recorder.event(self._cast.time_s, actor.id, "changes_speed", detail)
-        return self._order(actor, Ramp(self._cast, actor, to * actor.placed.timing, over or 0.0))
+        self._recorder.event(self._simulation.time_s, actor.id, "changes_speed", detail)
+        return self._order(actor, Ramp(self._simulation, actor, to * actor.placed.timing, over or 0.0))
 
-    def _change_lane(self, actor: Mobile, action: ChangesLane) -> Doing:
+    def _change_lane(self, actor: Actor, action: ChangesLane) -> Doing:
         side = word_of(action.side)
-        self._recorder.event(self._cast.time_s, actor.id, "changes_lane", {"side": side})
-        if actor.id not in self._cast.world:
+        self._recorder.event(self._simulation.time_s, actor.id, "changes_lane", {"side": side})
+        if actor.id not in self._simulation.world:
             return _at_once
-        self._cast.world.change_lane(actor.id, 1 if side == "left" else -1)
+        self._simulation.world.change_lane(actor.id, 1 if side == "left" else -1)
         edge, _, index = actor.lane.rpartition("_")
         target = f"{edge}_{int(index or -1) + (1 if side == 'left' else -1)}"
         return lambda: self._in_lane(actor, target)
 
-    def _in_lane(self, actor: Mobile, target: str) -> bool:
+    def _in_lane(self, actor: Actor, target: str) -> bool:
         """Whether an actor has come to a lane, or cannot: there is none, or it has driven on to another road."""
-        lane = self._cast.network.lanes.get(target)
+        lane = self._simulation.network.lanes.get(target)
         if lane is None or lane_kind(actor.placed.model) not in lane.kinds:
             return True
         if actor.lane.rpartition("_")[0] != lane.edge:
             return True
         return actor.lane == target and abs(lane.line.project(*actor.front)[1]) <= IN_LANE_M
 
-    def _stop(self, actor: Mobile, action: Stops) -> Doing:
+    def _stop(self, actor: Actor, action: Stops) -> Doing:
         duration = None if action.duration is None else si_of(action.duration)
-        self._recorder.event(self._cast.time_s, actor.id, "stops", {"duration_s": duration})
-        return self._order(actor, Stop(self._cast, actor, duration))
+        self._recorder.event(self._simulation.time_s, actor.id, "stops", {"duration_s": duration})
+        return self._order(actor, Stop(self._simulation, actor, duration))
 
     def _keep_bounds(self) -> None:
         """Let actors ignore a rule while they are near the junction that was named, and only there."""
@@ -231,10 +231,10 @@ class Director:
             near = self._near(actor, junction)
             if near != (key in self._bound_on):
                 (self._bound_on.add if near else self._bound_on.discard)(key)
-                self._cast.ignore(actor, what, on=near)
+                self._simulation.ignore(actor, what, on=near)
 
-    def _near(self, actor: Mobile, junction: str) -> bool:
-        progress, frame = self._cast.progress, self._cast.frame
+    def _near(self, actor: Actor, junction: str) -> bool:
+        progress, frame = self._simulation.progress, self._simulation.frame
         span = progress.span(actor, junction)
         if span is None:
             return False

@@ -23,7 +23,7 @@ class Expectations:
     """
 
     def __init__(self, expects: Sequence[Expect], conditions: Conditions) -> None:
-        """Expect these of the cast that `conditions` watches."""
+        """Expect these of the simulation that `conditions` watches."""
         self._watched = [_Watched(expect, conditions) for expect in expects]
         self._conditions = conditions
 

@@ -10,9 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from foresee_dsl.compile.roads.network_geometry import Passage, RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.simulate.actors.moved_actors import Walker
-from foresee_dsl.simulate.actors.states import Mobile
-from foresee_dsl.simulate.line_kernels import FloatArray, project
+from foresee_dsl.kernels.lines import FloatArray, project
+from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.states import Actor
 
 AROUND_M = 2.0
 """Routes are taken to meet in a junction when they do within this much around it. Ours: crossings lie at its edge."""
@@ -21,19 +21,19 @@ AROUND_M = 2.0
 class Progress:
     """Lengths along routes and paths; a look-up of one actor at one frame is done once."""
 
-    def __init__(self, network: RoadNetwork, actors: Sequence[Mobile]) -> None:
+    def __init__(self, network: RoadNetwork, actors: Sequence[Actor]) -> None:
         """Know the network and everybody's line."""
         self._network = network
         self._lines: dict[str, Polyline] = {}
         for actor in actors:
-            line = actor.follower.line if isinstance(actor, Walker) else actor.placed.line
+            line = actor.follower.line if isinstance(actor, PathActor) else actor.placed.line
             if line is not None:
                 self._lines[actor.id] = line
         self._points: dict[str, tuple[FloatArray, FloatArray, FloatArray]] = {}
         self._last: dict[str, tuple[int, float, float]] = {}
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
 
-    def of(self, actor: Mobile, frame: int) -> tuple[float, float]:
+    def of(self, actor: Actor, frame: int) -> tuple[float, float]:
         """Return the length along its line of an actor's centre, and how far it is to the left of the line.
 
         NaN for an actor without one.
@@ -44,7 +44,7 @@ class Progress:
         line = self._lines.get(actor.id)
         if line is None:
             return math.nan, math.nan
-        if isinstance(actor, Walker):
+        if isinstance(actor, PathActor):
             s, lateral = actor.along, 0.0
         else:
             points = self._points.get(actor.id)
@@ -54,19 +54,19 @@ class Progress:
         self._last[actor.id] = (frame, s, lateral)
         return s, lateral
 
-    def front(self, actor: Mobile, frame: int) -> float:
+    def front(self, actor: Actor, frame: int) -> float:
         """Return the length along its line of an actor's front (a pedestrian's middle)."""
         s, _ = self.of(actor, frame)
         return s if actor.placed.model.kind == "pedestrian" else s + actor.length / 2
 
-    def span(self, actor: Mobile, junction: str) -> tuple[float, float] | None:
+    def span(self, actor: Actor, junction: str) -> tuple[float, float] | None:
         """Return where an actor's line enters a junction and leaves it, None when it does not come there."""
         key = (actor.id, junction)
         if key not in self._spans:
             self._spans[key] = self._find_span(actor, junction)
         return self._spans[key]
 
-    def to_junction(self, actor: Mobile, junction: str, frame: int) -> float:
+    def to_junction(self, actor: Actor, junction: str, frame: int) -> float:
         """Return how far an actor's front has to go until it enters a junction; negative once it has.
 
         NaN when it does not come there.
@@ -74,7 +74,7 @@ class Progress:
         span = self.span(actor, junction)
         return math.nan if span is None else span[0] - self.front(actor, frame)
 
-    def ahead(self, actor: Mobile, frame: int, within_m: float) -> Iterable[tuple[Passage, float]]:
+    def ahead(self, actor: Actor, frame: int, within_m: float) -> Iterable[tuple[Passage, float]]:
         """Return the junctions that an actor has not left, each with the way to it (negative inside)."""
         line = actor.placed.line
         if line is None:
@@ -85,13 +85,13 @@ class Progress:
             if passage.exit_s > s and passage.entry_s - front <= within_m:
                 yield passage, passage.entry_s - front
 
-    def inside(self, actor: Mobile, frame: int) -> float:
+    def inside(self, actor: Actor, frame: int) -> float:
         """Return how far an actor's front has come into the junction that it is on, m; 0 when it is on none."""
         if not actor.lane.startswith(":"):
             return 0.0
         return max(0.0, next((-room for _, room in self.ahead(actor, frame, 0.0)), 0.0))
 
-    def meeting(self, one: Mobile, other: Mobile, junction: str) -> tuple[float, float] | None:
+    def meeting(self, one: Actor, other: Actor, junction: str) -> tuple[float, float] | None:
         """Return the lengths along both lines of the point where they first come together in a junction.
 
         None when one has no line or they come nowhere near each other there.
@@ -111,9 +111,9 @@ class Progress:
         points = shapely.get_coordinates(shared)
         return min((a.project(x, y)[0], b.project(x, y)[0]) for x, y in points.tolist())
 
-    def _find_span(self, actor: Mobile, junction: str) -> tuple[float, float] | None:
+    def _find_span(self, actor: Actor, junction: str) -> tuple[float, float] | None:
         route = actor.placed.line
-        if route is not None and not isinstance(actor, Walker):
+        if route is not None and not isinstance(actor, PathActor):
             s, _ = self.of(actor, -1)
             found = [p for p in route.passages if p.junction == junction]
             passage = next((p for p in found if p.exit_s > s), None) or (found[-1] if found else None)

@@ -7,10 +7,18 @@ from collections.abc import Iterable, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
-from foresee_dsl.simulate.actors.bodies import Body
-from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, Block, Ego, Ghost, Steered, Walker, sped
-from foresee_dsl.simulate.actors.states import Crowd, Mobile
-from foresee_dsl.simulate.actors.sumo_vehicles import Traffic
+from foresee_dsl.simulate.actors.bodies import SumoVehicle
+from foresee_dsl.simulate.actors.moved_actors import (
+    STANDS_MPS,
+    Ego,
+    PathActor,
+    StandIn,
+    StaticActor,
+    SteeredVehicle,
+    with_timing,
+)
+from foresee_dsl.simulate.actors.states import Actor, StateTable
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic
 from foresee_dsl.simulate.results.junction_entry import since_entry_s
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.progress import Progress
@@ -32,7 +40,7 @@ KNOWN_AFTER = 1
 """Steps that everybody is held where they are placed. Ours: SUMO learns of who comes to a junction a step later."""
 
 
-class Cast:
+class Simulation:
     """The actors of a scene in a world; `actors[0]` is the ego, the rest in the scene's order.
 
     Frame 0 is the world after some steps in which SUMO places the vehicles and they are held there.
@@ -48,22 +56,22 @@ class Cast:
         scene = bundle.scene
         edge = scene.ego.route[0]
         self.ego = Ego(scene.ego, scene.friction)
-        self.bodies: dict[str, Body] = {}
-        self.walkers: list[Walker] = []
-        self.blocks: list[Block] = []
-        self.steered: list[Steered] = []
-        self.actors: list[Mobile] = [self.ego]
+        self.bodies: dict[str, SumoVehicle] = {}
+        self.walkers: list[PathActor] = []
+        self.blocks: list[StaticActor] = []
+        self.steered: list[SteeredVehicle] = []
+        self.actors: list[Actor] = [self.ego]
         for actor in scene.actors[1:]:
             self.actors.append(self._make(actor, edge))
         self.by_id = {actor.id: actor for actor in self.actors}
-        self.cruise = {a.id: sped(a.placed).cruise_mps or a.placed.model.max_speed_mps for a in self.actors}
-        self.ignored: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
+        self.cruise_mps = {a.id: with_timing(a.placed).cruise_mps or a.placed.model.max_speed_mps for a in self.actors}
+        self.ignored_rules: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
         self._held: set[str] = set()
-        self.crowd = Crowd(self.actors)
+        self.state_table = StateTable(self.actors)
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
-        self._traffic = Traffic(
-            tuple(self.bodies.values()), self.crowd, rows, world, self.network, scene.friction, self.cruise
+        self._traffic = SumoTraffic(
+            tuple(self.bodies.values()), self.state_table, rows, world, self.network, scene.friction, self.cruise_mps
         )
         self.frame = 0
         self.time_s = 0.0
@@ -94,12 +102,12 @@ class Cast:
         self._take_over()
         return left
 
-    def pace(self, actor: Mobile, speed_mps: float) -> None:
+    def order_speed(self, actor: Actor, speed_mps: float) -> None:
         """Let an actor drive or walk at most this (and what its model can), from the next step on; 0 halts it."""
         speed_mps = min(speed_mps, actor.placed.model.max_speed_mps)
-        if isinstance(actor, Walker):
+        if isinstance(actor, PathActor):
             actor.follower.pace_mps = speed_mps
-        elif isinstance(actor, Steered) and actor.recovery is not None:
+        elif isinstance(actor, SteeredVehicle) and actor.recovery is not None:
             actor.recovery.cruise_mps = speed_mps
         elif actor.id in self.world:
             halt = speed_mps < STANDS_MPS
@@ -113,35 +121,35 @@ class Cast:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
 
-    def ignore(self, actor: Mobile, what: str, *, on: bool = True) -> None:
+    def ignore(self, actor: Actor, what: str, *, on: bool = True) -> None:
         """Let an actor ignore `signals` or `priority`, or obey again."""
-        (self.ignored[actor.id].add if on else self.ignored[actor.id].discard)(what)
-        if what == "signals" and isinstance(actor, Walker):
+        (self.ignored_rules[actor.id].add if on else self.ignored_rules[actor.id].discard)(what)
+        if what == "signals" and isinstance(actor, PathActor):
             actor.stops = () if on else actor.placed.walk_stops
         if actor.id in self.world:
             self.world.ignore(actor.id, what, on=on)
 
-    def others(self, actor: Mobile) -> Iterable[Mobile]:
+    def others(self, actor: Actor) -> Iterable[Actor]:
         """Everybody present but one."""
         return (other for other in self.actors if other is not actor and other.present)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _make(self, actor: PlacedActor, edge: str) -> Mobile:
+    def _make(self, actor: PlacedActor, edge: str) -> Actor:
         if actor.control == "path":
-            walker = Walker(actor, self.world, self.network, edge, self.scene.friction)
+            walker = PathActor(actor, self.world, self.network, edge, self.scene.friction)
             self.walkers.append(walker)
             return walker
         if actor.control == "static":
-            block = Block(actor, self.world, self.network, edge)
+            block = StaticActor(actor, self.world, self.network, edge)
             self.blocks.append(block)
             return block
         if actor.steering is not None:
-            steered = Steered(actor, self.network, self.scene.friction)
+            steered = SteeredVehicle(actor, self.network, self.scene.friction)
             self.steered.append(steered)
             self.bodies[actor.id] = steered
             return steered
-        self.bodies[actor.id] = Body(actor, self.network)
+        self.bodies[actor.id] = SumoVehicle(actor, self.network)
         return self.bodies[actor.id]
 
     def _enter(self, bundle: SumoBundle) -> None:
@@ -154,9 +162,9 @@ class Cast:
         waves, ghosts_from = self._waves()
         world.start_signals(bundle, (len(waves) + 1) * STEP_S)
         for body in self.bodies.values():
-            body.speed = sped(body.placed).speed_mps
-        before = {body.id: sped(body.in_sumo()) for body in self.bodies.values()}
-        here: list[Mobile] = []
+            body.speed = with_timing(body.placed).speed_mps
+        before = {body.id: with_timing(body.in_sumo()) for body in self.bodies.values()}
+        here: list[Actor] = []
         for count, wave in enumerate(waves):
             self._hold(here, before)
             for actor in wave:
@@ -177,16 +185,16 @@ class Cast:
         self._ego_lane()
         self._take_over()
 
-    def _waves(self) -> tuple[list[list[Mobile]], int]:
+    def _waves(self) -> tuple[list[list[Actor]], int]:
         """Say who is put into SUMO in which step, and from which step on stand-ins are shown.
 
         On a junction, who stands or drives slower than it may lets somebody else go first, who was there before; the
         others came as long ago as their way inside takes at their speed.
         """
-        vehicles: list[Mobile] = [self.ego, *self.bodies.values()]
+        vehicles: list[Actor] = [self.ego, *self.bodies.values()]
         bends = self._traffic.may_drive_mps()
         at_speed = {
-            body.id: body.speed >= min(self.cruise[body.id], bends[body.id]) - MAY_DRIVE_MPS
+            body.id: body.speed >= min(self.cruise_mps[body.id], bends[body.id]) - MAY_DRIVE_MPS
             for body in self.bodies.values()
         }
         since = {actor.id: self._since_entry(actor, at_speed.get(actor.id, False)) for actor in vehicles}
@@ -194,11 +202,11 @@ class Cast:
         going = [a for a in inside if a is self.ego or _goes(a, at_speed[a.id])]
         letting_go = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
-        none: list[Mobile] = []
+        none: list[Actor] = []
         waves = [*([a] for a in going), none, *([a] for a in letting_go), rest, *([none] * KNOWN_AFTER)]
         return waves, len(going)
 
-    def _since_entry(self, actor: Mobile, at_speed: bool) -> float:
+    def _since_entry(self, actor: Actor, at_speed: bool) -> float:
         """Return how long ago an actor's front seems to have come to the junction that it is on, s; 0 on none.
 
         Args:
@@ -211,7 +219,7 @@ class Cast:
         waited = actor is not self.ego and _as_much_as_it_can(actor) and not at_speed
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
-    def _add(self, actor: Mobile, before: Mapping[str, PlacedActor]) -> None:
+    def _add(self, actor: Actor, before: Mapping[str, PlacedActor]) -> None:
         if actor is self.ego:
             self.world.add_body(self.ego.id, self.ego.placed.model.name, self.ego.placed.route)
             self._show_ego(-STEP_S)
@@ -221,7 +229,7 @@ class Cast:
         if placed.timing < 1.0:
             self.world.set_acceleration(actor.id, placed.model.acceleration_mps2 * placed.timing**2)
 
-    def _hold(self, actors: Iterable[Mobile], before: Mapping[str, PlacedActor]) -> None:
+    def _hold(self, actors: Iterable[Actor], before: Mapping[str, PlacedActor]) -> None:
         for actor in actors:
             if actor is self.ego:
                 self._show_ego(-STEP_S)
@@ -277,7 +285,7 @@ class Cast:
             if steered.taken is not None and steered.present:
                 self.world.settle(steered.id, steered.speed, steered.acceleration)
 
-    def _ghosts(self) -> Iterable[Ghost]:
+    def _ghosts(self) -> Iterable[StandIn]:
         yield from (walker.ghost for walker in self.walkers)
         yield from (block.ghost for block in self.blocks)
 
@@ -289,12 +297,12 @@ class Cast:
         for actor in taken:
             others = [mover for name, mover in movers.items() if name != actor.id]
             # Who runs a red light or refuses to yield goes on doing so, but not into what is in its way already.
-            actor.recover(self.time_s, others, self._red_ahead(actor), yields=not self.ignored[actor.id])
+            actor.recover(self.time_s, others, self._red_ahead(actor), yields=not self.ignored_rules[actor.id])
             if not actor.present:
                 self.world.remove(actor.id)
 
-    def _red_ahead(self, actor: Mobile) -> float | None:
-        if "signals" in self.ignored[actor.id]:
+    def _red_ahead(self, actor: Actor) -> float | None:
+        if "signals" in self.ignored_rules[actor.id]:
             return None
         for passage, room in self.progress.ahead(actor, self.frame, LOOKS_AHEAD_M):
             tls, link = passage.movement.tls, passage.movement.link
@@ -305,7 +313,7 @@ class Cast:
     def _take_over(self) -> None:
         for actor in self.steered:
             if actor.present and actor.due(self.time_s):
-                actor.take_over(self.network, self.cruise[actor.id])
+                actor.take_over(self.network, self.cruise_mps[actor.id])
                 self.world.take_over(actor.placed)
                 self._traffic.drop(actor.id)
 
@@ -316,11 +324,11 @@ class Cast:
             self.ego.lane = line.lane_at(s) if abs(lateral) <= OFF_LANE_M else ""
 
 
-def _as_much_as_it_can(actor: Mobile) -> bool:
+def _as_much_as_it_can(actor: Actor) -> bool:
     """Whether a vehicle gains speed as if nothing were in its way."""
     return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
 
 
-def _goes(actor: Mobile, at_speed: bool) -> bool:
+def _goes(actor: Actor, at_speed: bool) -> bool:
     """Say whether a vehicle inside a junction seems to have nobody to wait for."""
     return actor.speed >= STANDS_MPS and (_as_much_as_it_can(actor) or at_speed)

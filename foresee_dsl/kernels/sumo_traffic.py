@@ -1,7 +1,7 @@
 """Kernels that move all vehicles that SUMO drives at once, and say how fast each may go (see `drivers.compiled`).
 
 Vehicle k has a row in each table: `shape[k]` what it is, `memory[k]` what it remembers of the last step, `lane[k]` the
-number of the lane that it is on in a `LaneTable` (-1 on none), and `rows[k]` its row of `Crowd.states`.
+number of the lane that it is on in a `LaneTable` (-1 on none), and `rows[k]` its row of `StateTable.states`.
 """
 
 from __future__ import annotations
@@ -10,24 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, TABLE, compiled
-from foresee_dsl.simulate.line_kernels import along, heading_at, last_up_to
-from foresee_dsl.simulate.traffic_columns import (
-    AXLE,
-    BENDS_S,
-    BESIDE_S,
-    FRONT_X,
-    FRONT_Y,
-    HALF,
-    LINE,
-    OFFSET,
-    RAW_X,
-    RAW_Y,
-    STEER_MOST,
-    WHEELBASE,
-)
+from foresee_dsl.kernels.lines import along, heading_at, last_up_to
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+HALF, AXLE, WHEELBASE, STEER_MOST, LINE = range(5)
+"""Columns of `shape`, m and rad: half its length; from the front bumper to the rear axle; wheelbase; largest angle of
+the front wheels; how far to the left of its lane's middle it keeps."""
+FRONT_X, FRONT_Y, RAW_X, RAW_Y, OFFSET, BESIDE_S, BENDS_S = range(7)
+"""Columns of `memory`, m: its front; where SUMO has that; how far to the left of SUMO's it is drawn; how far along its
+lane it was, the first for its heading, the second for its bends (NaN: not looked up yet)."""
 
 SIDEWAYS_MPS = 1.0
 """How fast a lane change moves sideways. Ours: 3.3 m in 3.3 s, within the 3 s to 5 s that lane changes take."""
@@ -41,7 +34,7 @@ SLOWEST_TURN_MPS = 0.5
 
 @compiled(
     FLOATS, FLOATS, INTS, INTS, TABLE, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT,
-    made_of="line_kernels.py traffic_columns.py",
+    made_of="lines.py",
 )  # fmt: skip
 def follow(
     places: FloatArray,
@@ -116,7 +109,7 @@ def follow(
 
 @compiled(
     INTS, INTS, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS,
-    FLOATS, INTS, FLOAT, made_of="line_kernels.py traffic_columns.py",
+    FLOATS, INTS, FLOAT, made_of="lines.py",
 )  # fmt: skip
 def slow_for_bends(
     who: IntArray,

@@ -13,8 +13,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INT, TABLE, compiled, inner
-from foresee_dsl.simulate.sensing.noise_kernels import chance, error
-from foresee_dsl.simulate.sensing.sight_kernels import BOX_X, BOX_Y, GAP, WHO, find
+from foresee_dsl.kernels.noise import chance, error
+from foresee_dsl.kernels.sight import BOX_X, BOX_Y, GAP, WHO, find
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,7 +26,7 @@ HEADING, SPEED = range(2, 4)
 """Columns of states."""
 LENGTH, WIDTH = range(2)
 RANGE, HEADING_SD = range(5, 7)
-"""Columns of bodies; those before the last one are the columns of `sight_kernels`."""
+"""Columns of bodies; those before the last one are the columns of `kernels.sight`."""
 (
     RADIAL_M,
     RADIAL_SHARE,
@@ -43,7 +43,7 @@ RANGE, HEADING_SD = range(5, 7)
     MISSED_STEEPNESS,
     MISSED_FRAMES,
 ) = range(3, 17)
-"""Places of numbers, which begin with the limits of `sight_kernels`: those of `settings.ObjectNoise` and
+"""Places of numbers, which begin with the limits of `kernels.sight`: those of `settings.ObjectNoise` and
 `settings.Dropouts`."""
 CHANNELS = 6
 """Errors of an object: along and across the line of sight, heading, speed, length, width."""
@@ -88,7 +88,7 @@ def _kept(frame: int, boxes: FloatArray, seen: IntArray, bodies: FloatArray, key
     _KEY_TABLE,
     TABLE,
     FLOATS,
-    made_of="*_kernels.py",
+    made_of="*.py",
 )
 def measured(
     frame: int,
@@ -110,7 +110,7 @@ def measured(
     Args:
         frame: absolute. ego_x, ego_y, ego_heading: where the ego is. x, y, taken_heading: where it takes itself to be.
         states: [N, >=4] NaN where there is none. bodies: [N, 7]. walls: [M, 4] the near ones.
-        keys, scales: as in `noise_kernels.normals_over`, of six channels. numbers: [17].
+        keys, scales: as in `noise.normals_over`, of six channels. numbers: [17].
 
     Returns:
         [S, 7] x, y, heading, speed, length, width with errors, and the object's number, the nearest first.

@@ -47,14 +47,14 @@ class Lane(Protocol):
         ...
 
 
-class Hindrance(NamedTuple):
+class Target(NamedTuple):
     """Something in the way: the room up to it (m) and its speed in our direction (m/s)."""
 
     room_m: float
     speed_mps: float
 
 
-class Lookout:
+class TargetSelection:
     """Finds what a vehicle has to brake for.
 
     Args:
@@ -66,9 +66,9 @@ class Lookout:
         """Look along this line."""
         self._limits, self._line, self._line_m = limits, line, line_m
 
-    def hindrances(
+    def targets(
         self, state: BicycleState, s: float, others: Sequence[Mover], *, strays: bool, yields: bool
-    ) -> Iterator[Hindrance]:
+    ) -> Iterator[Target]:
         """Yield everything in the way.
 
         Args:
@@ -95,7 +95,7 @@ class Lookout:
 
     def _on_arc(
         self, state: BicycleState, arc: float, other: Mover, along: float, left: float, *, strays: bool
-    ) -> Hindrance | None:
+    ) -> Target | None:
         """What lies on the arc that the wheels now describe; `along`, `left`: where it is in our frame (m).
 
         Who keeps the lane looks at the lane: its wheels say little about where it will be in a second.
@@ -107,18 +107,18 @@ class Lookout:
             return None
         if abs(left - arc * along * along / 2) > self._reach(other, facing):
             return None
-        return Hindrance(room, other.speed * cos(other.heading - facing))
+        return Target(room, other.speed * cos(other.heading - facing))
 
-    def _in_lane(self, s: float, other: Mover, along: float) -> Hindrance | None:
+    def _in_lane(self, s: float, other: Mover, along: float) -> Target | None:
         """What stands or drives in its lane."""
         there, beside = self._line.project(other.x, other.y, s + along)
         facing = self._line.at(there)[2]
         if there <= s or abs(beside - self._line_m) > self._reach(other, facing):
             return None
         room = there - s - self._limits.length_m / 2 - half_extent(other, facing)
-        return Hindrance(room, other.speed * cos(other.heading - facing))
+        return Target(room, other.speed * cos(other.heading - facing))
 
-    def _crossing(self, state: BicycleState, arc: float, s: float, other: Mover, *, strays: bool) -> Hindrance | None:
+    def _crossing(self, state: BicycleState, arc: float, s: float, other: Mover, *, strays: bool) -> Target | None:
         """Who will be in front of it where it will be, if both go on as they do: as a wall at that place."""
         far = (abs(state.speed) + abs(other.speed)) * CROSSING_S + self._limits.length_m + other.length
         if other.speed < MOVES_MPS or hypot(other.x - state.x, other.y - state.y) > far:
@@ -134,7 +134,7 @@ class Lookout:
                 continue
             across = abs(wrap(other.heading - heading))
             # Who comes against its side is not avoided by braking.
-            return Hindrance(way, 0.0) if along > 0 and CROSSES_RAD <= across <= pi - CROSSES_RAD else None
+            return Target(way, 0.0) if along > 0 and CROSSES_RAD <= across <= pi - CROSSES_RAD else None
         return None
 
     def _on_its_way(
