@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.goldens import Golden
+
 ROOT = Path(__file__).resolve().parent.parent
 SCENARIOS = ROOT / "scenarios"
 CARLA = ROOT.parent / "shared" / "data" / "carla"
@@ -17,6 +19,17 @@ def _private_cache(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> 
     """Keep compiled networks of the tests apart from the user's, and share them between the workers of one run."""
     base = tmp_path_factory.getbasetemp()
     os.environ["FORESEE_CACHE"] = str((base if worker_id == "master" else base.parent) / "cache")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the flag that writes golden files anew instead of comparing with them."""
+    parser.addoption("--rewrite-goldens", action="store_true", help="write golden files (see `git diff` afterwards)")
+
+
+@pytest.fixture(scope="session")
+def golden(request: pytest.FixtureRequest) -> Golden:
+    """Compare text with a golden file: `golden(text, file)`; see `tests.support.goldens`."""
+    return Golden(rewrite=bool(request.config.getoption("--rewrite-goldens")))
 
 
 @pytest.fixture(scope="session")
