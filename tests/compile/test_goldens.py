@@ -1,7 +1,7 @@
 """Golden cases: `tests/cases/compile/NAME/scenario.foresee` and what the compiler makes of it, or says against it.
 
-`compiled.json` has the network, the signals, SUMO's vehicle types and the scene at the first frame; `mistakes.txt` is what
-is impossible. `pytest --rewrite-goldens` writes them anew.
+`compiled.json` has the network, the signals, SUMO's vehicle types and the scene at the first frame; `mistakes.txt` is
+what is impossible. `pytest --rewrite-goldens` writes them anew.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ELSEWHERE = frozenset({"model", "line", "whens", "expects", "places"})
 
 def network_of(bundle):
     """Each lane on a line, movements as `from > to: turn`, and who has to give way at each junction."""
-    net = bundle.network
+    net, lanes = bundle.network, bundle.network.lanes.items()
     return {
         "lanes": {
             k: [ln.length_m, ln.speed_mps, ln.width_m, " ".join(sorted(ln.kinds))] for k, ln in net.lanes.items()
