@@ -23,7 +23,7 @@ ELSEWHERE = frozenset({"model", "line", "whens", "expects", "places"})
 
 def network_of(bundle):
     """Each lane on a line, movements as `from > to: turn`, and who has to give way at each junction."""
-    net, lanes = bundle.network, bundle.network.lanes.items()
+    net = bundle.network
     return {
         "lanes": {
             k: [ln.length_m, ln.speed_mps, ln.width_m, " ".join(sorted(ln.kinds))] for k, ln in net.lanes.items()
