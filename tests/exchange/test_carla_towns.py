@@ -7,7 +7,6 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from carla_towns import MAPS, cases_of, drive_alone, import_town, passages, with_signals_off, without_traffic
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
@@ -17,6 +16,15 @@ from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, read_routes
 from foresee_dsl.exchange.maps.places_on_net import Way, way_between
 from foresee_dsl.language.project.document import TestCase
+from tests.exchange.carla_towns import (
+    MAPS,
+    cases_of,
+    drive_alone,
+    import_town,
+    passages,
+    with_signals_off,
+    without_traffic,
+)
 
 FAMILIES = {
     "Town10HD": {"3": 16, "4": 46, "7": 19, "8": 19, "9": 20},

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
-import osc_files as osc
 import pytest
 from typer.testing import CliRunner
 
@@ -21,6 +20,7 @@ from foresee_dsl.language.model import When
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import SPEED, Y
+from tests.support import openscenario_files as osc
 
 _TTC = '<TimeToCollisionCondition value="4" rule="lessThan" freespace="true" coordinateSystem="entity" ' \
        'relativeDistanceType="longitudinal"><TimeToCollisionConditionTarget><EntityRef entityRef="Ego"/>' \

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.language.codes.code import Code, lint_codes, project_codes
+from foresee_dsl.language.codes import lint_codes, project_codes
+from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.codes.examples import FRAMES
 from foresee_dsl.report.codes import every_code
 from tests.support.examples_at_work import found_in
