@@ -1,15 +1,13 @@
-"""Inner loops of the drivers, compiled to machine code (numba).
+"""Compiles kernels to machine code (numba) and keeps them on disk.
 
-A kernel is a plain function of numbers and arrays over a few others, over frames and over proposals: many small
-operations, where calls of numpy cost ten times what they reckon. Each is compiled for one signature when its module is
-imported, and kept beside the module (`__pycache__`): the first import in an environment takes the time of a compiler.
-In the campaign's workers that is in the fork server, before any of them starts.
+A kernel is a plain function of numbers, arrays and records that loops over a few actors, frames or proposals: many
+small operations, for which calls of numpy would cost ten times what the arithmetic does. Each is compiled for one
+signature when its module is imported, and kept beside the module (`__pycache__`), so the first import in an environment
+takes half a minute. In the campaign's workers that happens in the fork server, before any of them starts.
 
 Arithmetic is IEEE's, in the order that is written (no `fastmath`, no threads), so that a machine of the same kind gives
-the same bits. Two things to keep in mind: a kernel is compiled anew when its own file changes, or one that is named in
-in `made_of`, but not when another one does, so it takes functions and numbers from these files only; and indices are
-not checked, so they are held within their array where they come from a measurement (the integer of a NaN may be
-anything).
+the same bits. Indices are not checked: an index that comes from a measurement is clamped to its array (the integer of a
+NaN may be anything).
 """
 
 from __future__ import annotations
@@ -23,8 +21,10 @@ from typing import Any, TypeVar, cast
 
 from numba import njit, typeof, types
 
-_PACKAGE = Path(__file__).parent.parent
-_KERNELS = "kernels/*.py drivers/**/*.py simulate/**/*.py forecast/*.py"
+PACKAGE = Path(__file__).parent.parent
+KERNEL_FILES = "kernels/**/*.py drivers/**/*.py simulate/**/*.py forecast/*.py"
+_CONSTANTS = ("settings.py", "foes.py", "traffic_columns.py")
+"""Files of constants that kernels outside of this package take."""
 F = TypeVar("F", bound=Callable[..., Any])
 _type_of: Callable[[object], Any] = typeof
 
@@ -39,8 +39,7 @@ BYTE_TABLE = types.uint8[:, ::1]
 CUBE = types.float64[:, :, ::1]
 HYPERCUBE = types.float64[:, :, :, ::1]
 
-
-_said = False
+_notice_given = False
 
 
 def inner(function: F) -> F:
@@ -48,24 +47,21 @@ def inner(function: F) -> F:
     return cast(F, njit(error_model="numpy")(function))
 
 
-def compiled(*signature: Any, made_of: str = "") -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
+def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
     """Compile a function for these types of arguments.
 
     Args:
         signature: of each argument, one of the types above, or a named tuple of numbers as an example.
-        made_of: the other files, beside its own, that it takes functions and numbers from: names or patterns such
-            as `pdm_*.py`, with spaces between them.
     """
     kinds = tuple(_type_of(kind) if isinstance(kind, tuple) else kind for kind in signature)
 
     def compile_it(function: F) -> F:
-        if made_of:  # it is kept under its name, so a name for each state of the files
-            function.__qualname__ += "_" + _state_of(
-                Path(__file__).parent.parent, "kernels/*.py drivers/**/*.py simulate/**/*.py forecast/*.py"
-            )
+        # numba (0.68.1) compiles anew when the function's own file changes, but not when one does that it takes
+        # functions or constants from. It keeps a function under its name, so the name holds the state of all of them.
+        function.__qualname__ += "_" + state_of(PACKAGE, KERNEL_FILES)
         try:
             made = njit(kinds, cache=True, error_model="numpy")(function)
-            _say_once(made)
+            _announce_once(made)
             return cast(F, made)
         except RuntimeError:  # nowhere to keep it: neither beside the module nor in a user's folder
             return cast(F, njit(kinds, error_model="numpy")(function))
@@ -73,22 +69,26 @@ def compiled(*signature: Any, made_of: str = "") -> Callable[[F], F]:  # noqa: A
     return compile_it
 
 
-def _say_once(made: object) -> None:
-    """Tell who waits at a terminal what for, when the first function had to be compiled."""
-    global _said  # noqa: PLW0603  once in a process
+def _announce_once(made: object) -> None:
+    """Tell the user at a terminal why it takes so long, when the first function had to be compiled."""
+    global _notice_given  # noqa: PLW0603  once in a process
     stats = getattr(made, "stats", None)  # none where NUMBA_DISABLE_JIT is set
-    if not _said and stats is not None and stats.cache_misses and sys.stderr.isatty():
-        _said = True
+    if not _notice_given and stats is not None and stats.cache_misses and sys.stderr.isatty():
+        _notice_given = True
         sys.stderr.write("compiling the inner loops for this machine, once (about half a minute) ...\n")
 
 
 @cache
-def _state_of(folder: Path, patterns: str) -> str:
-    """Return a short hash of the contents of all files that hold kernels or their constants."""
+def state_of(folder: Path, patterns: str) -> str:
+    """Return a short hash of the contents of all files in a folder that hold kernels or their constants.
+
+    Args:
+        folder: where the patterns begin. patterns: such as `kernels/*.py`, with spaces between them.
+    """
     found = hashlib.sha256()
     for pattern in patterns.split():
         for file in sorted(folder.glob(pattern)):
-            content = file.read_bytes()
-            if b"kernels.compiling import" in content or file.name in ("settings.py", "compiling.py"):
+            content, in_house = file.read_bytes(), file.relative_to(folder).parts[0] == "kernels"
+            if in_house or b"kernels.compiling import" in content or file.name in _CONSTANTS:
                 found.update(content)
     return found.hexdigest()[:12]

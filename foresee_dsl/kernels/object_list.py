@@ -74,22 +74,7 @@ def _kept(frame: int, boxes: FloatArray, seen: IntArray, bodies: FloatArray, key
     return count
 
 
-@compiled(
-    INT,
-    FLOAT,
-    FLOAT,
-    FLOAT,
-    FLOAT,
-    FLOAT,
-    FLOAT,
-    TABLE,
-    TABLE,
-    TABLE,
-    _KEY_TABLE,
-    TABLE,
-    FLOATS,
-    made_of="*.py",
-)
+@compiled(INT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, TABLE, TABLE, TABLE, _KEY_TABLE, TABLE, FLOATS)
 def measured(
     frame: int,
     ego_x: float,

@@ -33,8 +33,7 @@ SLOWEST_TURN_MPS = 0.5
 
 
 @compiled(
-    FLOATS, FLOATS, INTS, INTS, TABLE, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT,
-    made_of="lines.py",
+    FLOATS, FLOATS, INTS, INTS, TABLE, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT
 )  # fmt: skip
 def follow(
     places: FloatArray,
@@ -109,7 +108,7 @@ def follow(
 
 @compiled(
     INTS, INTS, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS,
-    FLOATS, INTS, FLOAT, made_of="lines.py",
+    FLOATS, INTS, FLOAT
 )  # fmt: skip
 def slow_for_bends(
     who: IntArray,

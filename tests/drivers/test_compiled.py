@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ast
 import math
 import os
 import pickle
 import subprocess
 import sys
-from dataclasses import astuple, dataclass, fields, replace
-from fnmatch import fnmatch
-from functools import cache
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,19 +18,17 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.pdm import proposals as pdm_proposals
 from foresee_dsl.drivers.pdm import route as pdm_route
 from foresee_dsl.drivers.pdm import rules as pdm_rules
+from foresee_dsl.drivers.pdm.decision import decide
 from foresee_dsl.drivers.pdm.prediction import TIMES_S
 from foresee_dsl.drivers.pdm.reading import Prediction, read_situation
 from foresee_dsl.drivers.pdm.route import GRID_M, build_route
-from foresee_dsl.drivers.pdm.settings import CLEARANCE_M, COLLISION_MARGIN_M, PARTS
+from foresee_dsl.drivers.pdm.settings import CLEARANCE_M, COLLISION_MARGIN_M
 from foresee_dsl.drivers.pdm.situation import EgoOnRoute
 from foresee_dsl.drivers.pdm.steps import Rollout, conflicts
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
-from foresee_dsl.kernels import compiling as compiled_module
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, KERNEL_FILES, PACKAGE, compiled, state_of
 from tests.support.driving import SEDAN, STEP_S, crossing_foe, line, mission
 
-DRIVERS = Path(str(compiled_module.__file__)).parent
-KERNELS = [f.stem for f in sorted(DRIVERS.glob("*.py")) if "@compiled(" in f.read_text(encoding="utf-8")]
 STRAIGHT = math.inf
 PLAIN = """
 import pickle, sys
@@ -114,69 +109,6 @@ def test_a_kernel_takes_its_types_and_no_others() -> None:
         scaled(np.array([[3.0]]), 2.0)
 
 
-@pytest.mark.parametrize("name", KERNELS)
-def test_what_is_compiled_into_a_kernel_stands_in_files_that_it_is_kept_for(name: str) -> None:
-    """A kernel is kept until its file changes, or one that is named: what is from elsewhere would be kept with it."""
-    module = Source.of(name)
-    kept = {f.name: d for f in module.functions.values() for d in f.decorator_list if _calls(d) == "compiled"}
-    assert kept
-    for function, decorator in kept.items():
-        files = module.files(function) - {name}
-        assert isinstance(decorator, ast.Call)
-        named = any(keyword.arg == "made_of" for keyword in decorator.keywords)
-        assert named or not files, (function, files)
-        assert all(any(fnmatch(f"{file}.py", part) for part in PARTS.split()) for file in files), (function, files)
-
-
-def test_kernels_are_made_of_several_files() -> None:
-    """That the test above sees what it is about."""
-    files = Source.of("pdm_decision").files("decide")
-    assert {"pdm_settings", "pdm_route", "pdm_foes", "pdm_scoring", "tracking"} < files
-    assert Source.of("tracking").files("_correct") == {"tracking"}
-
-
-@dataclass
-class Source:
-    """A module's functions, its other names and what they stand for, and where its imported names are from."""
-
-    name: str
-    functions: dict[str, ast.FunctionDef]
-    values: dict[str, ast.expr]
-    imported: dict[str, tuple[str, str]]  # by name: file, and name there ("" for the file itself)
-
-    @classmethod
-    @cache
-    def of(cls, name: str) -> Source:
-        tree = ast.parse((DRIVERS / f"{name}.py").read_text(encoding="utf-8"))
-        values = {n: a.value for a in tree.body if isinstance(a, ast.Assign) for t in a.targets for n in _names(t)}
-        values |= {n: a.value for a in tree.body if isinstance(a, ast.AnnAssign) and a.value for n in _names(a.target)}
-        imported = {}
-        for node in tree.body:
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("foresee_dsl.drivers"):
-                file = str(node.module).removeprefix("foresee_dsl.drivers").removeprefix(".")
-                for alias in node.names:
-                    imported[alias.asname or alias.name] = (file, alias.name) if file else (alias.name, "")
-        return cls(name, {f.name: f for f in tree.body if isinstance(f, ast.FunctionDef)}, values, imported)
-
-    def files(self, name: str) -> set[str]:
-        """The files that a name of this one is made of."""
-        if name in self.imported:
-            file, there = self.imported[name]
-            return {file} | (Source.of(file).files(there) if there else set())
-        used = _names(self.values[name]) if name in self.values else set()
-        if name in self.functions:
-            used = {n for part in self.functions[name].body for n in _names(part)}  # not its annotations
-        return {self.name}.union(*(self.files(n) for n in used - {name}))
-
-
-def _calls(decorator: ast.expr) -> str:
-    return decorator.func.id if isinstance(decorator, ast.Call) and isinstance(decorator.func, ast.Name) else ""
-
-
-def _names(tree: ast.AST) -> set[str]:
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-
-
 def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Path) -> None:
     module = tmp_path / "kernels.py"
     module.write_text(
@@ -193,21 +125,15 @@ def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Pat
     assert hits == ["0", "1"]
 
 
-def test_a_kernel_is_compiled_anew_when_a_file_that_it_is_made_of_changes(tmp_path: Path) -> None:
-    (tmp_path / "kernels.py").write_text(
-        "from foresee_dsl.kernels.compiling import FLOAT, compiled\nfrom part_one import FACTOR\n"
-        "@compiled(FLOAT, made_of='part_*.py')\ndef times(x):\n    return x * FACTOR\n",
-        encoding="utf-8",
-    )
-    ask = "import kernels; print(kernels.times(2.0), sum(kernels.times.stats.cache_hits.values()))"
-    answers = []
-    for factor in (3.0, 3.0, 4.0):
-        (tmp_path / "part_one.py").write_text(f"FACTOR = {factor}\n", encoding="utf-8")
-        done = subprocess.run(
-            [sys.executable, "-B", "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=True
-        )
-        answers.append(done.stdout.split())
-    assert answers == [["6.0", "0"], ["6.0", "1"], ["8.0", "0"]]
+def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_path: Path) -> None:
+    (tmp_path / "kernels").mkdir()
+    states = []
+    for name, content in (("a", "X = 1"), ("b", "Y = 1"), ("b", "Y = 2"), ("a", "X = 2"), ("a", "X = 2")):
+        (tmp_path / "kernels" / f"{name}.py").write_text(content, encoding="utf-8")
+        state_of.cache_clear()
+        states.append(state_of(tmp_path, "kernels/*.py"))
+    assert len(set(states)) == 4 and states[-1] == states[-2]
+    assert state_of(PACKAGE, KERNEL_FILES) in decide.py_func.__qualname__
 
 
 def test_offsets_are_rounded_as_python_does() -> None:

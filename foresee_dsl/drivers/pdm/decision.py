@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm import settings as cfg
 from foresee_dsl.drivers.pdm.foes import FoeTable
 from foresee_dsl.drivers.pdm.prediction import (
     FRAMES,
@@ -106,7 +105,7 @@ def _best(
 
 @compiled(
     *(FLOAT,) * 5, FLOATS, TABLE, TABLE, FLOAT, TABLE, FLAGS, TABLE, INTS, TABLE, INTS,
-    FLOATS, TABLE, FLAGS, FLAGS, FLOATS, made_of=cfg.PARTS,
+    FLOATS, TABLE, FLAGS, FLAGS, FLOATS,
 )  # fmt: skip
 def decide(
     x: float,

@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm import settings as cfg
 from foresee_dsl.drivers.pdm.foes import FOES, FoePath, FoeTable
 from foresee_dsl.drivers.pdm.prediction import FRAMES, match, move_on
 from foresee_dsl.drivers.pdm.route import IntArray, Projection, Route
@@ -182,7 +181,7 @@ def predict(situation: Situation, matches: FoeMatches) -> Prediction:
     return Prediction(*out)
 
 
-@compiled(TABLE, FLOATS, TABLE, FLOAT, POSE, CAR, ACTORS, NOW, FLAGS, made_of=cfg.PARTS)
+@compiled(TABLE, FLOATS, TABLE, FLOAT, POSE, CAR, ACTORS, NOW, FLAGS)
 def _look(
     tracked: FloatArray,
     speeds_up: FloatArray,
@@ -197,17 +196,17 @@ def _look(
     return look(tracked, speeds_up, route, origin_s, pose, car, actors, now, own)
 
 
-@compiled(FLOAT, FLOAT, TABLE, made_of=cfg.PARTS)
+@compiled(FLOAT, FLOAT, TABLE)
 def _near_junctions(front_s: float, rear_s: float, junctions: FloatArray) -> IntArray:
     return near_junctions(front_s, rear_s, junctions)
 
 
-@compiled(ACTORS, FLAGS, INTS, FOES, FLAG_TABLE, CUBE, made_of=cfg.PARTS)
+@compiled(ACTORS, FLAGS, INTS, FOES, FLAG_TABLE, CUBE)
 def _match(actors: Actors, own: BoolArray, which: IntArray, foes: FoeTable, on: BoolArray, found: FloatArray) -> None:
     match(actors, own, which, foes, on, found)
 
 
-@compiled(ACTORS, NOW, INTS, FLAG_TABLE, CUBE, FOES, TABLE, FLOAT, FLOAT, FLOAT, CUBE, made_of=cfg.PARTS)
+@compiled(ACTORS, NOW, INTS, FLAG_TABLE, CUBE, FOES, TABLE, FLOAT, FLOAT, FLOAT, CUBE)
 def _predict(
     actors: Actors,
     now: Projection,

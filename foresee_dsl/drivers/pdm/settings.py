@@ -7,8 +7,6 @@ observations and microscopic simulations". nuPlan: the comfort bounds of the ben
 
 from __future__ import annotations
 
-PARTS = "pdm_*.py tracking.py"
-"""The files that this driver's kernels are made of (`compiled`)."""
 GRAVITY_MPS2 = 9.81
 
 # --- proposals and roll-out -------------------------------------------------------------------------------------

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm import settings as cfg
 from foresee_dsl.drivers.pdm.foes import FOES, FoeTable
 from foresee_dsl.drivers.pdm.prediction import FRAMES
 from foresee_dsl.drivers.pdm.proposals import FAR_M, find_leaders, find_offsets, find_passable
@@ -98,7 +97,7 @@ def wall(situation: Situation, matches: FoeMatches, can_pass: BoolArray) -> floa
     return found if found < math.inf else None
 
 
-@compiled(EGO, FLOAT, FLOAT, made_of=cfg.PARTS)
+@compiled(EGO, FLOAT, FLOAT)
 def stops_before(ego: EgoOnRoute, wall_s: float, braking: float) -> bool:
     """Tell whether the ego can stop before a place with this braking (more, where it brakes already)."""
     return stops_within(ego, wall_s, braking)
@@ -144,14 +143,14 @@ def tracking_length(speed: float, error: FloatArray, vehicle: VehicleLimits) -> 
     return length
 
 
-@compiled(ACTORS, NOW, TABLE, TABLE, CAR, FLAGS, made_of=cfg.PARTS)
+@compiled(ACTORS, NOW, TABLE, TABLE, CAR, FLAGS)
 def _find_passable(
     actors: Actors, now: Projection, route: FloatArray, junctions: FloatArray, car: Car, found: BoolArray
 ) -> None:
     find_passable(actors, now, route, junctions, car, found)
 
 
-@compiled(ACTORS, NOW, FLAGS, TABLE, FLOAT, POSE, CAR, made_of=cfg.PARTS)
+@compiled(ACTORS, NOW, FLAGS, TABLE, FLOAT, POSE, CAR)
 def _find_offsets(
     actors: Actors,
     now: Projection,
@@ -164,7 +163,7 @@ def _find_offsets(
     return find_offsets(actors, now, can_pass, route, origin_s, pose, car)
 
 
-@compiled(*(TABLE,) * 5, FLAGS, FLOATS, FLOAT, CAR, TABLE, TABLE, made_of=cfg.PARTS)
+@compiled(*(TABLE,) * 5, FLAGS, FLOATS, FLOAT, CAR, TABLE, TABLE)
 def _find_leaders(
     s: FloatArray,
     d: FloatArray,
@@ -181,7 +180,7 @@ def _find_leaders(
     find_leaders(s, d, reach_s, reach_d, speed_s, can_pass, tried, ego_s, car, lead_s, lead_v)
 
 
-@compiled(ACTORS, NOW, FLAGS, FLAGS, INTS, FLAG_TABLE, CUBE, FOES, FLOATS, TABLE, FLOAT, EGO, made_of=cfg.PARTS)
+@compiled(ACTORS, NOW, FLAGS, FLAGS, INTS, FLAG_TABLE, CUBE, FOES, FLOATS, TABLE, FLOAT, EGO)
 def _find_wall(
     actors: Actors,
     now: Projection,
@@ -199,7 +198,7 @@ def _find_wall(
     return find_wall(actors, now, own, can_pass, which, on, found, foes, braking, route, origin_s, ego)
 
 
-@compiled(*(TABLE,) * 4, FLOAT, FLOAT, CAR, FLAGS, made_of=cfg.PARTS)
+@compiled(*(TABLE,) * 4, FLOAT, FLOAT, CAR, FLAGS)
 def _find_relevant(
     s: FloatArray,
     d: FloatArray,
@@ -213,7 +212,7 @@ def _find_relevant(
     return find_relevant(s, d, reach_s, reach_d, begins_s, ends_s, car, who)
 
 
-@compiled(ACTORS, FLAGS, *(TABLE,) * 10, FLAGS, CAR, *(FLAG_TABLE,) * 3, made_of=cfg.PARTS)
+@compiled(ACTORS, FLAGS, *(TABLE,) * 10, FLAGS, CAR, *(FLAG_TABLE,) * 3)
 def _compare(
     actors: Actors,
     who: BoolArray,
@@ -236,17 +235,17 @@ def _compare(
     compare(actors, who, ax, ay, acos, asin, half_length, speed, x, y, cos, sin, aside, car, hit, close, ttc)
 
 
-@compiled(POSE, FLOAT, CAR, TABLE, FLOAT, made_of=cfg.PARTS)
+@compiled(POSE, FLOAT, CAR, TABLE, FLOAT)
 def _steering(pose: EgoPose, offset: float, car: Car, route: FloatArray, origin_s: float) -> float:
     return steer(pose, offset, car, route, origin_s)
 
 
-@compiled(FLOAT, FLOAT, FLOAT, CAR, made_of=cfg.PARTS)
+@compiled(FLOAT, FLOAT, FLOAT, CAR)
 def _control(angle: float, acceleration: float, speed: float, car: Car) -> tuple[float, float, float]:
     return pedals(angle, acceleration, speed, car)
 
 
-@compiled(FLOAT, FLOATS, FLOAT, FLOATS, made_of=cfg.PARTS)
+@compiled(FLOAT, FLOATS, FLOAT, FLOATS)
 def _decay_lengths(speed: float, error: FloatArray, sharpest: float, length: FloatArray) -> None:
     """Fill `length` [N]."""
     for n in range(len(error)):

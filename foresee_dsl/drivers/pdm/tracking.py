@@ -63,7 +63,7 @@ def follow(
     return pedals(angle, smoothed(acceleration, ego.speed, ego.acceleration), ego.speed, car)
 
 
-@compiled(*(FLOAT,) * 5, FLOATS, TABLE, TABLE, FLOAT, FLOAT, FLOAT, made_of=cfg.PARTS)
+@compiled(*(FLOAT,) * 5, FLOATS, TABLE, TABLE, FLOAT, FLOAT, FLOAT)
 def go_on(
     x: float,
     y: float,

@@ -132,7 +132,7 @@ def _approach(room: float, speed: float, braking: float, dt: float) -> float:
     return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
 
 
-@compiled(FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, made_of="lines.py")
+@compiled(FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS)
 def _stands(
     along: float, half: float, xs: FloatArray, ys: FloatArray, marks: FloatArray, angles: FloatArray
 ) -> tuple[float, float, float]:
@@ -148,8 +148,7 @@ def _stands(
 
 
 @compiled(
-    FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS,
-    made_of="lines.py",
+    FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS
 )  # fmt: skip
 def _advance(
     along: float,
