@@ -18,10 +18,9 @@ from pathlib import Path
 
 from foresee_dsl import __version__
 from foresee_dsl.derive.operators import GROUP as OPERATORS
-from foresee_dsl.drivers.registry import GROUP as DRIVERS
-from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.drivers.registry import DRIVERS, load_driver
 from foresee_dsl.files import data_folder
-from foresee_dsl.forecast.registry import GROUP as RANKERS
+from foresee_dsl.forecast.registry import RANKERS
 
 KEY_DIGITS = 40
 """Hexadecimal digits of a key. Ours: 160 bits; two of a billion keys are the same with a chance below 1e-30."""
@@ -29,6 +28,7 @@ _LANGUAGE = (
     "language",
     "errors.py",
     "files.py",
+    "plugins.py",
     *(f"campaign/{name}.py" for name in ("storage/records", "results", "steps", "work")),
 )
 _RUN = (*_LANGUAGE, "compile", "drivers", "simulate")
@@ -74,12 +74,12 @@ def driver_identity(address: str) -> str:
     driver = load_driver(address)
     weights = str(getattr(driver, "weights_hash", "") or "")
     name, _, argument = address.partition(":")
-    return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name), _files_named(argument)])
+    return json.dumps([address, driver.version, weights, _plugin(DRIVERS.name, name), _files_named(argument)])
 
 
 def ranker_identity(name: str) -> str:
     """Return what stands for a ranker: its name and a hash of its package's code."""
-    return json.dumps([name, _plugin(RANKERS, name)])
+    return json.dumps([name, _plugin(RANKERS.name, name)])
 
 
 def operators_identity() -> str:

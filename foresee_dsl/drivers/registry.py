@@ -7,19 +7,17 @@ A driver is addressed by its name (`pdm`), one that is made from a text by its n
 from __future__ import annotations
 
 import contextlib
-import difflib
 import re
 import shlex
-import sys
-from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.errors import DriverError
+from foresee_dsl.plugins import PluginGroup, package_of
 
-GROUP = "foresee_dsl.drivers"
+DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>\w+:.*)", re.S)
 _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
 """What a text of the language cannot hold, and what it is written as."""
@@ -36,7 +34,7 @@ class DriverInfo(NamedTuple):
 
 def driver_names() -> tuple[str, ...]:
     """Return the names of all installed drivers, sorted; nothing is imported."""
-    return tuple(sorted({e.name for e in entry_points(group=GROUP)}))
+    return DRIVERS.names()
 
 
 def load_driver(address: str) -> Driver:
@@ -50,23 +48,16 @@ def load_driver(address: str) -> Driver:
             text and there is none (or the other way round).
     """
     name, colon, argument = address.partition(":")
-    entry = _find(name)
-    package = _package(entry)
-    try:
+    entry = DRIVERS.find(name)
+    with DRIVERS.loading(entry):
         made = entry.load()
         from_text = getattr(made, "from_argument", None)
         if colon and from_text is None:
             raise DriverError(f"driver {name!r} takes nothing after its name, so {address!r} means no driver")
         driver = made() if from_text is None else from_text(argument)
-    except DriverError:
-        raise
-    except Exception as err:  # a plug-in may fail in any way; whose fault it is must be said
-        raise DriverError(
-            f"driver {name!r} of package {package} cannot be loaded: {type(err).__name__}: {err}"
-        ) from err
     if not isinstance(driver, Driver) or not all(isinstance(v, str) for v in (driver.name, driver.version)):
         raise DriverError(
-            f"driver {name!r} of package {package} is not a driver: {entry.value} needs the texts `name` and "
+            f"driver {name!r} of package {package_of(entry)} is not a driver: {entry.value} needs the texts `name` and "
             "`version`, and the methods `reset(mission, vehicle, seed)` and `step(observation)`"
         )
     return driver
@@ -100,8 +91,8 @@ def describe_drivers() -> list[DriverInfo]:
 
 
 def _describe(name: str) -> DriverInfo:
-    entry = _find(name)
-    package = _package(entry)
+    entry = DRIVERS.find(name)
+    package = package_of(entry)
     try:
         driver = _made_from_text(entry) or load_driver(name)
     except DriverError as err:
@@ -118,26 +109,3 @@ def _made_from_text(entry: EntryPoint) -> Any:  # noqa: ANN401  a driver's class
     except Exception:  # load_driver says why
         return None
     return made if hasattr(made, "from_argument") else None
-
-
-def _find(name: str) -> EntryPoint:
-    return _found(name, tuple(sys.path))
-
-
-@lru_cache(maxsize=32)
-def _found(name: str, path: tuple[str, ...]) -> EntryPoint:  # noqa: ARG001  (it keys the cache)
-    """Find a driver; looking through all packages takes 5 ms, and a worker loads a driver for each run."""
-    found = sorted(entry_points(group=GROUP, name=name), key=_package)
-    if len(found) > 1 and len({e.value for e in found}) > 1:
-        packages = ", ".join(_package(e) for e in found)
-        raise DriverError(f"driver {name!r} is offered by more than one package: {packages}; uninstall all but one")
-    if found:
-        return found[0]
-    names = driver_names()
-    close = difflib.get_close_matches(name, names, n=3)
-    hint = f", did you mean {' or '.join(repr(c) for c in close)}?" if close else ";"
-    raise DriverError(f"unknown driver {name!r}{hint} installed: {', '.join(names) or 'none'}")
-
-
-def _package(entry: EntryPoint) -> str:
-    return entry.dist.name if entry.dist is not None else "unknown"
