@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from foresee_dsl.campaign.steps import clip_around, measure_clip
 from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import operators
 from foresee_dsl.derive.presets import Preset
@@ -207,8 +207,8 @@ def test_every_unit_is_listed() -> None:
         ("followed by {:g} s of amber", "foresee_dsl.compile.nets.signals.AMBER_S"),
         ("{:g} s of all red", "foresee_dsl.compile.nets.signals.ALL_RED_S"),
         ("green ends {:g} s before", "foresee_dsl.compile.nets.signals.PEDESTRIAN_CLEARANCE_S"),
-        ("A crossing is {:g} m wide", "foresee_dsl.compile.nets.written_network.CROSSING_WIDTH_M"),
-        ("of each lane | {:g} m |", "foresee_dsl.compile.nets.written_network.LANE_WIDTH_M"),
+        ("A crossing is {:g} m wide", "foresee_dsl.compile.nets.network_builder.CROSSING_WIDTH_M"),
+        ("of each lane | {:g} m |", "foresee_dsl.compile.nets.network_builder.LANE_WIDTH_M"),
         ("the run's limit; {:g} s when absent", "foresee_dsl.compile.placement.scene.DEFAULT_END_S"),
         ("{:g} m before the end of its route", "foresee_dsl.compile.placement.scene.GOAL_BEFORE_END_M"),
         ("friction from {:g} (0)", "foresee_dsl.compile.placement.scene.DRY_FRICTION"),

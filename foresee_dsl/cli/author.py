@@ -21,7 +21,7 @@ def compile_(
     [dim]foresee compile scenarios/scenario7.foresee::r01 --out town[/dim]
     """
     from foresee_dsl.compile import compile_test_case
-    from foresee_dsl.compile.files import write_sumo_folder
+    from foresee_dsl.compile.sumo_files import write_sumo_folder
     from foresee_dsl.language.project.loading import load_test_case
 
     bundle = compile_test_case(load_test_case(address, allow_outside=allow_outside))

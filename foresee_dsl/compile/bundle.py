@@ -11,7 +11,7 @@ from foresee_dsl.compile.roads.polyline import XY, Points
 from foresee_dsl.language.model import Expect, MeetsState, Place, When
 
 if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.network_geometry import RoadNetwork, RouteLine
+    from foresee_dsl.compile.roads.network import RoadNetwork, RouteLine
 
 ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
 

@@ -9,11 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
-from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.nets.net_cache import read_net_once
+from foresee_dsl.compile.nets.cache import cached_net, read_net_once
 from foresee_dsl.compile.placement.scene import build_scene, check_scene
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork, buildings_of
+from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import cache_folder
 from foresee_dsl.language.messages.located import diagnose
@@ -75,7 +74,7 @@ def _net_of(network: Network | Path) -> Path:
 
 
 def _build(network: Network, out: Path) -> None:
-    from foresee_dsl.compile.nets.written_network import build_network  # templates, XML: only where a network is new
+    from foresee_dsl.compile.nets.network_builder import build_network  # templates, XML: only where a network is new
 
     build_network(network, out)
 
@@ -103,7 +102,7 @@ def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping
 @lru_cache(maxsize=32)
 def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
     """Write the vehicle types to the cache: all or nothing, under the hash of their content."""
-    from foresee_dsl.compile.files import write_types  # templates: checking does without
+    from foresee_dsl.compile.sumo_files import write_types  # templates: checking does without
 
     try:
         base = cache_folder("types")

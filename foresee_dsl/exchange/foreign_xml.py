@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.foreign.opendrive_geometry import plain_number
-from foresee_dsl.compile.nets.net_file import what_is_wrong
+from foresee_dsl.compile.nets.safe_xml import what_is_wrong
 from foresee_dsl.exchange.outcome import ExchangeError
 
 if TYPE_CHECKING:

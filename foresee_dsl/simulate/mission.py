@@ -8,7 +8,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.roads.conflicts import Conflict, conflicts_of
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission
 from foresee_dsl.errors import SimulationError

@@ -4,9 +4,9 @@ import threading
 
 import pytest
 
-from foresee_dsl.compile import cache
-from foresee_dsl.compile.cache import cached_net, content_key
-from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.compile.nets import cache
+from foresee_dsl.compile.nets.cache import cached_net, content_key
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.errors import CompileError
 from tests.support.built_networks import four_arms
 

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import pytest
 
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, cruise_speed, spec_of
-from foresee_dsl.compile.files import write_types
-from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.compile.nets.network_builder import build_network
+from foresee_dsl.compile.sumo_files import write_types
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.checks.documents import check_document

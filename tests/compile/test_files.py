@@ -10,10 +10,10 @@ import pytest
 
 from foresee_dsl.compile.bundle import PlacedActor, Scene, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.files import write_sumo_folder, write_types
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
-from foresee_dsl.compile.nets.written_network import build_network
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.sumo_files import write_sumo_folder, write_types
 from foresee_dsl.language.model import VehicleModel
 from tests.support.built_networks import four_arms, q
 

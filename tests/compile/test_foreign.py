@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.written_network import build_network
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.errors import CompileError
 from tests.support.built_networks import four_arms, net_root
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork, RouteError
+from foresee_dsl.compile.roads.network import RoadNetwork, RouteError
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.errors import CompileError

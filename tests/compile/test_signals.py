@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, read_links, read_signals
-from foresee_dsl.compile.nets.written_network import build_network
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Network
 from tests.support.built_networks import (

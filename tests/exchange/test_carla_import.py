@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile import compile_test_case, placement_mistakes
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.carla import importer as carla_import

@@ -11,7 +11,7 @@ import pytest
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, read_routes
 from foresee_dsl.exchange.maps.places_on_net import Way, way_between

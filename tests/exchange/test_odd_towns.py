@@ -14,7 +14,7 @@ import pytest
 from foresee_dsl.compile import compile_test_case, placement_mistakes
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.carla.files import CarlaRoute, family_of, pose_of, read_routes, read_triggers, town_in
 from foresee_dsl.exchange.carla.journey import journey_of, strays

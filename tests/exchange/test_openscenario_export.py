@@ -220,7 +220,7 @@ def test_the_way_back_keeps_entities_times_and_places(scenario: Path, exported: 
 def test_the_map_is_where_the_net_is(scenario: Path, exported: Path) -> None:
     """Lanes of the map, read back, lie on those of the net that was driven on."""
     from foresee_dsl.compile.foreign.networks import foreign_net
-    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+    from foresee_dsl.compile.roads.network import RoadNetwork
 
     ours = compile_test_case(load_test_case(scenario)).network
     theirs = RoadNetwork.from_net(foreign_net(exported.with_suffix(".xodr")))

@@ -13,7 +13,7 @@ from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.maps import osm, sumo
 from foresee_dsl.exchange.outcome import ExchangeError, Imported

@@ -16,8 +16,8 @@ import shapely
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import ActorKind, SumoBundle
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor, Views
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.actors.dynamics import limits_of

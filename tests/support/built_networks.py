@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.files import write_types
+from foresee_dsl.compile.sumo_files import write_types
 from foresee_dsl.language.model import Junction, Network, Point, Quantity, Road, Stage, VehicleModel
 
 UNITS = {"speed": "km/h", "lanes": "", "back": ""}

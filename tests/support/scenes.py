@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec, Phase, PlacedActor, Scene, Signal, SumoBundle
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.trace import Trace
 from tests.support.nets import ADULT, COMPACT, CRATE, VAN

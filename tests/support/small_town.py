@@ -7,8 +7,8 @@ import math
 from pathlib import Path
 
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.written_network import build_network
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.nets.network_builder import build_network
+from foresee_dsl.compile.roads.network import RoadNetwork
 from tests.support.built_networks import four_arms
 
 OFFSET = (150.0, 70.0)

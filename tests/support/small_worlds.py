@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.catalogue import spec_of
+from foresee_dsl.compile.nets.cache import cached_net
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
-from foresee_dsl.compile.nets.written_network import build_network
 from foresee_dsl.compile.placement.scene import build_scene
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork, buildings_of
+from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.catalogues import bundled_models
 from foresee_dsl.language.project.document import PlacementError, TestCase

@@ -7,13 +7,13 @@ import tempfile
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is netfile's
 
-from foresee_dsl.compile.cache import cached_net
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossings
 from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
-from foresee_dsl.compile.nets.net_file import check_size, parse_net, parse_xml
-from foresee_dsl.compile.nets.net_parts import NetParts, read_net
+from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
+from foresee_dsl.compile.nets.cache import cached_net
+from foresee_dsl.compile.nets.net_reader import NetParts, read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
-from foresee_dsl.compile.nets.signal_programs import fix_times, give_programs
+from foresee_dsl.compile.nets.safe_xml import check_size, parse_net, parse_xml
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS

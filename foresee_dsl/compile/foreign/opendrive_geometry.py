@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.nets.net_file import parse_xml
+from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Phase, Signal
-from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Junction, Network, Quantity, Stage

@@ -11,15 +11,15 @@ import shapely
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.catalogue import cruise_speed
-from foresee_dsl.compile.placement.checks import footprint
+from foresee_dsl.compile.placement.actor_checks import footprint
 from foresee_dsl.compile.placement.parked_vehicles import Kerb
+from foresee_dsl.compile.placement.places import si
 from foresee_dsl.compile.placement.starts import lane_kind
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane, LaneKind
-from foresee_dsl.compile.roads.places import si
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Polyline
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import onward
+from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.language.model import Traffic
 

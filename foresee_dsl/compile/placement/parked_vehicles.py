@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
-from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.compile.roads.topology import Lane
 
 STEP_M = 0.5
 """Candidate places are this far apart. Ours: drivers leave gaps of any size."""

@@ -9,11 +9,11 @@ from typing import TypeVar
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Scene, Signal, Steering
 from foresee_dsl.compile.catalogue import cruise_speed
-from foresee_dsl.compile.placement import checks
-from foresee_dsl.compile.placement.network_references import Said
+from foresee_dsl.compile.placement import actor_checks as checks
+from foresee_dsl.compile.placement.name_checks import Said
+from foresee_dsl.compile.placement.places import si
 from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.places import si
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError, text
 from foresee_dsl.compile.roads.walkways import Walk, walkways
 from foresee_dsl.language.messages.suggest import did_you_mean

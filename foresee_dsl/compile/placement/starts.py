@@ -9,12 +9,12 @@ from typing import TypeVar
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.lateral_offset import moved_aside
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane, LaneKind
-from foresee_dsl.compile.roads.places import Spot, si, spot
+from foresee_dsl.compile.placement.places import Spot, si, spot
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points, distance, distinct, line_of, whole_millimetres, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, text
+from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Actor,

@@ -10,10 +10,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import LaneKind, Movement
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline, distinct
 from foresee_dsl.compile.roads.route_line import approach
+from foresee_dsl.compile.roads.topology import LaneKind, Movement
 
 HALF_WIDTH_M = 1.0
 """Two movements conflict where bands of this half width around their centrelines overlap: a car's body, not its

@@ -10,7 +10,6 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.roads.parts import Edge, Lane, LaneKind, Movement
 from foresee_dsl.compile.roads.polyline import (
     MERGE_M,
     STEP_M,
@@ -24,9 +23,10 @@ from foresee_dsl.compile.roads.polyline import (
     subdivide,
 )
 from foresee_dsl.compile.roads.routing import RouteError, onward
+from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement
 
 if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+    from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.compile.roads.polyline import FloatArray
 
 CHANGE_AFTER_M = 10.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.roads.parts import LaneKind, Movement
+from foresee_dsl.compile.roads.topology import LaneKind, Movement
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Ref, Route, Turn
 
 if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+    from foresee_dsl.compile.roads.network import RoadNetwork
 
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"

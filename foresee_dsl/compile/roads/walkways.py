@@ -9,15 +9,15 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.roads.lane_grid import distance_to
-from foresee_dsl.compile.roads.parts import Crossing
+from foresee_dsl.compile.roads.lane_index import distance_to
 from foresee_dsl.compile.roads.polyline import XY, Points, distance, distinct, lengths, whole_millimetres
+from foresee_dsl.compile.roads.topology import Crossing
 
 if TYPE_CHECKING:
     import networkx as nx
     import numpy as np
 
-    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+    from foresee_dsl.compile.roads.network import RoadNetwork
 
 ON_CROSSING_M = 0.05
 """A path whose points are so near to a crossing's centreline was laid along it (clips round to 1 mm, nets to 1 cm)."""

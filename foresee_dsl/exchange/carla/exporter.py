@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from foresee_dsl.compile.bundle import Signal
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.exchange.carla.journey import Journey, kerbs, passages_of
 from foresee_dsl.exchange.carla.partners import partner_of

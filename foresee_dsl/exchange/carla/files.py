@@ -16,7 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.compile.nets.net_file import check_size, parse_xml
+from foresee_dsl.compile.nets.safe_xml import check_size, parse_xml
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.exchange.naming import sentence
 from foresee_dsl.exchange.outcome import ExchangeError

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.net_cache import read_net_once
-from foresee_dsl.compile.nets.net_file import parse_xml
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.nets.cache import read_net_once
+from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.carla.families import STAGED, Row, row_of
 from foresee_dsl.exchange.carla.files import read_routes, read_triggers, read_vtypes, town_of
 from foresee_dsl.exchange.carla.journey import Journey, passes

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.starts import OnRoute, Starts
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, onward

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 from foresee_dsl.compile.bundle import ModelSpec, Signal
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.exchange.carla.files import CarlaRoute, Trigger, town_of, towns

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
 from foresee_dsl.compile.foreign.networks import close_parking, write_net
-from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.signal_programs import fix_times, give_programs
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.exchange.outcome import ExchangeError
 
 SIDEWALK_MOST_MPS = 30.0

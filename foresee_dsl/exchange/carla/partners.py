@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Movement
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.compile.roads.routing import RouteError, onward
+from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.exchange.maps.places_on_net import through_of
 
 APPROACH_M = 80.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.placement.scene import check_scene
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.carla.families import Row, common, is_of_route, param, value_of
 from foresee_dsl.exchange.carla.models import CATALOGUE, ego_of, mix_of, vehicles_of
 from foresee_dsl.exchange.naming import name_of, sentence

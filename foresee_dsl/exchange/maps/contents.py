@@ -6,7 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
-from foresee_dsl.compile.nets.net_parts import NetParts
+from foresee_dsl.compile.nets.net_reader import NetParts
 from foresee_dsl.compile.roads.polyline import Polyline
 
 if TYPE_CHECKING:

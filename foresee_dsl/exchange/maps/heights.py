@@ -9,10 +9,10 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
-from foresee_dsl.compile.nets.net_file import parse_net
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance
+from foresee_dsl.compile.roads.topology import Lane
 
 _END_M = 10.0
 """Nearer than this to a lane's end it meets others in a junction (ours)."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.net_file import parse_xml
-from foresee_dsl.compile.nets.net_parts import read_net
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.nets.net_reader import read_net
+from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.maps.contents import left_out_of, notes_on, taken_from
 from foresee_dsl.exchange.maps.heights import Heights, bridges, flat_notes
 from foresee_dsl.exchange.maps.starter import Way, starter

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, shortest_route
+from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.exchange.maps.heights import Heights
 
 NEAR_M = 3.5

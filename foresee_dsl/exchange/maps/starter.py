@@ -10,9 +10,9 @@ from pathlib import Path
 
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.signals import read_signals
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Movement
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.exchange.maps.heights import Heights, bridges
 from foresee_dsl.exchange.naming import check_ids
 from foresee_dsl.exchange.outcome import ExchangeError

@@ -7,10 +7,10 @@ from pathlib import Path
 from xml.etree.ElementTree import tostring  # no parsing: that is foreign_xml's
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.net_parts import read_net
+from foresee_dsl.compile.foreign.signal_programs import fix_times
+from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import without_header
-from foresee_dsl.compile.nets.signal_programs import fix_times
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.foreign_xml import read_xml
 from foresee_dsl.exchange.maps.heights import Heights, bridges, flat_notes
 from foresee_dsl.exchange.maps.starter import Way, starter

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.starts import lane_kind
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Movement
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import lengths
+from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 FloatArray = NDArray[np.float64]

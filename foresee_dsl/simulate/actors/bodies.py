@@ -16,8 +16,8 @@ import shapely
 
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.placement.starts import lane_kind
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels.sumo_traffic import BESIDE_S, OFFSET, RAW_X, RAW_Y, SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.trace import STEP_S

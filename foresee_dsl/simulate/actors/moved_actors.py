@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 import shapely
 
 from foresee_dsl.compile.bundle import PlacedActor
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.simulate.actors.bodies import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, lateral_limit_mps2, limits_of

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.kernels.sumo_traffic import BENDS_S, BESIDE_S, follow, slow_for_bends
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
 from foresee_dsl.simulate.actors.bodies import SumoVehicle

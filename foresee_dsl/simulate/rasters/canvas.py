@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
 from foresee_dsl.simulate.rasters.camera import Camera

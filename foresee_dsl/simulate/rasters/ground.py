@@ -13,10 +13,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.nets.written_network import shift_right
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import Lane
+from foresee_dsl.compile.nets.network_builder import shift_right
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.simulate.rasters.fill import filled, toggle_outlines
 from foresee_dsl.simulate.rasters.layout import MAP_BITS
 

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.kernels.boxes import WHOLE, all_whole
 
 FloatArray = NDArray[np.float64]

@@ -13,7 +13,7 @@ from foresee_dsl.simulate.results.collision import Box, corner_points
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-    from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+    from foresee_dsl.compile.roads.network import RoadNetwork
 
 
 class Outlines:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from foresee_dsl.compile.roads.network_geometry import Passage, RoadNetwork
+from foresee_dsl.compile.roads.network import Passage, RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.kernels.lines import FloatArray, project
 from foresee_dsl.simulate.actors.moved_actors import PathActor

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
+from foresee_dsl.compile.placement.actor_checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.parts import LaneKind
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.exchange.foreign_xml import number
 from foresee_dsl.exchange.openscenario.reading.actions import Player, paced
 from foresee_dsl.exchange.openscenario.reading.entities import Entity

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.foreign_xml import number
 from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, Player, Writer

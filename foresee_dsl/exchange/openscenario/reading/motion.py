@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.roads.network_geometry import NearLane, RoadNetwork
-from foresee_dsl.compile.roads.parts import LaneKind
+from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.exchange.foreign_xml import number
 from foresee_dsl.exchange.openscenario.reading.places import NotExpressed, Places
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
-from foresee_dsl.compile.roads.parts import Lane
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import Lane
 
 _CELL_M = 50.0
 """Ours: a town's lanes are 50 to 150 m long, so that each is in a few cells and a cell holds a junction's lanes."""

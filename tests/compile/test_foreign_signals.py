@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile.foreign.networks import close_parking, write_net
-from foresee_dsl.compile.nets.net_file import parse_net
-from foresee_dsl.compile.nets.net_parts import read_net
-from foresee_dsl.compile.nets.signal_programs import give_programs, stages_of
+from foresee_dsl.compile.foreign.signal_programs import give_programs, stages_of
+from foresee_dsl.compile.nets.net_reader import read_net
+from foresee_dsl.compile.nets.network_builder import build_network
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import read_links, read_signals
-from foresee_dsl.compile.nets.written_network import build_network
 from tests.support.built_networks import four_arms, t_junction
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2

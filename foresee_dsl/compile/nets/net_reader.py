@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.nets.net_file import parse_net
-from foresee_dsl.compile.roads.parts import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
 from foresee_dsl.language.model import Turn
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ import math
 import pytest
 from shapely import Polygon
 
-from foresee_dsl.compile.nets.written_network import build_network
-from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.nets.network_builder import build_network
+from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building
 from tests.support.built_networks import four_arms, point

@@ -10,11 +10,11 @@ import pytest
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
 from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.netconvert import run_netconvert
-from foresee_dsl.compile.nets.signal_programs import fix_times
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
-from foresee_dsl.compile.nets.written_network import build_network
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
 from tests.support.built_networks import four_arms
 

@@ -9,13 +9,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.nets.net_parts import NetParts, read_net
+from foresee_dsl.compile.nets.net_reader import NetParts, read_net
 from foresee_dsl.compile.roads import route_line, routing
-from foresee_dsl.compile.roads.lane_grid import LaneIndex
-from foresee_dsl.compile.roads.parts import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
+from foresee_dsl.compile.roads.lane_index import LaneIndex
 from foresee_dsl.compile.roads.polyline import XY, Points, crosses, inside, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
 from foresee_dsl.language.model import Building, EdgeRoute, Network, Route
 from foresee_dsl.language.project.concrete import si_of
 

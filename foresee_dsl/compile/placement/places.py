@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, check_junction, text
 from foresee_dsl.language.model import AlongEdge, AlongRoute, PastJunction, Place, Point, Quantity, Ref

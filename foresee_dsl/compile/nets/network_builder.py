@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.compile.nets import signals
-from foresee_dsl.compile.nets.net_file import parse_net
-from foresee_dsl.compile.nets.net_parts import read_net
+from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building, Count, Junction, Length, Network, Point, Quantity, Road, Speed

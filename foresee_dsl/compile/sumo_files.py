@@ -12,7 +12,7 @@ from types import MappingProxyType
 from shapely import LineString, Point
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec, PlacedActor, Signal, SumoBundle
-from foresee_dsl.compile.nets.net_file import parse_net
+from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import write_programs
 from foresee_dsl.compile.templates import number, render
 

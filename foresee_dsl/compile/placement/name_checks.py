@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.compile.codes import PLACE, UNKNOWN
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
-from foresee_dsl.compile.roads.places import Spot
+from foresee_dsl.compile.placement.places import Spot
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language.conditions import parts

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.compile.codes import IN_WALL, NO_MEETING, OFF_ROAD, OVERLAP, TOO_FAST, UNKNOWN
 from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, lane_kind
-from foresee_dsl.compile.roads.network_geometry import RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (

@@ -1,17 +1,22 @@
-"""Keeps finished nets by the content that they were made from."""
+"""The cache of nets: each is built once for its content, and its XML read once."""
 
 from __future__ import annotations
 
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import cast
 
+from foresee_dsl import disk_cache
+from foresee_dsl.compile.bundle import Signal
+from foresee_dsl.compile.nets.net_reader import NetParts, read_net
 from foresee_dsl.compile.nets.netconvert import tool_version
 from foresee_dsl.compile.templates import template_sources
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import cache_folder
+from foresee_dsl.language.model import Network
 
 FORMAT = 1
 """Raise it when our own code makes other nets from the same input."""
@@ -61,6 +66,28 @@ def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) 
             f"the cache of networks cannot be used ({err}); FORESEE_CACHE can name another folder"
         ) from err
     return entry / NET
+
+
+def read_net_once(net_file: Path, network: Network | None) -> tuple[NetParts, Mapping[str, Signal]]:
+    """Return the parts and signals of a net in the cache, as `read_net` and `read_signals` give them.
+
+    They are kept as a pickle: reading the XML again takes longer than placing a scenario's actors.
+
+    Args:
+        net_file: in the cache of nets; its folder's name is the key of its content.
+        network: what it was built from; None for a foreign one.
+
+    Raises:
+        CompileError: see `read_net` and `read_signals`.
+    """
+    place = disk_cache.entry("read", (net_file.parent.name,))
+    known = disk_cache.load(place)
+    if known is None:
+        from foresee_dsl.compile.nets.signals import read_signals  # only for a net that is new
+
+        known = read_net(net_file), read_signals(net_file, network)
+        disk_cache.store(place, known)
+    return cast(tuple[NetParts, Mapping[str, Signal]], known)
 
 
 def _put(fresh: Path, entry: Path) -> None:
