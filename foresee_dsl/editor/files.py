@@ -14,8 +14,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import MAX_BYTES
-from foresee_dsl.language.project.addresses import scenario_files
-from foresee_dsl.language.project.expand import absolute
+from foresee_dsl.language.project.addresses import absolute, scenario_files
 from foresee_dsl.language.syntax.nodes import Node
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)

@@ -15,8 +15,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.addresses import shown
-from foresee_dsl.language.project.expand import absolute
+from foresee_dsl.language.project.addresses import absolute, shown
 
 _RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label")
 _START = Span(1, 1, 1, 1)

@@ -13,7 +13,7 @@ from foresee_dsl.editor.positions import Positions
 from foresee_dsl.editor.session import SOURCE, ForeseeServer
 from foresee_dsl.editor.symbols import Occurrence, SymbolKind, occurrences
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.messages.replacements import replacement
+from foresee_dsl.language.messages.suggest import replacement
 from foresee_dsl.language.parser import format_text
 
 _ITEMS = {

@@ -17,7 +17,7 @@ from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.findings import find, find_alone
 from foresee_dsl.editor.positions import Positions
 from foresee_dsl.errors import Diagnostic
-from foresee_dsl.language.project.expand import absolute
+from foresee_dsl.language.project.addresses import absolute
 
 SOURCE = "foresee"
 _PAUSE_S = 0.2

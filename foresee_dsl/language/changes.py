@@ -10,16 +10,16 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from foresee_dsl.language.codes.project_codes import (
+from foresee_dsl.language.codes.names import (
     BAD_CHANGE,
     NOT_IN_PARENT,
     UNKNOWN_ACTOR,
     UNKNOWN_PROPERTY,
     WRONG_WAS,
 )
-from foresee_dsl.language.conditions import mapped, parts
 from foresee_dsl.language.lints.weaker import weaker
 from foresee_dsl.language.meaning import same_value
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Actor,
@@ -46,7 +46,8 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.project.catalogues import check_model, cruise_speed_mps
-from foresee_dsl.language.project.concretise import Reporter, complaint, same_kind, value_text
+from foresee_dsl.language.project.concretise import complaint, same_kind, value_text
+from foresee_dsl.language.traversal import mapped, parts
 
 _T = TypeVar("_T")
 _ItemT = TypeVar("_ItemT", bound=Item)
@@ -66,7 +67,7 @@ OF_A_MUTANT = ("weather", "expect")
 def changed_body(
     change: Change,
     body: tuple[ScenarioItem, ...],
-    reporter: Reporter,
+    findings: Findings,
     *,
     models: Mapping[str, VehicleModel] | None = None,
     place: str = "the clip",
@@ -77,7 +78,7 @@ def changed_body(
     Args:
         change: the line.
         body: as the clip or scenario (and the lines before) have it.
-        reporter: takes the mistakes: nothing of that name, a WAS that is not so, a NOW that does not fit. Then the
+        findings: takes the mistakes: nothing of that name, a WAS that is not so, a NOW that does not fit. Then the
             statements come back as they were.
         models: every model that may be named; None where another checks them.
         place: what is changed, in words.
@@ -91,11 +92,11 @@ def changed_body(
         else:
             old, new = _of_actor(change, now, body, models, place)
     except _RefusedError as refused:
-        reporter.add(change, refused.field, refused.code, refused.message, refused.help)
+        findings.add(change, refused.field, refused.code, refused.message, refused.help)
         return body
     except ValidationError as error:
         message = f"{_label(change)} cannot be {value_text(change.now)}: {complaint(error)}"
-        reporter.add(change, "now", BAD_CHANGE, message)
+        findings.add(change, "now", BAD_CHANGE, message)
         return body
     if (
         isinstance(new, Ego | Actor)
@@ -103,7 +104,7 @@ def changed_body(
         and change.property == "model"
         and models is not None
     ):
-        check_model(new.model, new.kind, models, reporter, place=(change, "now"))
+        check_model(new.model, new.kind, models, findings, place=(change, "now"))
         new = _at_its_own_pace(new, models.get(str(change.was)), models.get(new.model))
     return tuple(new if item is old else item for item in body) if old is not None else (*body, new)
 

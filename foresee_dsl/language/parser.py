@@ -13,13 +13,13 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
-from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.model import Catalogue, Definition, Item, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.nodes import Mistake, Node, NodeMaker, span_of
+from foresee_dsl.language.traversal import walk
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,12 +9,12 @@ import pytest
 
 from foresee_dsl.campaign.steps import clip_around, measure_clip, run_test_case
 from foresee_dsl.forecast.protocol import RiskyPoint
-from foresee_dsl.language.conditions import parts
 from foresee_dsl.language.model import Clip, Point, Starts, Wait, When, Within
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.language.traversal import parts
 from foresee_dsl.simulate.trace import Trace
 
 FOLDER = Path(__file__).parent / "following"

@@ -11,7 +11,6 @@ from itertools import takewhile
 import pytest
 
 from foresee_dsl.derive.clipping.conditions import Moment, restated
-from foresee_dsl.language.conditions import parts
 from foresee_dsl.language.model import (
     Both,
     Comparison,
@@ -26,6 +25,7 @@ from foresee_dsl.language.model import (
     Within,
 )
 from foresee_dsl.language.printing.phrases import condition as text_of
+from foresee_dsl.language.traversal import parts
 from foresee_dsl.simulate.triggers.condition_history import Run
 
 FRAMES = 50

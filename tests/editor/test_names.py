@@ -12,7 +12,7 @@ from foresee_dsl.editor.hover import conversions, hover
 from foresee_dsl.editor.outline import folds, outline
 from foresee_dsl.editor.symbols import occurrences
 from foresee_dsl.errors import Span
-from foresee_dsl.language.messages.replacements import replacement
+from foresee_dsl.language.messages.suggest import replacement
 from foresee_dsl.language.units import UNITS
 
 NET = """foresee 1

@@ -22,8 +22,7 @@ from foresee_dsl.exchange.maps import opendrive
 from foresee_dsl.exchange.maps.heights import Heights, bridges, flat_notes
 from foresee_dsl.exchange.maps.places_on_net import lanes_at, way_between
 from foresee_dsl.exchange.outcome import ExchangeError
-from foresee_dsl.language.project.catalogues import bundled_models
-from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.language.project.loading import bundled_models, load_test_cases
 from tests.support.odd_maps import Road, write_map
 from tests.support.small_town import write_routes, write_triggers
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.language.codes import lint_codes, project_codes
+from foresee_dsl.language.codes import names
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.codes.examples import FRAMES
 from foresee_dsl.report.codes import every_code
@@ -58,8 +58,7 @@ def test_every_code_is_produced_somewhere_and_every_produced_code_is_explained()
 
 def test_the_constants_of_the_layers_are_used():
     everything = "".join(path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py"))
-    for module in (project_codes, lint_codes):
-        for name in vars(module):
-            if name.isupper():
-                used = len(re.findall(rf"\b{name}\b", everything))
-                assert used >= 3, f"{name} is defined and explained, but nothing reports it"
+    for name in vars(names):
+        if name.isupper():
+            used = len(re.findall(rf"\b{name}\b", everything))
+            assert used >= 3, f"{name} is defined and explained, but nothing reports it"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.codes.project_codes import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
+from foresee_dsl.language.codes.names import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
 from foresee_dsl.language.model import (
     Actor,
     Assignment,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.codes.project_codes import (
+from foresee_dsl.language.codes.names import (
     BAD_CHANGE,
     EMPTY_WINDOW,
     INCOMPLETE_CLIP,

@@ -164,7 +164,7 @@ def test_spans_of_fields_elements_and_values():
 
 
 def test_every_item_of_the_samples_has_a_place():
-    from foresee_dsl.language.checks.findings import walk
+    from foresee_dsl.language.traversal import walk
 
     for file in CASES.glob("*.foresee"):
         document = load(file)

@@ -10,7 +10,7 @@ import pytest
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes import CODES
-from foresee_dsl.language.codes.project_codes import (
+from foresee_dsl.language.codes.names import (
     BAD_ADDRESS,
     MISSING_FILE,
     OUTSIDE,
@@ -29,12 +29,12 @@ from foresee_dsl.language.diff import diff_addresses, render_text
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Network, UseNetwork
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.catalogues import bundled_models
 from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import (
     STALE_PIN,
     Project,
+    bundled_models,
     diagnose,
     load_catalogue,
     load_test_case,

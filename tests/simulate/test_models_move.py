@@ -15,10 +15,9 @@ from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.model import Change, CruiseSpeed, Mutant
-from foresee_dsl.language.project.catalogues import bundled_models
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
-from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.language.project.loading import bundled_models, load_test_case
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, limits_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace, X

@@ -9,8 +9,8 @@ from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.placement.scene import build_scene
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.catalogues import bundled_models
 from foresee_dsl.language.project.document import PlacementError, TestCase
+from foresee_dsl.language.project.loading import bundled_models
 from tests.support.built_networks import four_arms
 
 PLAIN = four_arms(lanes=1, back=1, median=0, via=())

@@ -22,10 +22,10 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.syntax.grammar import parse_tree, parser
 from foresee_dsl.language.syntax.nodes import ANY_NAME, CHANGEABLE
+from foresee_dsl.language.traversal import walk
 from foresee_dsl.language.units import UNITS, Dimension
 
 Strategy = st.SearchStrategy[Any]

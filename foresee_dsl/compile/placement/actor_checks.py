@@ -22,8 +22,8 @@ from foresee_dsl.language.model import (
     SignalState,
     When,
 )
-from foresee_dsl.language.project.concrete import all_actions, word_of
 from foresee_dsl.language.project.document import Problem, TestCase
+from foresee_dsl.language.traversal import all_actions, word_of
 
 NEAR_ROAD_M = 30.0
 """Pedestrians, obstacles and path-followers must be this near to some lane: farther away they can only be a mistake."""

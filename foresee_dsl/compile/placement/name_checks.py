@@ -10,7 +10,6 @@ from foresee_dsl.compile.placement.places import Spot
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.language.conditions import parts
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Comparison,
@@ -29,8 +28,8 @@ from foresee_dsl.language.model import (
     When,
     Within,
 )
-from foresee_dsl.language.project.concrete import all_actions, si_of, word_of
 from foresee_dsl.language.project.document import Problem, TestCase
+from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
 
 class Said:

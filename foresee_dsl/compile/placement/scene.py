@@ -45,8 +45,8 @@ from foresee_dsl.language.model import (
 from foresee_dsl.language.model import (
     Starts as StartsAction,
 )
-from foresee_dsl.language.project.concrete import all_actions
 from foresee_dsl.language.project.document import PlacementError, Problem, TestCase
+from foresee_dsl.language.traversal import all_actions
 
 DEFAULT_END_S = 60.0
 """Ours: a route of 180 m, the longest of CARLA's on Town10HD, at 20 km/h with a red light on the way."""

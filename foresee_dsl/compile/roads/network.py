@@ -17,7 +17,7 @@ from foresee_dsl.compile.roads.route_line import Passage, RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
 from foresee_dsl.language.model import Building, EdgeRoute, Network, Route
-from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.language.traversal import si_of
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -20,7 +20,7 @@ from foresee_dsl.language.model import (
     Wait,
     When,
 )
-from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 

@@ -52,8 +52,8 @@ from foresee_dsl.language.model import (
     When,
     Window,
 )
-from foresee_dsl.language.project.concrete import all_actions, word_of
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.traversal import all_actions, word_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.actors.speed_orders import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y

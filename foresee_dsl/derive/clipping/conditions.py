@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from foresee_dsl.language.conditions import mentioned, parts
 from foresee_dsl.language.model import (
     Both,
     Comparison,
@@ -25,7 +24,7 @@ from foresee_dsl.language.model import (
     Within,
 )
 from foresee_dsl.language.printing.phrases import place as text_of
-from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.language.traversal import mentioned, parts, si_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.condition_history import Run
 

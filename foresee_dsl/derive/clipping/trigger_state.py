@@ -29,7 +29,7 @@ from foresee_dsl.language.model import (
     Wait,
     When,
 )
-from foresee_dsl.language.project.concrete import all_actions
+from foresee_dsl.language.traversal import all_actions
 from foresee_dsl.simulate.trace import Event, Trace
 from foresee_dsl.simulate.triggers.condition_history import Run
 

@@ -17,8 +17,8 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.exchange.carla.journey import Journey, kerbs, passages_of
 from foresee_dsl.exchange.carla.partners import partner_of
-from foresee_dsl.language.project.catalogues import bundled_models
-from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.language.project.loading import bundled_models
+from foresee_dsl.language.traversal import si_of
 
 STAGED = ("3", "4", "7", "8", "9")
 """The families whose behaviour we know."""

@@ -25,7 +25,7 @@ from foresee_dsl.exchange.maps.heights import Heights
 from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.model import Catalogue, VehicleModel
-from foresee_dsl.language.project.catalogues import bundled_models
+from foresee_dsl.language.project.loading import bundled_models
 
 
 def run(

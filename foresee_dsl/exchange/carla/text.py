@@ -19,9 +19,9 @@ from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Catalogue, Scenario, VehicleModel
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.catalogues import bundled_models
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.document import PlacementError, TestCase
+from foresee_dsl.language.project.loading import bundled_models
 
 if TYPE_CHECKING:
     from jinja2 import Environment

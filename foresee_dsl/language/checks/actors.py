@@ -6,10 +6,12 @@ import re
 from collections.abc import Iterator, Sequence
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import CLASSES, VEHICLE_CLASSES, Findings, walk
 from foresee_dsl.language.keywords import TAKEN
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.syntax.nodes import CHANGEABLE
+from foresee_dsl.language.traversal import walk
 
 _WAYS = ("route", "edge_route", "path")
 _ABOUT_ONE = (

@@ -8,11 +8,10 @@ from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
 from foresee_dsl.language.changes import OF_A_MUTANT, OWNERS
 from foresee_dsl.language.checks.actors import check_actors
-from foresee_dsl.language.checks.campaigns import check_campaign
-from foresee_dsl.language.checks.findings import Findings
 from foresee_dsl.language.checks.network import check_catalogue, check_network
 from foresee_dsl.language.checks.parameters import check_parameters
 from foresee_dsl.language.checks.values import check_values
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 
@@ -33,7 +32,7 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
     elif isinstance(model, m.Network):
         check_network(findings, model)
     elif isinstance(model, m.Campaign):
-        check_campaign(findings, model)
+        _check_campaign(findings, model)
     else:
         check_catalogue(findings, model)
     check_values(findings, model)
@@ -162,3 +161,36 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
         findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
     elif value.dimension != needed:
         findings.wrong_dimension(change, side, value, needed, code="FS046")
+
+
+# ---- campaigns -------------------------------------------------------------------------------------------------------
+
+_ONCE: tuple[tuple[type[m.Item], str], ...] = (
+    (m.Drivers, "drivers"),
+    (m.Rankers, "rankers"),
+    (m.Preset, "preset"),
+    (m.ClipAround, "clip"),
+    (m.RiskyPoints, "risky_points"),
+    (m.Children, "children"),
+    (m.Repeat, "repeat"),
+    (m.FirstSeed, "seed"),
+    (m.Budget, "budget"),
+)
+
+
+def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
+    """Check a campaign's file; whether its drivers, rankers and files exist is known where it is run."""
+    if not any(isinstance(item, m.Seeds) for item in campaign.body):
+        help = 'say which test cases it runs: `seeds "scenarios/**"`'
+        findings.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
+    for kind, word in _ONCE:
+        findings.only_once([item for item in campaign.body if isinstance(item, kind)], f"`{word}`")
+    for item in campaign.body:
+        if isinstance(item, m.Drivers | m.Rankers):
+            _each_once(findings, item)
+
+
+def _each_once(findings: Findings, item: m.Drivers | m.Rankers) -> None:
+    for k, name in enumerate(item.names):
+        if name in item.names[:k]:
+            findings.add(item, f"names.{k}", "FS013", f"'{name}' is said twice", "keep one of the two")

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import Findings
 from foresee_dsl.language.codes.code import NOUNS
-from foresee_dsl.language.conditions import parts
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printing.phrases import condition as condition_text
 from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
 from foresee_dsl.language.sampling.requirements import holds, violation
+from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import Dimension
 
 _WORDS = ("arm", "turn", "model", "junction", "stage", "side")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import CLASSES, Findings
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printing.phrases import value as written
-from foresee_dsl.language.project.catalogues import SUM_SLACK_M
+from foresee_dsl.language.project.catalogues import CLASSES, SUM_SLACK_M
 
 
 def check_network(findings: Findings, network: m.Network) -> None:

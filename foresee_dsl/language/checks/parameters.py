@@ -6,9 +6,9 @@ import re
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.drawing import check_drawing, check_requirements
-from foresee_dsl.language.checks.findings import Findings
 from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.meaning import same_value
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.syntax.nodes import RESERVED

@@ -8,12 +8,13 @@ from types import MappingProxyType
 from typing import Any, get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import Findings, fields_of, walk
 from foresee_dsl.language.codes.code import NOUNS
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.printing.phrases import condition
 from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 
 _ALIASES: tuple[tuple[Any, Dimension], ...] = (

@@ -6,14 +6,11 @@ are explained where they are found, in `compile.codes`; `report.codes.every_code
 
 from types import MappingProxyType
 
-from foresee_dsl.language.codes import files, lints, logical, projects
+from foresee_dsl.language.codes import files, lints, projects
 from foresee_dsl.language.codes.code import Code
 
 CODES: MappingProxyType[str, Code] = MappingProxyType(
-    {
-        code.code: code
-        for code in sorted((*files.CODES, *projects.CODES, *logical.CODES, *lints.CODES), key=lambda code: code.code)
-    }
+    {code.code: code for code in sorted((*files.CODES, *projects.CODES, *lints.CODES), key=lambda code: code.code)}
 )
 """The codes of the text side, by name, in order."""
 

@@ -1,6 +1,6 @@
 """Codes of the lints: what is allowed, and hardly meant."""
 
-from foresee_dsl.language.codes import lint_codes as c
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.codes.code import Code
 
 _WARNING = "warning"

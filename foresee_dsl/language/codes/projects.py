@@ -1,6 +1,6 @@
 """Codes of the mistakes that show when files are joined."""
 
-from foresee_dsl.language.codes import project_codes as p
+from foresee_dsl.language.codes import names as p
 from foresee_dsl.language.codes.code import Code
 
 _LIMITED = "param limit: time = 9 s\nend after limit\ncase short { limit = 5 s }\ncase long { limit = 60 s }\n"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.project_codes import WRONG_KIND
+from foresee_dsl.language.codes.names import WRONG_KIND
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of, to_dict
 from foresee_dsl.language.diff.plain import texts
@@ -25,10 +25,10 @@ from foresee_dsl.language.model import (
     UseNetwork,
     VehicleModel,
 )
-from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, is_file, parse_address, shown
+from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, absolute, is_file, parse_address, shown
 from foresee_dsl.language.project.catalogues import entries
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.project.expand import absolute, expanded_model
+from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import Project
 
 _Network = Network | Path | None

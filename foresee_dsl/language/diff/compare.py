@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.project_codes import DIFFERENT_KINDS
-from foresee_dsl.language.conditions import is_condition
+from foresee_dsl.language.codes.names import DIFFERENT_KINDS
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.matching import match, means_nothing, renames
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of
@@ -28,6 +27,7 @@ from foresee_dsl.language.model import (
     VehicleModel,
     When,
 )
+from foresee_dsl.language.traversal import is_condition
 
 _ORDERED_KINDS = (Ego, Actor, Traffic, When)
 """Statements of a body whose order among their like counts, as in `language.meaning`: it gives the actors their ids and

@@ -8,10 +8,10 @@ from collections.abc import Hashable, Iterable, Iterator, Sequence
 from typing import Annotated, Literal, TypeVar, get_args, get_origin
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.conditions import is_condition
 from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, keyword, name_of, text
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS, same_value
 from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.traversal import is_condition
 
 _T = TypeVar("_T", bound=m.Item)
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from decimal import Decimal
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.conditions import is_condition
 from foresee_dsl.language.diff.parts import Group
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.printing import phrases
 from foresee_dsl.language.printing.layout import Layout, layout
+from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 
 NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Origin)

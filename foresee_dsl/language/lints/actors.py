@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import walk
-from foresee_dsl.language.codes import lint_codes as c
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.traversal import walk
 
 _SLACK = 1.01
 """Speeds that much over the model's are rounding (ours; the compiler's check takes the same)."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language.codes import lint_codes
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.scan import Lines, Raw, scan
 
@@ -42,9 +42,7 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
             message = f"nothing here is reported as {allowance.code}, so there is nothing to allow"
             source = lines[span.line - 1]
             kept.append(
-                Diagnostic(
-                    lint_codes.NEEDLESS_ALLOW, message, "remove the comment", document.path, span, source, "warning"
-                )
+                Diagnostic(c.NEEDLESS_ALLOW, message, "remove the comment", document.path, span, source, "warning")
             )
     return tuple(sorted(kept, key=lambda d: (d.span.line, d.span.column) if d.span is not None else (0, 0)))
 

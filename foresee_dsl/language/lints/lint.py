@@ -8,14 +8,14 @@ from functools import cache
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.findings import fields_of, walk
-from foresee_dsl.language.codes import lint_codes as c
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.actors import Found, actor_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.logic import Limits, always, never
 from foresee_dsl.language.lints.routes import route_lints
 from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.traversal import fields_of, walk
 
 DEFAULT_END_S = 60.0
 """How long a run lasts where no `end` is said (docs/language.md)."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.checks.findings import walk
 from foresee_dsl.language.model import Actor, Change, Ego, Item, Mutant, Traffic
 from foresee_dsl.language.project.document import Document, Problem, TestCase
+from foresee_dsl.language.traversal import walk
 
 
 def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:

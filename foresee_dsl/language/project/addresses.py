@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePath
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.project_codes import BAD_ADDRESS, MISSING_FILE, WRONG_KIND
+from foresee_dsl.language.codes.names import BAD_ADDRESS, MISSING_FILE, WRONG_KIND
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.values import NAME_PATTERN
 
@@ -147,6 +147,19 @@ def is_inside(path: Path, folders: Iterable[Path]) -> bool:
     """Return whether a path lies in one of some folders, also once links are followed."""
     real = path.resolve()
     return any(real.is_relative_to(folder.resolve()) for folder in folders)
+
+
+def absolute(path: Path) -> Path:
+    """Return an absolute, normalised path; symbolic links stay as they are."""
+    return Path(os.path.abspath(path))  # noqa: PTH100  (Path.absolute keeps `..`, Path.resolve follows links)
+
+
+def relative_to(folder: Path, path: Path) -> str:
+    """Return `path` as a file in `folder` would write it: relative, with forward slashes."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive, on Windows
+        return path.as_posix()
 
 
 def _under(folder: Path) -> list[Path]:

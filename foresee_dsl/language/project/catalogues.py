@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from types import MappingProxyType
 
-from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import data_folder
-from foresee_dsl.language.codes.project_codes import UNKNOWN_MODEL, WRONG_CLASS
+from foresee_dsl.language.codes.names import UNKNOWN_MODEL, WRONG_CLASS
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Actor,
@@ -24,12 +22,12 @@ from foresee_dsl.language.model import (
     Traffic,
     VehicleModel,
 )
-from foresee_dsl.language.project.concretise import Reporter
 from foresee_dsl.language.project.document import Document
 
 VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
 """The classes that the ego and a `vehicle` may have; the other actors have the class of their own name."""
-
+CLASSES = (*VEHICLE_CLASSES, "bicycle", "pedestrian", "obstacle")
+"""Every class of models: the part of a model's name before the dot."""
 
 SUM_SLACK_M = 0.0101
 """How far overhangs and wheelbase may miss the length: each is rounded to a centimetre in tables (ours)."""
@@ -43,28 +41,6 @@ conventional ones in the German Naturalistic Cycling Study, 15.3 km/h (Schleinit
 def entries(catalogue: Catalogue) -> dict[str, VehicleModel]:
     """Return a catalogue's models by name."""
     return {item.name: item for item in catalogue.body if isinstance(item, VehicleModel)}
-
-
-@lru_cache(maxsize=1)
-def _bundled() -> Mapping[str, VehicleModel]:
-    from foresee_dsl.language.parser import load
-
-    path = data_folder("scenarios") / "models.foresee"
-    if not path.is_file():
-        raise ForeseeError(f"the bundled catalogue of models is missing from this installation: {path}")
-    model = load(path).model
-    if not isinstance(model, Catalogue):
-        raise ForeseeError(f"the bundled catalogue of models is damaged: {path}")
-    return entries(model)
-
-
-def bundled_models() -> dict[str, VehicleModel]:
-    """Return the models that ship with the package, by name; read once a process.
-
-    Raises:
-        ForeseeError: the installation is damaged.
-    """
-    return dict(_bundled())
 
 
 def cruise_speed_mps(model: VehicleModel) -> float | None:
@@ -85,7 +61,7 @@ def check_model(
     name: str,
     kind: str | None,
     models: Mapping[str, VehicleModel],
-    reporter: Reporter,
+    findings: Findings,
     *,
     place: tuple[Item | None, str],
 ) -> None:
@@ -95,12 +71,12 @@ def check_model(
     """
     item, field = place
     if name not in models:
-        reporter.add(item, field, UNKNOWN_MODEL, f"no model '{name}'", did_you_mean(name, models))
+        findings.add(item, field, UNKNOWN_MODEL, f"no model '{name}'", did_you_mean(name, models))
     elif kind is not None and not fits(name, kind):
         wanted = ", ".join(VEHICLE_CLASSES) if kind in ("ego", "vehicle") else kind
         message = f"{'the ego' if kind == 'ego' else f'a {kind}'} cannot be a '{name}'"
         near = [model for model in models if fits(model, kind)]
-        reporter.add(item, field, WRONG_CLASS, message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
+        findings.add(item, field, WRONG_CLASS, message, f"it needs a model of class {wanted}: {', '.join(near[:5])}")
 
 
 def check_models(
@@ -117,16 +93,16 @@ def check_models(
     Raises:
         InputError: a model is unknown or of the wrong class.
     """
-    reporter = Reporter(document)
+    findings = Findings(document)
     written = {item.name: item for item in _actors(document)}
     for actor in scenario.actors:
         if isinstance(actor.model, str):
             place = _place(written.get(actor.name), document, case)
-            check_model(actor.model, actor.kind, models, reporter, place=place)
+            check_model(actor.model, actor.kind, models, findings, place=place)
     for traffic in scenario.all(Traffic):
         for position, name in enumerate(traffic.models):
-            check_model(name, None, models, reporter, place=(traffic, f"models.{position}"))
-    reporter.raise_if_any()
+            check_model(name, None, models, findings, place=(traffic, f"models.{position}"))
+    findings.raise_if_any()
 
 
 def _actors(document: Document | None) -> Iterator[Ego | Actor]:

@@ -8,9 +8,15 @@ from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.lints.lint import lint
-from foresee_dsl.language.project.addresses import kind_of, kind_of_text, missing, parse_address, scenario_files
+from foresee_dsl.language.project.addresses import (
+    absolute,
+    kind_of,
+    kind_of_text,
+    missing,
+    parse_address,
+    scenario_files,
+)
 from foresee_dsl.language.project.document import Document, TestCase
-from foresee_dsl.language.project.expand import absolute
 from foresee_dsl.language.project.loading import Project
 
 

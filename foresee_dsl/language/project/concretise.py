@@ -7,8 +7,8 @@ from typing import TypeVar, cast
 
 from pydantic import ValidationError
 
-from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.project_codes import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
+from foresee_dsl.language.codes.names import MISFIT, UNKNOWN_CASE, UNKNOWN_PARAMETER
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Assignment,
@@ -61,36 +61,11 @@ def concretise(scenario: Scenario, case: str | None, *, document: Document | Non
         InputError: no such case, a case or a reference that names no parameter, or a value that does not fit where
             its parameter is used.
     """
-    reporter = Reporter(document)
-    values = _values(scenario, case, reporter)
-    body = tuple(_substituted(item, values, reporter) for item in scenario.body if not isinstance(item, _SETTLED))
-    reporter.raise_if_any()
+    findings = Findings(document)
+    values = _values(scenario, case, findings)
+    body = tuple(_substituted(item, values, findings) for item in scenario.body if not isinstance(item, _SETTLED))
+    findings.raise_if_any()
     return Scenario(name=scenario.name, body=body)
-
-
-class Reporter:
-    """Collects mistakes, with places where the document is known."""
-
-    def __init__(self, document: Document | None, path: str = "") -> None:
-        self.document = document
-        self.path = document.path if document is not None else path
-        self.found: list[Diagnostic] = []
-
-    def add(self, item: Item | None, name: str, code: str, message: str, help: str = "") -> None:
-        """Note a mistake in field `name` of `item` ("" for all of it; None for the file)."""
-        if self.document is not None:
-            self.found.append(self.document.diagnostic(item, name, code, message, help))
-        else:
-            self.found.append(Diagnostic(code=code, message=message, help=help, path=self.path))
-
-    def raise_if_any(self) -> None:
-        """Raise everything that was noted.
-
-        Raises:
-            InputError: at least one mistake was.
-        """
-        if self.found:
-            raise InputError(tuple(self.found))
 
 
 def value_text(value: ParamValue) -> str:
@@ -112,7 +87,7 @@ def complaint(error: ValidationError) -> str:
     return "needs a value of another kind"
 
 
-def _values(scenario: Scenario, case: str | None, reporter: Reporter) -> dict[str, ParamValue]:
+def _values(scenario: Scenario, case: str | None, findings: Findings) -> dict[str, ParamValue]:
     values = {param.name: param.default for param in scenario.all(Param)}
     if case is None:
         return values
@@ -122,25 +97,25 @@ def _values(scenario: Scenario, case: str | None, reporter: Reporter) -> dict[st
         known |= {found.name: found for found in draw(scenario, drawn)}
     if case not in known:
         message = f"no case '{case}' in scenario '{scenario.name}'"
-        reporter.add(
+        findings.add(
             None, "", UNKNOWN_CASE, message, did_you_mean(case, known) or "it has no cases: leave out `::case`"
         )
-        reporter.raise_if_any()
+        findings.raise_if_any()
     for assignment in known[case].values:
-        _assign(assignment, scenario, values, reporter)
+        _assign(assignment, scenario, values, findings)
     return values
 
 
-def _assign(assignment: Assignment, scenario: Scenario, values: dict[str, ParamValue], reporter: Reporter) -> None:
+def _assign(assignment: Assignment, scenario: Scenario, values: dict[str, ParamValue], findings: Findings) -> None:
     param = next((p for p in scenario.all(Param) if p.name == assignment.name), None)
     if param is None:
         message = f"no parameter '{assignment.name}' in scenario '{scenario.name}'"
-        reporter.add(assignment, "name", UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
+        findings.add(assignment, "name", UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
         return
     values[assignment.name] = assignment.value
     if not same_kind(assignment.value, param.default):
         message = f"parameter '{param.name}' is {param.type}, but {value_text(assignment.value)} is not"
-        reporter.add(assignment, "value", MISFIT, message, f"write it like the default, {value_text(param.default)}")
+        findings.add(assignment, "value", MISFIT, message, f"write it like the default, {value_text(param.default)}")
 
 
 def same_kind(one: ParamValue, other: ParamValue) -> bool:
@@ -150,17 +125,17 @@ def same_kind(one: ParamValue, other: ParamValue) -> bool:
     return isinstance(one, str) and isinstance(other, str)
 
 
-def _substituted(item: _ItemT, values: Mapping[str, ParamValue], reporter: Reporter) -> _ItemT:
+def _substituted(item: _ItemT, values: Mapping[str, ParamValue], findings: Findings) -> _ItemT:
     def replace(owner: Item, name: str, ref: Ref) -> ParamValue | Ref:
         if ref.name in values:
             return values[ref.name]
         message = f"'{ref.name}' is no parameter of this scenario"
-        reporter.add(owner, name, UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units_hint())
+        findings.add(owner, name, UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units_hint())
         return ref
 
     def refused(owner: Item, name: str, ref: Ref, error: ValidationError) -> None:
         shown = value_text(values[ref.name]) if ref.name in values else ref.name
-        reporter.add(owner, name, MISFIT, f"parameter '{ref.name}' ({shown}) does not fit here: {complaint(error)}")
+        findings.add(owner, name, MISFIT, f"parameter '{ref.name}' ({shown}) does not fit here: {complaint(error)}")
 
     return cast(_ItemT, _walk(item, replace, refused))
 

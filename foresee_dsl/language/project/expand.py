@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.language.changes import changed_body, weakened
-from foresee_dsl.language.codes.lint_codes import WEAKENED
-from foresee_dsl.language.codes.project_codes import EMPTY_WINDOW, INCOMPLETE_CLIP
-from foresee_dsl.language.conditions import mentioned, parts
+from foresee_dsl.language.codes.names import EMPTY_WINDOW, INCOMPLETE_CLIP, WEAKENED
 from foresee_dsl.language.meaning import meaning_hash
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.model import (
     Actor,
     AlongRoute,
@@ -36,9 +34,11 @@ from foresee_dsl.language.model import (
     Window,
     Within,
 )
+from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.catalogues import check_models
-from foresee_dsl.language.project.concretise import Reporter, concretise, value_text
+from foresee_dsl.language.project.concretise import concretise, value_text
 from foresee_dsl.language.project.document import Document, TestCase
+from foresee_dsl.language.traversal import mentioned, parts
 
 _T = TypeVar("_T")
 _Participant = Ego | Actor
@@ -63,8 +63,8 @@ def expand_clip(clip: Clip, parent: TestCase, *, source: Path, document: Documen
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
-    reporter = Reporter(document, name)
-    ego, length = _essentials(clip, reporter)
+    findings = Findings(document, name)
+    ego, length = _essentials(clip, findings)
     actors = tuple(item for item in clip.body if isinstance(item, Actor))
     body: tuple[ScenarioItem, ...] = (
         *parent.scenario.all(Tags),
@@ -109,14 +109,14 @@ def expand_mutant(mutant: Mutant, clip_case: TestCase, *, source: Path, document
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
-    reporter = Reporter(document, name)
+    findings = Findings(document, name)
     changed: tuple[ScenarioItem, ...] = clip_case.scenario.body
     for change in mutant.changes:
-        before, changed = changed, changed_body(change, changed, reporter, models=clip_case.models)
+        before, changed = changed, changed_body(change, changed, findings, models=clip_case.models)
         if (softer := weakened(before, changed)) is not None:
             message = f"this makes '{softer}' easier to meet than in the clip, so that a failure would not show"
-            reporter.add(change, "now", WEAKENED, message, "leave the expectation as it is, or make it stricter")
-    reporter.raise_if_any()
+            findings.add(change, "now", WEAKENED, message, "leave the expectation as it is, or make it stricter")
+    findings.raise_if_any()
     body: list[ScenarioItem] = [item for item in changed if not isinstance(item, UseNetwork | UseModels | Network)]
     at = sum(isinstance(item, Tags) for item in body)
     body[at:at] = surroundings(clip_case, source.parent)
@@ -144,29 +144,16 @@ def expanded_model(case: TestCase) -> Scenario:
     return Scenario(name=case.scenario.name, body=(*body[:at], network, *body[at:]))
 
 
-def absolute(path: Path) -> Path:
-    """Return an absolute, normalised path; symbolic links stay as they are."""
-    return Path(os.path.abspath(path))  # noqa: PTH100  (Path.absolute keeps `..`, Path.resolve follows links)
-
-
-def relative_to(folder: Path, path: Path) -> str:
-    """Return `path` as a file in `folder` would write it: relative, with forward slashes."""
-    try:
-        return Path(os.path.relpath(path, folder)).as_posix()
-    except ValueError:  # another drive, on Windows
-        return path.as_posix()
-
-
-def _essentials(clip: Clip, reporter: Reporter) -> tuple[Ego, Quantity]:
+def _essentials(clip: Clip, findings: Findings) -> tuple[Ego, Quantity]:
     """Return the ego and the window's length, or raise what is missing."""
     ego, window = _first(clip, Ego), _first(clip, Window)
     if ego is None:
         example = "write `ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }`"
-        reporter.add(clip, "", INCOMPLETE_CLIP, f"clip '{clip.name}' has no ego", example)
+        findings.add(clip, "", INCOMPLETE_CLIP, f"clip '{clip.name}' has no ego", example)
     if window is None:
-        reporter.add(clip, "", INCOMPLETE_CLIP, f"clip '{clip.name}' has no window", "write `window 12.40 s..22.40 s`")
-    length = _window_length(window, reporter) if window is not None else None
-    reporter.raise_if_any()
+        findings.add(clip, "", INCOMPLETE_CLIP, f"clip '{clip.name}' has no window", "write `window 12.40 s..22.40 s`")
+    length = _window_length(window, findings) if window is not None else None
+    findings.raise_if_any()
     assert ego is not None and length is not None  # noqa: S101  (whatever is missing has just been raised)
     return ego, length
 
@@ -175,7 +162,7 @@ def _first(clip: Clip, kind: type[_T]) -> _T | None:
     return next((item for item in clip.body if isinstance(item, kind)), None)
 
 
-def _window_length(window: Window, reporter: Reporter) -> Quantity | None:
+def _window_length(window: Window, findings: Findings) -> Quantity | None:
     start, end = window.start, window.end
     if isinstance(start, Quantity) and isinstance(end, Quantity):
         if end.si > start.si:
@@ -183,9 +170,9 @@ def _window_length(window: Window, reporter: Reporter) -> Quantity | None:
                 return Quantity(value=end.value - start.value, unit=end.unit)
             return Quantity.of(end.si - start.si, "time", 6)
         message = f"the window ends ({value_text(end)}) before it begins ({value_text(start)})"
-        reporter.add(window, "", EMPTY_WINDOW, message, "write the earlier time first")
+        findings.add(window, "", EMPTY_WINDOW, message, "write the earlier time first")
     else:
-        reporter.add(window, "", EMPTY_WINDOW, "the window's times must be values; a clip has no parameters")
+        findings.add(window, "", EMPTY_WINDOW, "the window's times must be values; a clip has no parameters")
     return None
 
 

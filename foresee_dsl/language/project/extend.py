@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.changes import changed_body, weakened
-from foresee_dsl.language.codes.lint_codes import WEAKENED
-from foresee_dsl.language.codes.project_codes import ALREADY_IN_PARENT, NOT_IN_PARENT
+from foresee_dsl.language.codes.names import ALREADY_IN_PARENT, NOT_IN_PARENT, WEAKENED
+from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
     Actor,
@@ -39,9 +39,8 @@ from foresee_dsl.language.model import (
     UseNetwork,
     When,
 )
-from foresee_dsl.language.project.concretise import Reporter
+from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.project.expand import absolute, relative_to
 
 _ItemT = TypeVar("_ItemT", bound=Item)
 _SINGLE = {"ego": "ego", "network": "network", "weather": "weather", "end": "end"}
@@ -102,7 +101,7 @@ class _Joiner:
         self._spans = dict(document.spans)
         self._base_spans = dict(parent.spans)
         self._kept: list[Item] = [extension]
-        self._reporter = Reporter(document)
+        self._findings = Findings(document)
         self._tags = tuple(item for item in extension.body if isinstance(item, Tags)) or scenario.all(Tags)
         self._docs = tuple(item for item in extension.body if isinstance(item, Doc))
         self._body: tuple[ScenarioItem, ...] = tuple(
@@ -121,7 +120,7 @@ class _Joiner:
                     self._drop(line)
                 case Change():
                     self._change(line)
-        self._reporter.raise_if_any()
+        self._findings.raise_if_any()
         model = Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._body))
         self._place(self._spans, model, self._extension)
         base = replace(self._parent, spans=self._base_spans)
@@ -141,7 +140,7 @@ class _Joiner:
         if found is not None:
             message = f"'{self._extension.parent}' has {_a(item)} already"
             help = f"write `change` instead of `add` to replace it{_by_line(self._parent, found)}"
-            self._reporter.add(line.item, _named_by(item), ALREADY_IN_PARENT, message, help)
+            self._findings.add(line.item, _named_by(item), ALREADY_IN_PARENT, message, help)
             return
         self._body = (*self._body, item)
 
@@ -152,7 +151,7 @@ class _Joiner:
             help = f"give both a name, `{word} some_name: ...`"
             if isinstance(item, Require):
                 help = "a `require` can only be added; to loosen one, change it in the other scenario"
-            self._reporter.add(line.item, "", NOT_IN_PARENT, message, help)
+            self._findings.add(line.item, "", NOT_IN_PARENT, message, help)
             return
         found = self._like(item)
         if found is None:
@@ -161,7 +160,7 @@ class _Joiner:
             message = f"'{self._extension.parent}' has no {_called(item)}"
             hint = did_you_mean(name, known) if name else ""
             help = hint or f"write `add` instead of `change`: there is no {_word(item)} to change"
-            self._reporter.add(line.item, _named_by(item), NOT_IN_PARENT, message, help)
+            self._findings.add(line.item, _named_by(item), NOT_IN_PARENT, message, help)
             return
         self._body = tuple(item if old is found else old for old in self._body)
 
@@ -171,24 +170,24 @@ class _Joiner:
         single = line.what in (*_SINGLE, "cases")
         if line.name is None and not single:
             help = f"write the name behind it: `drop {line.what} {known[0] if known else 'some_name'}`"
-            self._reporter.add(line, "", NOT_IN_PARENT, f"which {line.what} to drop is not said", help)
+            self._findings.add(line, "", NOT_IN_PARENT, f"which {line.what} to drop is not said", help)
         elif line.name is not None and single:
             help = f"write `drop {line.what}`"
-            self._reporter.add(line, "name", NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
+            self._findings.add(line, "name", NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
         elif not gone:
             other = next((item for item in self._body if isinstance(item, Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, known) if line.name else ""
             if other is not None:
                 help = f"it is a {other.kind}: write `drop {other.kind} {other.name}`"
-            self._reporter.add(line, "name" if line.name else "", NOT_IN_PARENT, message, help)
+            self._findings.add(line, "name" if line.name else "", NOT_IN_PARENT, message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))
 
     def _change(self, line: Change) -> None:
         place = f"'{self._extension.parent}'"
         before = self._body
-        self._body = changed_body(line, before, self._reporter, place=place, parameters=self._parameters)
+        self._body = changed_body(line, before, self._findings, place=place, parameters=self._parameters)
         for item in self._body:
             if not any(item is old for old in before):
                 self._place(self._spans, item, line, whole=True)

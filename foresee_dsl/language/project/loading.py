@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
-from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.project_codes import (
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.files import data_folder
+from foresee_dsl.language.codes.names import (
     MISSING_FILE,
     NO_NETWORK,
     OUTSIDE,
@@ -39,6 +41,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.project.addresses import (
     FOREIGN_NETWORKS,
+    absolute,
     is_file,
     is_folder,
     is_inside,
@@ -51,10 +54,10 @@ from foresee_dsl.language.project.addresses import (
     scenario_files,
     shown,
 )
-from foresee_dsl.language.project.catalogues import bundled_models, check_models, entries
+from foresee_dsl.language.project.catalogues import check_models, entries
 from foresee_dsl.language.project.concretise import cases, concretise
 from foresee_dsl.language.project.document import Document, TestCase
-from foresee_dsl.language.project.expand import absolute, expand_clip, expand_mutant
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
 from foresee_dsl.language.sampling.draws import with_drawn_cases
 
@@ -102,6 +105,28 @@ def load_test_cases(
         InputError: the mistakes of all files together; or there is no scenario.
     """
     return Project(allow_outside=allow_outside, check_pin=check_pin).test_cases(paths)
+
+
+@cache
+def _bundled() -> Mapping[str, VehicleModel]:
+    from foresee_dsl.language.parser import load
+
+    path = data_folder("scenarios") / "models.foresee"
+    if not path.is_file():
+        raise ForeseeError(f"the bundled catalogue of models is missing from this installation: {path}")
+    model = load(path).model
+    if not isinstance(model, Catalogue):
+        raise ForeseeError(f"the bundled catalogue of models is damaged: {path}")
+    return entries(model)
+
+
+def bundled_models() -> dict[str, VehicleModel]:
+    """Return the models that ship with the package, by name; read once a process.
+
+    Raises:
+        ForeseeError: the installation is damaged.
+    """
+    return dict(_bundled())
 
 
 def load_catalogue(path: Path | None = None) -> dict[str, VehicleModel]:

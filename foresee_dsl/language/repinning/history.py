@@ -11,8 +11,8 @@ from pathlib import Path, PurePosixPath
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.project.expand import absolute
 from foresee_dsl.language.project.loading import Project
 
 COMMITS = 200

@@ -11,14 +11,14 @@ from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import write_whole
-from foresee_dsl.language.codes.project_codes import STALE_PIN, WRONG_KIND
+from foresee_dsl.language.codes.names import STALE_PIN, WRONG_KIND
 from foresee_dsl.language.diff import Difference, diff_cases, to_dict
 from foresee_dsl.language.meaning import clip_pin, pin_of
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
-from foresee_dsl.language.project.addresses import is_folder, kind_of, scenario_files, shown
+from foresee_dsl.language.project.addresses import absolute, is_folder, kind_of, scenario_files, shown
 from foresee_dsl.language.project.document import Document, TestCase
-from foresee_dsl.language.project.expand import absolute, expand_clip, expand_mutant
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.language.repinning.history import History
 

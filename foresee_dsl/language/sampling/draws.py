@@ -18,7 +18,7 @@ from decimal import Decimal
 from fractions import Fraction
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.codes.project_codes import TOO_FEW_DRAWS
+from foresee_dsl.language.codes.names import TOO_FEW_DRAWS
 from foresee_dsl.language.model import (
     Assignment,
     Case,

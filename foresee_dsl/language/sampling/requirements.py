@@ -6,7 +6,6 @@ import operator
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
-from foresee_dsl.language.conditions import parts
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.model import (
     Both,
@@ -22,6 +21,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printing.phrases import condition as condition_text
 from foresee_dsl.language.printing.phrases import value as quantity_text
+from foresee_dsl.language.traversal import parts
 
 _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(
     {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}

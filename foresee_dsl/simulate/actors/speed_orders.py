@@ -9,7 +9,7 @@ import math
 from typing import Protocol
 
 from foresee_dsl.language.model import Meets, MeetsState
-from foresee_dsl.language.project.concrete import si_of, word_of
+from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor

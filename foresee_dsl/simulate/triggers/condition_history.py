@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from foresee_dsl.language.model import Both, Condition, Either, Not, Sustained
-from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.robustness import Outcome, every, some

@@ -23,7 +23,7 @@ from foresee_dsl.language.model import (
     Shows,
     Within,
 )
-from foresee_dsl.language.project.concrete import si_of, word_of
+from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor

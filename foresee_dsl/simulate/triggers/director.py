@@ -29,7 +29,7 @@ from foresee_dsl.language.model import (
     When,
 )
 from foresee_dsl.language.printing.phrases import place as text_of
-from foresee_dsl.language.project.concrete import si_of, word_of
+from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Meeting, Ramp, Stop
 from foresee_dsl.simulate.actors.states import Actor

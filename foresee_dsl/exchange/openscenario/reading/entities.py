@@ -18,7 +18,7 @@ from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.writing.participants import BRAKING, CRUISE, MODEL, STEER_RATE, WALKS
 from foresee_dsl.exchange.values import quantity as _quantity
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
-from foresee_dsl.language.project.catalogues import bundled_models
+from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.units import Dimension
 
 if TYPE_CHECKING:

@@ -204,7 +204,7 @@ def _all(events: Sequence[Event]) -> Iterator[Event]:
 
 def _known(events: list[Event], players: dict[str, Player], left_out: Counter[str]) -> list[Event]:
     """Return the events whose conditions are about actors that were taken over."""
-    from foresee_dsl.language.conditions import mentioned
+    from foresee_dsl.language.traversal import mentioned
 
     names = {player.entity.name for player in players.values()}
     found = []

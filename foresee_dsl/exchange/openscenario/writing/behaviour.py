@@ -13,7 +13,7 @@ from foresee_dsl.exchange.openscenario.reading.places import NotExpressed
 from foresee_dsl.exchange.openscenario.writing.library import at_once, figure, library, reference_point, world
 from foresee_dsl.exchange.openscenario.writing.triggers import Conditions, Make, at, completed, trigger
 from foresee_dsl.language.model import Action, ChangesLane, ChangesSpeed, Condition, Starts, Stops, Then, Wait
-from foresee_dsl.language.project.concrete import si_of, word_of
+from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.trace import Trace
 
 _STOPS_MPS2 = 3.0

@@ -22,7 +22,7 @@ from foresee_dsl.language.model import (
     Point,
     Within,
 )
-from foresee_dsl.language.project.concrete import si_of
+from foresee_dsl.language.traversal import si_of
 
 _NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 _RULES = {"<": "lessThan", "<=": "lessOrEqual", ">": "greaterThan", ">=": "greaterOrEqual"}

@@ -1,8 +1,7 @@
-"""The codes of mistakes that show when files are joined; `registry.projects` explains them."""
+"""Names for the codes that several modules report or tests refer to; `files`, `projects` and `lints` explain them."""
 
 from __future__ import annotations
 
-# The same mistakes as within one file have the same codes (`registry.files` explains them).
 UNKNOWN_PROPERTY = "FS006"
 UNKNOWN_PARAMETER = "FS031"
 MISFIT = "FS032"
@@ -30,3 +29,16 @@ DIFFERENT_KINDS = "FS140"
 TOO_FEW_DRAWS = "FS104"
 NOT_IN_PARENT = "FS126"
 ALREADY_IN_PARENT = "FS127"
+
+UNUSED_PARAMETER = "FS301"
+DEAD_CASE = "FS302"
+NEVER_FIRES = "FS303"
+NOT_ON_ROUTE = "FS304"
+CANNOT_DO = "FS305"
+CUT_SHORT = "FS306"
+DECIDED = "FS307"
+OVER_TOP_SPEED = "FS308"
+BROKEN_ROUTE = "FS309"
+NOTHING_EXPECTED = "FS310"
+WEAKENED = "FS311"
+NEEDLESS_ALLOW = "FS312"

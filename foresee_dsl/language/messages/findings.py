@@ -1,39 +1,39 @@
-"""Gathers what the checks find."""
+"""Collects the mistakes of a document, with their places."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.code import EXAMPLES, NOUNS
 from foresee_dsl.language.printing.phrases import value as written
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 
-VEHICLE_CLASSES = ("car", "van", "truck", "bus", "motorcycle")
-"""The classes of models that the keyword `vehicle` (and the ego) takes."""
-CLASSES = (*VEHICLE_CLASSES, "bicycle", "pedestrian", "obstacle")
-"""Every class of models: the part of a model's name before the dot."""
-
 
 class Findings:
-    """The diagnostics of one document."""
+    """The diagnostics of one document; without a document (a model made in memory) they have a path and no places."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document | None, path: str = "") -> None:
         self._document = document
+        self._path = path
         self._found: list[Diagnostic] = []
 
     def add(
-        self, item: m.Item, field: str, code: str, message: str, help: str = "", *, head_only: bool = False
+        self, item: m.Item | None, field: str, code: str, message: str, help: str = "", *, head_only: bool = False
     ) -> None:
-        """Report something about a field of an item; `head_only` underlines no more than its first line."""
+        """Report something about a field of an item ("": all of it; None: the file); `head_only` underlines no more
+        than its first line."""
+        if self._document is None:
+            self._found.append(Diagnostic(code, message, help, self._path))
+            return
         found = self._document.diagnostic(item, field, code, message, help)
         if head_only and found.span is not None and found.span.end_line != found.span.line:
             start = found.span.column - 1
             end = start + len(found.source_line[start:].split("{")[0].rstrip()) + 1
-            span = Span(found.span.line, found.span.column, found.span.line, end)
-            found = Diagnostic(code, message, help, found.path, span, found.source_line)
+            found = replace(found, span=Span(found.span.line, found.span.column, found.span.line, end))
         self._found.append(found)
 
     def only_once(self, items: Sequence[m.Item], what: str) -> None:
@@ -68,20 +68,11 @@ class Findings:
         unique = dict.fromkeys(self._found)
         return tuple(sorted(unique, key=lambda d: ((d.span or first).line, (d.span or first).column, d.code)))
 
+    def raise_if_any(self) -> None:
+        """Raise everything that was found, in the order in which it was found.
 
-def walk(item: m.Item) -> Iterator[m.Item]:
-    """Return an item and everything in it, in the order of the file."""
-    yield item
-    for _, inner in fields_of(item):
-        yield from walk(inner)
-
-
-def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:
-    """Return the items that are direct parts of an item, with the names of their fields (`legs.1` in a tuple)."""
-    for name, value in vars(item).items():  # the fields and nothing else: `model_fields` is four times slower
-        if isinstance(value, m.Item):
-            yield name, value
-        elif isinstance(value, tuple):
-            for k, part in enumerate(value):
-                if isinstance(part, m.Item):
-                    yield f"{name}.{k}", part
+        Raises:
+            InputError: something was.
+        """
+        if self._found:
+            raise InputError(tuple(self._found))

@@ -1,0 +1,104 @@
+"""Going through a model: everything in an item, the parts of a condition, the actions of a trigger; concrete values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeGuard, TypeVar, get_args
+
+from foresee_dsl.language import model as m
+
+_T = TypeVar("_T")
+_KINDS: tuple[type[m.Item], ...] = get_args(get_args(m.Condition)[0])
+
+
+def walk(item: m.Item) -> Iterator[m.Item]:
+    """Return an item and everything in it, in the order of the file."""
+    yield item
+    for _, inner in fields_of(item):
+        yield from walk(inner)
+
+
+def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:
+    """Return the items that are direct parts of an item, with the names of their fields (`legs.1` in a tuple)."""
+    for name, value in vars(item).items():  # the fields and nothing else: `model_fields` is four times slower
+        if isinstance(value, m.Item):
+            yield name, value
+        elif isinstance(value, tuple):
+            for k, part in enumerate(value):
+                if isinstance(part, m.Item):
+                    yield f"{name}.{k}", part
+
+
+def is_condition(value: object) -> TypeGuard[m.Condition]:
+    """Whether a value is a condition, of whatever class."""
+    return isinstance(value, _KINDS)
+
+
+def parts(condition: m.Condition) -> Iterator[m.Condition]:
+    """Yield a condition and every condition in it, outer ones first."""
+    yield condition
+    if isinstance(condition, m.Both | m.Either):
+        for inner in condition.conditions:
+            yield from parts(inner)
+    elif isinstance(condition, m.Not | m.Sustained):
+        yield from parts(condition.condition)
+
+
+def mapped(condition: m.Condition, change: Callable[[m.Condition], m.Condition]) -> m.Condition:
+    """Return the condition with every innermost part replaced by `change(part)`; the same object where none changes."""
+    if isinstance(condition, m.Both | m.Either):
+        inner = tuple(mapped(part, change) for part in condition.conditions)
+        same = all(a is b for a, b in zip(inner, condition.conditions, strict=True))
+        return condition if same else condition.model_copy(update={"conditions": inner})
+    if isinstance(condition, m.Not | m.Sustained):
+        part = mapped(condition.condition, change)
+        return condition if part is condition.condition else condition.model_copy(update={"condition": part})
+    return change(condition)
+
+
+def mentioned(condition: m.Condition) -> frozenset[str]:
+    """Return every name (of an actor, a junction or an edge) in a condition; parameters are no names."""
+    return frozenset(name for part in parts(condition) for name in _names(part))
+
+
+def _names(part: m.Item) -> Iterator[str]:
+    if isinstance(part, m.Both | m.Either | m.Not | m.Sustained):
+        return
+    for field in type(part).model_fields:
+        value = getattr(part, field)
+        if isinstance(value, m.Measure | m.Named | m.AlongRoute | m.PastJunction):
+            yield from _names(value)
+        elif isinstance(value, str) and field in ("actor", "other", "junction", "name"):
+            yield value
+
+
+def all_actions(actions: Iterable[m.Action]) -> Iterator[m.Action]:
+    """Yield actions and those inside their `then` blocks, outer ones first."""
+    for action in actions:
+        yield action
+        if isinstance(action, m.Then):
+            yield from all_actions(action.actions)
+
+
+def si_of(value: m.Quantity | m.Ref) -> float:
+    """Return a quantity of a concrete scenario in SI.
+
+    Raises:
+        TypeError: it is a parameter: the scenario is not concrete.
+    """
+    return _given(value).si
+
+
+def word_of(value: str | m.Ref) -> str:
+    """Return a name of a concrete scenario.
+
+    Raises:
+        TypeError: it is a parameter: the scenario is not concrete.
+    """
+    return _given(value)
+
+
+def _given(value: _T | m.Ref) -> _T:
+    if isinstance(value, m.Ref):
+        raise TypeError(f"the parameter {value.name} has no value: the scenario is not concrete")
+    return value
