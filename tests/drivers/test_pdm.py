@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -477,7 +475,7 @@ def test_a_kink_in_the_line_is_rounded_off() -> None:
     assert away.max() < 0.75
 
 
-def test_how_long_a_step_takes(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_same_observation_again_gets_the_same_answer() -> None:
     task, _ = left_turn()
     rng = np.random.default_rng(1)
     actors = tuple(
@@ -495,23 +493,8 @@ def test_how_long_a_step_takes(capsys: pytest.CaptureFixture[str]) -> None:
     driver = PdmDriver()
     driver.reset(task, SEDAN, seed=0)
     ego = EgoState(60.0, 0.0, 0.0, 10.0, 0.0, 0.0, 0.0)
-    observations = [Observation(k * STEP_S, ego, actors, {"j": "green"}) for k in range(100)]
-    answers = {driver.step(observations[0]) for _ in range(20)}
-    times, yardsticks, values = [], [], np.linspace(0.0, 1.0, 500)
-    for observation in observations[1:]:
-        begin = time.perf_counter()
-        driver.step(observation)
-        times.append(time.perf_counter() - begin)
-        begin = time.perf_counter()
-        for _ in range(100):
-            np.multiply(values, values)
-        yardsticks.append(time.perf_counter() - begin)
-    least, median, over = 1e3 * min(times), 1e3 * np.median(times), min(times) / min(yardsticks)
-    with capsys.disabled():
-        sys.stdout.write(f"\npdm: {least:.2f} ms a decision with 20 actors, median {median:.2f} ms")
-        sys.stdout.write(f"; {over:.1f} times 100 small numpy operations\n")
-    assert len(answers) == 1
-    assert over < 12  # with calls of numpy in the inner loops it was 39
+    observation = Observation(0.0, ego, actors, {"j": "green"})
+    assert len({driver.step(observation) for _ in range(20)}) == 1
 
 
 def test_a_mission_is_put_on_its_grid_once() -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -234,15 +232,3 @@ def test_it_is_a_function_of_what_it_saw() -> None:
 
     for one, other in zip(run(), run(), strict=True):
         assert one.seen() == other.seen()
-
-
-def test_how_long_it_takes(capsys: pytest.CaptureFixture[str]) -> None:
-    tracker, times = Tracker(), []
-    for observation in noisy_lists(25, 200):
-        begin = time.perf_counter()
-        tracker.update(observation)
-        times.append(time.perf_counter() - begin)
-    with capsys.disabled():
-        least, median = 1e6 * min(times[10:]), 1e6 * float(np.median(times))
-        sys.stdout.write(f"\ntracker: {least:.0f} us for 25 actors, median {median:.0f} us\n")
-    assert min(times[10:]) < 1e-3  # the least: others may be using the machine

