@@ -14,9 +14,9 @@ import numpy as np
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.lateral_offset import LINE_OVER_M
 from foresee_dsl.forecast.geometry import FloatArray, footprints
+from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.language.model import Change, Quantity
-from foresee_dsl.simulate.results.collision import pairwise_box_distance
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 RECOVERS_S = 1.0

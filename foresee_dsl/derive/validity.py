@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.simulate.results.collision import FloatArray, box_distances
+from foresee_dsl.kernels.boxes import FloatArray, box_distances
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 LEAST_GAP_M = 0.5

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.kernels import lines
 from foresee_dsl.kernels.boxes import ever_within, gaps_to_first
-from foresee_dsl.kernels.paths import cut, project
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 FloatArray = NDArray[np.float64]
@@ -127,14 +127,14 @@ def feet_on_path(points: FloatArray, path: FloatArray) -> tuple[FloatArray, Bool
         return np.hypot(*(points - path[0]).T), np.zeros(len(points), dtype=np.bool_)
     gap, share = np.empty(len(points)), np.empty(len(points))
     nearest = np.empty(len(points), dtype=np.int64)
-    project(_whole(points), _whole(path), gap, nearest, share)
+    lines.feet_on_path(_whole(points), _whole(path), gap, nearest, share)
     beyond = ((nearest == 0) & (share < 0.0)) | ((nearest == len(path) - 2) & (share > 1.0))
     return gap, ~beyond
 
 
 def paths_cut(a: FloatArray, b: FloatArray, *, angle_rad: float) -> bool:
     """Say whether two polylines ([N, 2], [M, 2]) cut each other at an angle of at least `angle_rad`."""
-    return bool(cut(_whole(a), _whole(b), math.sin(angle_rad)))
+    return bool(lines.paths_cut(_whole(a), _whole(b), math.sin(angle_rad)))
 
 
 def enters_from_side(points: FloatArray, path: FloatArray, *, half_width_m: float) -> bool:

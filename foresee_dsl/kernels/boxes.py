@@ -1,6 +1,13 @@
-"""Kernels over footprints: who touches whom, and whether wheels are on the road (see `drivers.compiled`)."""
+"""Geometry of boxes: do two overlap, how far are they apart, and are a vehicle's wheels on the road.
+
+A box is a footprint: a rectangle given by its centre, the heading of its long axis, its length and its width. Overlap
+is exact (separating axes); boxes that only touch count as overlapping.
+"""
 
 from __future__ import annotations
+
+from math import cos, hypot, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,63 +23,86 @@ WHOLE = 1
 """Of a square of the network's area: it is known to lie on the drivable area altogether."""
 
 
-@compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
-def overlap(
-    dx: float, dy: float, heading: float, length: float, width: float, other: float, other_m: float, other_wide: float
-) -> bool:
-    """Whether two boxes share a point; False where a value is NaN.
+class Box(NamedTuple):
+    """A footprint: centre (m), heading (rad, counter-clockwise from east), length and width (m)."""
 
-    Args:
-        dx, dy: from the one's centre to the other's, m. heading, length, width: of the one, rad and m.
-        other, other_m, other_wide: heading, length and width of the other.
-    """
-    ca, sa, cb, sb = np.cos(heading), np.sin(heading), np.cos(other), np.sin(other)
+    x: float
+    y: float
+    heading: float
+    length: float
+    width: float
+
+
+class Mover(NamedTuple):
+    """A footprint that moves along its heading: as `Box`, with speed (m/s)."""
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    length: float
+    width: float
+
+    @property
+    def box(self) -> Box:
+        """Where it is now."""
+        return Box(self.x, self.y, self.heading, self.length, self.width)
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Velocity (m/s) east and north."""
+        return self.speed * cos(self.heading), self.speed * sin(self.heading)
+
+
+@inner
+def _box(row: FloatArray) -> Box:
+    return Box(row[0], row[1], row[2], row[3], row[4])
+
+
+@inner
+def _posed(pose: FloatArray, size: FloatArray) -> Box:
+    return Box(pose[0], pose[1], pose[2], size[0], size[1])
+
+
+@inner
+def _overlap(a: Box, b: Box) -> bool:
+    """Say whether two boxes share a point; False where a value is NaN."""
+    dx, dy = b.x - a.x, b.y - a.y
+    ca, sa, cb, sb = np.cos(a.heading), np.sin(a.heading), np.cos(b.heading), np.sin(b.heading)
     c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
     # Written as a chain of "<=" so that NaN answers False.
     shares: bool = (
-        abs(dx * ca + dy * sa) <= (length + c * other_m + s * other_wide) / 2
-        and abs(dy * ca - dx * sa) <= (width + s * other_m + c * other_wide) / 2
-        and abs(dx * cb + dy * sb) <= (other_m + c * length + s * width) / 2
-        and abs(dy * cb - dx * sb) <= (other_wide + s * length + c * width) / 2
+        abs(dx * ca + dy * sa) <= (a.length + c * b.length + s * b.width) / 2
+        and abs(dy * ca - dx * sa) <= (a.width + s * b.length + c * b.width) / 2
+        and abs(dx * cb + dy * sb) <= (b.length + c * a.length + s * a.width) / 2
+        and abs(dy * cb - dx * sb) <= (b.width + s * a.length + c * a.width) / 2
     )
     return shares
 
 
 @inner
-def _corners_apart(
-    dx: float, dy: float, cos: float, sin: float, length: float, width: float, c: float, s: float, m: float, wide: float
-) -> float:
-    """Return the distance between a box and the nearest corner of another, m.
-
-    Args:
-        dx, dy: from the box's centre to the other's. cos, sin, length, width: the box's heading and size.
-        c, s, m, wide: the other's.
-    """
+def _corners_apart(of: Box, to: Box) -> float:
+    """Return the distance between a box and the nearest corner of another (`of`), m."""
+    dx, dy = of.x - to.x, of.y - to.y
+    cos_to, sin_to, cos_of, sin_of = np.cos(to.heading), np.sin(to.heading), np.cos(of.heading), np.sin(of.heading)
     nearest = np.inf
     for k in range(4):
-        along = m / 2 if k % 2 else -m / 2
-        left = wide / 2 if k in (0, 1) else -wide / 2
-        x, y = dx + c * along - s * left, dy + s * along + c * left
-        ahead = max(abs(x * cos + y * sin) - length / 2, 0.0)
-        beside = max(abs(y * cos - x * sin) - width / 2, 0.0)
+        along = of.length / 2 if k % 2 else -of.length / 2
+        left = of.width / 2 if k in (0, 1) else -of.width / 2
+        x, y = dx + cos_of * along - sin_of * left, dy + sin_of * along + cos_of * left
+        ahead = max(abs(x * cos_to + y * sin_to) - to.length / 2, 0.0)
+        beside = max(abs(y * cos_to - x * sin_to) - to.width / 2, 0.0)
         nearest = min(nearest, ahead * ahead + beside * beside)
     return float(np.sqrt(nearest))
 
 
 @inner
-def _gap(
-    ax: float, ay: float, ah: float, am: float, aw: float, bx: float, by: float, bh: float, bm: float, bw: float
-) -> float:
-    """Return how far two boxes are apart, m: of each x, y, heading, length, width."""
-    dx, dy = bx - ax, by - ay
-    if overlap(dx, dy, ah, am, aw, bh, bm, bw):
+def _gap(a: Box, b: Box) -> float:
+    """Return how far two boxes are apart, m."""
+    if _overlap(a, b):
         return 0.0
     # Two convex shapes that do not overlap are nearest at a corner of one of them.
-    ca, sa, cb, sb = np.cos(ah), np.sin(ah), np.cos(bh), np.sin(bh)
-    return min(
-        _corners_apart(dx, dy, ca, sa, am, aw, cb, sb, bm, bw),
-        _corners_apart(-dx, -dy, cb, sb, bm, bw, ca, sa, am, aw),
-    )
+    return min(_corners_apart(b, a), _corners_apart(a, b))
 
 
 @compiled(TABLE, TABLE)
@@ -80,23 +110,18 @@ def gaps(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return [N] m, how far boxes are apart, 0 where they overlap, NaN where one of them holds a NaN.
 
     Args:
-        a, b: [N, 5] x, y, heading, length, width.
+        a, b: [N, 5] the fields of `Box`.
     """
     found = np.empty(a.shape[0])
     for k in range(a.shape[0]):
-        ax, ay, ah, am, aw = a[k]
-        bx, by, bh, bm, bw = b[k]
-        if np.isnan(ax + ay + ah + am + aw + bx + by + bh + bm + bw):
-            found[k] = np.nan
-        else:
-            found[k] = _gap(ax, ay, ah, am, aw, bx, by, bh, bm, bw)
+        found[k] = np.nan if np.isnan(a[k].sum() + b[k].sum()) else _gap(_box(a[k]), _box(b[k]))
     return found
 
 
 @inner
-def _reach(am: float, aw: float, bm: float, bw: float) -> float:
-    """Return how far apart the centres of two boxes of these lengths and widths may be when they touch."""
-    return float((np.hypot(am, aw) + np.hypot(bm, bw)) / 2)
+def _reach(a: FloatArray, b: FloatArray) -> float:
+    """Return how far apart the centres of two boxes may be when they touch, of their lengths and widths."""
+    return float((np.hypot(a[0], a[1]) + np.hypot(b[0], b[1])) / 2)
 
 
 @compiled(CUBE, TABLE, FLOATS)
@@ -109,40 +134,32 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
         poses: [1 + K, T, 3] x, y, heading. sizes: [1 + K, 2] length, width. within: [K] m.
     """
     found = np.empty((poses.shape[0] - 1, poses.shape[1]))
-    am, aw = sizes[0]
     for k in range(found.shape[0]):
-        bm, bw = sizes[k + 1]
-        most = within[k] + _reach(am, aw, bm, bw)
+        most = within[k] + _reach(sizes[0], sizes[k + 1])
         for t in range(found.shape[1]):
-            ax, ay, ah = poses[0, t]
-            bx, by, bh = poses[k + 1, t]
-            dx, dy = bx - ax, by - ay
+            dx, dy = poses[k + 1, t, 0] - poses[0, t, 0], poses[k + 1, t, 1] - poses[0, t, 1]
             near = dx * dx + dy * dy <= most * most  # a NaN is not
-            found[k, t] = _gap(ax, ay, ah, am, aw, bx, by, bh, bm, bw) if near else np.inf
+            found[k, t] = _gap(_posed(poses[0, t], sizes[0]), _posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
     return found
 
 
 @compiled(CUBE, TABLE, TABLE, FLOAT)
-def ever_within(ways: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
-    """Say whether a box comes within a distance of another on any of its ways.
+def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
+    """Say whether a box comes within a distance of another on any of its paths.
 
     Args:
-        ways: [N, T, 3] its poses. other: [T, 3] the other's. sizes: [2, 2] of both. NaN where absent. radius: m.
+        paths: [N, T, 3] its poses. other: [T, 3] the other's. sizes: [2, 2] of both. NaN where absent. radius: m.
     """
-    am, aw = sizes[0]
-    bm, bw = sizes[1]
-    outer = radius + _reach(am, aw, bm, bw)
-    inside = radius + (min(am, aw) + min(bm, bw)) / 2
-    for n in range(ways.shape[0]):
-        for t in range(ways.shape[1]):
-            ax, ay, ah = ways[n, t]
-            bx, by, bh = other[t]
-            dx, dy = bx - ax, by - ay
+    outer = radius + _reach(sizes[0], sizes[1])
+    inside = radius + (min(sizes[0, 0], sizes[0, 1]) + min(sizes[1, 0], sizes[1, 1])) / 2
+    for n in range(paths.shape[0]):
+        for t in range(paths.shape[1]):
+            dx, dy = other[t, 0] - paths[n, t, 0], other[t, 1] - paths[n, t, 1]
             squared = dx * dx + dy * dy
             # The circles inside the boxes are near enough; those around them are, and then the boxes may be.
             if squared <= inside * inside:
                 return True
-            if squared <= outer * outer and _gap(ax, ay, ah, am, aw, bx, by, bh, bm, bw) <= radius:
+            if squared <= outer * outer and _gap(_posed(paths[n, t], sizes[0]), _posed(other[t], sizes[1])) <= radius:
                 return True
     return False
 
@@ -152,35 +169,35 @@ def overlaps_of(a: FloatArray, b: FloatArray) -> Flags:
     """Return [N], which boxes overlap; arguments as `gaps`."""
     found = np.empty(a.shape[0], dtype=np.bool_)
     for k in range(a.shape[0]):
-        ax, ay, ah, am, aw = a[k]
-        bx, by, bh, bm, bw = b[k]
-        found[k] = overlap(bx - ax, by - ay, ah, am, aw, bh, bm, bw)
+        found[k] = _overlap(_box(a[k]), _box(b[k]))
     return found
 
 
-@compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, ANY_TABLE, ANY_TABLE)
-def hits(
-    x: float, y: float, heading: float, length: float, width: float, poses: FloatArray, sizes: FloatArray
-) -> IntArray:
-    """Return which of some footprints a footprint overlaps, ascending.
-
-    Args:
-        x, y, heading, length, width: the footprint, m and rad.
-        poses: [K, >=3] x, y, heading of the others; NaN where absent. sizes: [K, 2] length, width.
-    """
+@inner
+def _hits(box: Box, poses: FloatArray, sizes: FloatArray) -> IntArray:
+    """Return which of some footprints a footprint overlaps; see `hits`."""
     found = np.empty(poses.shape[0], dtype=np.intp)
     count = 0
-    reach = np.hypot(length, width)
+    reach = np.hypot(box.length, box.width)
     for k in range(poses.shape[0]):
-        dx, dy = poses[k, 0] - x, poses[k, 1] - y
-        # Circles around the boxes first: hardly anyone is this near. A NaN is not.
+        dx, dy = poses[k, 0] - box.x, poses[k, 1] - box.y
+        # Circles around the boxes first: hardly any other actor is this near. A NaN is not.
         most = (reach + sizes[k, 0] + sizes[k, 1]) / 2
-        if not dx * dx + dy * dy <= most * most:
-            continue
-        if overlap(dx, dy, heading, length, width, poses[k, 2], sizes[k, 0], sizes[k, 1]):
+        if dx * dx + dy * dy <= most * most and _overlap(box, _posed(poses[k], sizes[k])):
             found[count] = k
             count += 1
     return found[:count]
+
+
+@compiled(FLOATS, ANY_TABLE, ANY_TABLE)
+def hits(box: FloatArray, poses: FloatArray, sizes: FloatArray) -> IntArray:
+    """Return which of some footprints a footprint overlaps, ascending.
+
+    Args:
+        box: [5] the fields of `Box`.
+        poses: [K, >=3] x, y, heading of the others; NaN where absent. sizes: [K, 2] length, width.
+    """
+    return _hits(_box(box), poses, sizes)
 
 
 @compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
@@ -202,7 +219,7 @@ def wheels(x: float, y: float, heading: float, front: float, rear: float, left: 
 
 @compiled(TABLE, FLOAT, FLOAT, FLOAT, BYTE_TABLE)
 def all_whole(points: FloatArray, left: float, bottom: float, cell: float, known: Bytes) -> bool:
-    """Whether all of some points ([N, 2] m) lie in squares that are known to be whole; see `on_road.Squares`."""
+    """Whether all of some points ([N, 2] m) lie in squares that are known to be whole; see `drivable_area.Squares`."""
     for k in range(points.shape[0]):
         column, row = np.floor((points[k, 0] - left) / cell), np.floor((points[k, 1] - bottom) / cell)
         if not (0 <= column < known.shape[0] and 0 <= row < known.shape[1]):  # NaN neither
@@ -216,14 +233,118 @@ def all_whole(points: FloatArray, left: float, bottom: float, cell: float, known
 def drives_on(
     states: FloatArray, sizes: FloatArray, ego: FloatArray, left: float, bottom: float, cell: float, known: Bytes
 ) -> bool:
-    """Whether the ego touches nobody, and its wheels stand in squares that are known to be whole.
+    """Whether the ego touches no other actor, and its wheels stand in squares that are known to be whole.
 
     Args:
         states: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. sizes: [K, 2] of the others.
         ego: [5] its length and width, and what `wheels` needs.
-        left, bottom, cell, known: of `on_road.Squares`.
+        left, bottom, cell, known: of `drivable_area.Squares`.
     """
-    x, y, heading = states[0, 0], states[0, 1], states[0, 2]
-    if hits(x, y, heading, ego[0], ego[1], states[1:], sizes).size > 0:
+    if _hits(_posed(states[0], ego), states[1:], sizes).size > 0:
         return False
-    return all_whole(wheels(x, y, heading, ego[2], ego[3], ego[4]), left, bottom, cell, known)
+    return all_whole(
+        wheels(states[0, 0], states[0, 1], states[0, 2], ego[2], ego[3], ego[4]), left, bottom, cell, known
+    )
+
+
+# --- plain Python and numpy -------------------------------------------------------------------------------------------
+
+
+def corners(boxes: FloatArray | Box) -> FloatArray:
+    """Return the corners of one box or many.
+
+    Args:
+        boxes: [..., 5] x, y, heading, length, width.
+
+    Returns:
+        [..., 4, 2] m: front left, rear left, rear right, front right (counter-clockwise).
+    """
+    b = np.asarray(boxes, dtype=np.float64)
+    along = b[..., 3, None] / 2 * np.array([1.0, -1.0, -1.0, 1.0])
+    left = b[..., 4, None] / 2 * np.array([1.0, 1.0, -1.0, -1.0])
+    c, s = np.cos(b[..., 2, None]), np.sin(b[..., 2, None])
+    return np.stack([b[..., 0, None] + c * along - s * left, b[..., 1, None] + s * along + c * left], axis=-1)
+
+
+def corner_points(box: Box) -> list[tuple[float, float]]:
+    """Return the corners of one box as plain floats, in the order of `corners`."""
+    c, s = cos(box.heading), sin(box.heading)
+    ax, ay = c * box.length / 2, s * box.length / 2
+    lx, ly = -s * box.width / 2, c * box.width / 2
+    x, y = box.x, box.y
+    return [
+        (x + ax + lx, y + ay + ly),
+        (x - ax + lx, y - ay + ly),
+        (x - ax - lx, y - ay - ly),
+        (x + ax - lx, y + ay - ly),
+    ]
+
+
+def overlaps(a: Box, b: Box) -> bool:
+    """Say whether two boxes share a point; False where a value is NaN."""
+    return bool(overlaps_of(np.array([a], dtype=np.float64), np.array([b], dtype=np.float64))[0])
+
+
+def box_distance(a: Box, b: Box) -> float:
+    """Return the smallest distance (m) between two boxes, 0 when they overlap, NaN where a value is NaN.
+
+    Python's `hypot` and the square root that `gaps` takes differ in the last bit, and conditions of scenarios are
+    decided by this one.
+    """
+    if overlaps(a, b):
+        return 0.0
+    return min(_corners_to_box(a, b), _corners_to_box(b, a))
+
+
+def _corners_to_box(of: Box, to: Box) -> float:
+    c, s = cos(to.heading), sin(to.heading)
+    half_length, half_width = to.length / 2, to.width / 2
+    nearest = float("inf")
+    for px, py in corner_points(of):
+        dx, dy = px - to.x, py - to.y
+        d = hypot(max(abs(dx * c + dy * s) - half_length, 0.0), max(abs(dy * c - dx * s) - half_width, 0.0))
+        # `not >=` keeps a NaN.
+        if not d >= nearest:
+            nearest = d
+    return nearest
+
+
+def box_distances(ego: FloatArray | Box, others: FloatArray) -> FloatArray:
+    """Return the distances between one box and many.
+
+    Args:
+        ego: [5]. others: [K, 5].
+
+    Returns:
+        [K] m, 0 where they overlap, NaN where absent.
+    """
+    return _distances(np.asarray(ego, dtype=np.float64), np.asarray(others, dtype=np.float64))
+
+
+def pairwise_box_distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the distance between two footprints, frame by frame.
+
+    Args:
+        a: [T, 5]. b: [T, 5] (or shapes that broadcast, the last axis being the box).
+
+    Returns:
+        [T] m, 0 where they overlap, NaN where either is absent.
+    """
+    return _distances(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
+
+
+def box_overlap(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+    """Return which boxes overlap, frame by frame: [..., 5] and [..., 5] to [...]; False where either is absent."""
+    one, other = np.broadcast_arrays(a, b)
+    found: NDArray[np.bool_] = overlaps_of(_rows(one), _rows(other)).reshape(one.shape[:-1])
+    return found
+
+
+def _distances(a: FloatArray, b: FloatArray) -> FloatArray:
+    one, other = np.broadcast_arrays(a, b)
+    found: FloatArray = gaps(_rows(one), _rows(other)).reshape(one.shape[:-1])
+    return found
+
+
+def _rows(boxes: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(boxes, dtype=np.float64).reshape(-1, 5)

@@ -22,8 +22,8 @@ from typing import Any, TypeVar, cast
 from numba import njit, typeof, types
 
 PACKAGE = Path(__file__).parent.parent
-KERNEL_FILES = "kernels/**/*.py drivers/**/*.py simulate/**/*.py forecast/*.py"
-_CONSTANTS = ("settings.py", "foes.py", "traffic_columns.py")
+KERNEL_FILES = "kernels/**/*.py drivers/**/*.py"
+_CONSTANTS = ("settings.py", "foes.py")
 """Files of constants that kernels outside of this package take."""
 F = TypeVar("F", bound=Callable[..., Any])
 _type_of: Callable[[object], Any] = typeof

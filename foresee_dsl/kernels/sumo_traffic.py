@@ -1,26 +1,19 @@
-"""Kernels that move all vehicles that SUMO drives at once, and say how fast each may go (see `drivers.compiled`).
-
-Vehicle k has a row in each table: `shape[k]` what it is, `memory[k]` what it remembers of the last step, `lane[k]` the
-number of the lane that it is on in a `LaneTable` (-1 on none), and `rows[k]` its row of `StateTable.states`.
-"""
+"""Kernels that move the footprints of all vehicles that SUMO drives, and limit their speeds in bends."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, TABLE, compiled
-from foresee_dsl.kernels.lines import along, heading_at, last_up_to
+from foresee_dsl.kernels.bicycle import STATES
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, compiled
+from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, Records, along, heading_at, speed_at
+from foresee_dsl.kernels.records import array_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-HALF, AXLE, WHEELBASE, STEER_MOST, LINE = range(5)
-"""Columns of `shape`, m and rad: half its length; from the front bumper to the rear axle; wheelbase; largest angle of
-the front wheels; how far to the left of its lane's middle it keeps."""
-FRONT_X, FRONT_Y, RAW_X, RAW_Y, OFFSET, BESIDE_S, BENDS_S = range(7)
-"""Columns of `memory`, m: its front; where SUMO has that; how far to the left of SUMO's it is drawn; how far along its
-lane it was, the first for its heading, the second for its bends (NaN: not looked up yet)."""
 
 SIDEWAYS_MPS = 1.0
 """How fast a lane change moves sideways. Ours: 3.3 m in 3.3 s, within the 3 s to 5 s that lane changes take."""
@@ -32,146 +25,150 @@ SLOWEST_TURN_MPS = 0.5
 """Below this speed the steering angle is not read off the turning, which is noise then."""
 
 
-@compiled(
-    FLOATS, FLOATS, INTS, INTS, TABLE, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOAT
-)  # fmt: skip
+class SumoVehicle(NamedTuple):
+    """What the kernels know of a vehicle that SUMO drives.
+
+    Attributes:
+        row: of its state in the table of all actors.
+        half_length, wheelbase: m. rear_axle: from the front bumper to the rear axle, m. steer_max: rad.
+        line: how far to the left of its lane's middle it keeps, m.
+        front_x, front_y: the middle of its front bumper. sumo_x, sumo_y: where SUMO has that. offset: how far to the
+            left of SUMO's it is drawn, m.
+        lane_begin, lane_end: its lane's vertices; both 0 on none. heading_s, bends_s: how far along its lane it was
+            when the lane's heading and its bends were looked up, m (NaN: not yet).
+        bends_begin, bends_end: the speed points of its lane and of what follows. slowest: the least of these, m/s.
+        cruise: what it drives where nothing hinders it, m/s. limit: what the bends allow, infinite where they do not
+            matter. ordered: the less of the two, as SUMO was told last.
+    """
+
+    row: int
+    half_length: float
+    rear_axle: float
+    wheelbase: float
+    steer_max: float
+    line: float
+    front_x: float
+    front_y: float
+    sumo_x: float
+    sumo_y: float
+    offset: float
+    lane_begin: int
+    lane_end: int
+    heading_s: float
+    bends_s: float
+    bends_begin: int
+    bends_end: int
+    slowest: float
+    cruise: float
+    limit: float
+    ordered: float
+
+
+VEHICLES = array_of(SumoVehicle)
+
+
+@compiled(INTS, FLOATS, FLOATS, VEHICLES, STATES, VERTICES, FLOAT)
 def follow(
+    seen: IntArray,
     places: FloatArray,
     speeds: FloatArray,
-    who: IntArray,
-    rows: IntArray,
-    states: FloatArray,
-    memory: FloatArray,
-    shape: FloatArray,
-    lane: IntArray,
-    first: IntArray,
-    xs: FloatArray,
-    ys: FloatArray,
-    marks: FloatArray,
-    angles: FloatArray,
+    vehicles: Records,
+    states: Records,
+    lanes: Records,
     dt: float,
 ) -> None:
-    """Move bodies to where SUMO has their vehicles after a step.
+    """Move footprints to where SUMO has their vehicles after a step.
 
     Args:
-        places: [2 N] x, y of the middle of each front bumper, m. speeds: [N] m/s. who: [N] whose that is.
-        rows, states, memory, shape, lane: see above; `states` and `memory` are changed.
-        first, xs, ys, marks, angles: of the `LaneTable`.
-        dt: s.
+        seen: [N] the vehicles that SUMO has. places: [2 N] x, y of the middle of each front bumper, m.
+        speeds: [N] m/s.
+        vehicles, states: of all vehicles and actors; they are changed.
+        lanes: the vertices of all lanes. dt: s.
     """
-    for n in range(who.size):
-        k = who[n]
-        state, known = states[rows[k]], memory[k]
+    for n in range(seen.size):
+        vehicle = vehicles[seen[n]]
+        state = states[vehicle["row"]]
         x, y, speed = places[2 * n], places[2 * n + 1], speeds[n]
-        was, heading, line_m = state[3], state[2], shape[k, LINE]
-        state[4] = (speed - was) / dt  # as SUMO works it out
+        was, heading, line = state["speed"], state["heading"], vehicle["line"]
+        state["acceleration"] = (speed - was) / dt  # as SUMO computes it
         if (
             speed == 0.0
             and was == 0.0
-            and state[5] == 0.0
-            and known[OFFSET] == 0.0
-            and line_m == 0.0
-            and x == known[FRONT_X]
-            and y == known[FRONT_Y]
+            and state["yaw_rate"] == 0.0
+            and vehicle["offset"] == 0.0
+            and line == 0.0
+            and x == vehicle["front_x"]
+            and y == vehicle["front_y"]
         ):
             continue  # it stands, and has turned as far as it turns
-        jump = np.hypot(x - known[RAW_X], y - known[RAW_Y]) > speed * dt + JUMP_M
-        raw_x, raw_y = x, y
-        if jump or known[OFFSET] != 0.0 or line_m != 0.0:
+        jump = np.hypot(x - vehicle["sumo_x"], y - vehicle["sumo_y"]) > speed * dt + JUMP_M
+        sumo_x, sumo_y = x, y
+        if jump or vehicle["offset"] != 0.0 or line != 0.0:
             # The lane's heading, not that of SUMO's vehicle, which turns as its rear follows.
-            way, j = heading, lane[k]
-            if j >= 0:
-                known[BESIDE_S] = along(x, y, known[BESIDE_S], xs, ys, marks, first[j], first[j + 1])
-                way = heading_at(known[BESIDE_S], marks, angles, first[j], first[j + 1])
+            way, first, end = heading, vehicle["lane_begin"], vehicle["lane_end"]
+            if end > first:
+                vehicle["heading_s"] = along(x, y, vehicle["heading_s"], lanes, first, end)
+                way = heading_at(vehicle["heading_s"], lanes, first, end)
             cos, sin = np.cos(way), np.sin(way)
             if jump:
-                known[OFFSET] += (known[RAW_Y] - y) * cos - (known[RAW_X] - x) * sin
+                vehicle["offset"] += (vehicle["sumo_y"] - y) * cos - (vehicle["sumo_x"] - x) * sin
             most = min(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed) * dt
-            known[OFFSET] += max(-most, min(most, line_m - known[OFFSET]))
-            x, y = x - known[OFFSET] * sin, y + known[OFFSET] * cos
-        known[RAW_X], known[RAW_Y] = raw_x, raw_y
+            vehicle["offset"] += max(-most, min(most, line - vehicle["offset"]))
+            x, y = x - vehicle["offset"] * sin, y + vehicle["offset"] * cos
+        vehicle["sumo_x"], vehicle["sumo_y"] = sumo_x, sumo_y
         # The front moves to a point; the rear axle is drawn towards it.
-        reach = shape[k, AXLE]
-        rear_x = known[FRONT_X] - reach * np.cos(heading)
-        rear_y = known[FRONT_Y] - reach * np.sin(heading)
+        reach = vehicle["rear_axle"]
+        rear_x = vehicle["front_x"] - reach * np.cos(heading)
+        rear_y = vehicle["front_y"] - reach * np.sin(heading)
         turned = np.arctan2(y - rear_y, x - rear_x)
         change = turned - heading
         change -= 2 * np.pi * np.round(change / (2 * np.pi))
-        state[5] = change / dt
-        steer = np.arctan(shape[k, WHEELBASE] * state[5] / max(speed, SLOWEST_TURN_MPS))
-        state[6] = max(-shape[k, STEER_MOST], min(shape[k, STEER_MOST], steer))
-        known[FRONT_X], known[FRONT_Y] = x, y
-        state[0] = x - shape[k, HALF] * np.cos(turned)
-        state[1] = y - shape[k, HALF] * np.sin(turned)
-        state[2], state[3] = turned, speed
+        state["yaw_rate"] = change / dt
+        steer = np.arctan(vehicle["wheelbase"] * state["yaw_rate"] / max(speed, SLOWEST_TURN_MPS))
+        state["steer"] = max(-vehicle["steer_max"], min(vehicle["steer_max"], steer))
+        vehicle["front_x"], vehicle["front_y"] = x, y
+        state["x"] = x - vehicle["half_length"] * np.cos(turned)
+        state["y"] = y - vehicle["half_length"] * np.sin(turned)
+        state["heading"], state["speed"] = turned, speed
 
 
-@compiled(
-    INTS, INTS, TABLE, TABLE, INTS, INTS, FLOATS, FLOATS, FLOATS, INTS, INTS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS,
-    FLOATS, INTS, FLOAT
-)  # fmt: skip
+@compiled(INTS, VEHICLES, STATES, VERTICES, SPEED_POINTS, INTS, FLOAT)
 def slow_for_bends(
-    who: IntArray,
-    rows: IntArray,
-    states: FloatArray,
-    memory: FloatArray,
-    lane: IntArray,
-    first: IntArray,
-    xs: FloatArray,
-    ys: FloatArray,
-    marks: FloatArray,
-    begin: IntArray,
-    count: IntArray,
-    slowest: FloatArray,
-    bend_marks: FloatArray,
-    bend_speeds: FloatArray,
-    cruise: FloatArray,
-    limit: FloatArray,
-    told: FloatArray,
+    driven: IntArray,
+    vehicles: Records,
+    states: Records,
+    lanes: Records,
+    bends: Records,
     changed: IntArray,
     dt: float,
 ) -> int:
-    """Work out what each vehicle may drive in the next step.
+    """Compute what each vehicle may drive in the next step: `limit` and `ordered` of its record.
 
     Args:
-        who: [N] the vehicles that are asked about.
-        rows, states, memory, lane: see above; `memory` is changed.
-        first, xs, ys, marks: of the `LaneTable`.
-        begin, count: the bends of each vehicle's lane and of what follows it: where they begin in `bend_marks` (m) and
-            `bend_speeds` (m/s), and how many they are. slowest: the least of those speeds.
-        cruise: what each drives where nothing hinders it, m/s.
-        limit: is filled with what the bends allow, m/s; infinite where they do not matter.
-        told: what each has been told last: the less of `cruise` and `limit`; is changed.
-        changed: is filled with those for whom that is another one now.
-        dt: s.
+        driven: [N] the vehicles that are asked about.
+        vehicles, states: of all vehicles and actors; the former are changed. lanes: the vertices of all lanes.
+        bends: the speed points of all lanes that were asked for.
+        changed: is filled with the vehicles whose `ordered` is another one now. dt: s.
 
     Returns:
         How many of `changed` are filled.
     """
     found = 0
-    for n in range(who.size):
-        k = who[n]
-        speed, j = states[rows[k], 3], lane[k]
+    for n in range(driven.size):
+        k = driven[n]
+        vehicle = vehicles[k]
+        speed, first, end = states[vehicle["row"]]["speed"], vehicle["lane_begin"], vehicle["lane_end"]
         allowed = np.inf
+        has_bends = end > first and vehicle["bends_end"] > vehicle["bends_begin"]
         # It may be told to go faster than it did.
-        if j >= 0 and count[k] > 0 and slowest[k] < max(cruise[k], speed + 1.0):
-            known = memory[k]
-            s = along(known[FRONT_X], known[FRONT_Y], known[BENDS_S], xs, ys, marks, first[j], first[j + 1])
-            known[BENDS_S] = s
-            s += speed * dt
-            low, end = begin[k], begin[k] + count[k]
-            i = last_up_to(bend_marks, low, end, s)
-            if i < low:
-                allowed = bend_speeds[low]
-            elif i >= end - 1:
-                allowed = bend_speeds[end - 1]
-            else:
-                share = (s - bend_marks[i]) / max(bend_marks[i + 1] - bend_marks[i], 1e-9)
-                allowed = bend_speeds[i] + share * (bend_speeds[i + 1] - bend_speeds[i])
-        limit[k] = allowed
-        now = min(cruise[k], allowed)
-        if now != told[k]:
-            told[k] = now
+        if has_bends and vehicle["slowest"] < max(vehicle["cruise"], speed + 1.0):
+            s = along(vehicle["front_x"], vehicle["front_y"], vehicle["bends_s"], lanes, first, end)
+            vehicle["bends_s"] = s
+            allowed = speed_at(s + speed * dt, bends, vehicle["bends_begin"], vehicle["bends_end"])
+        vehicle["limit"] = allowed
+        now = min(vehicle["cruise"], allowed)
+        if now != vehicle["ordered"]:
+            vehicle["ordered"] = now
             changed[found] = k
             found += 1
     return found

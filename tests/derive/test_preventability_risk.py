@@ -12,7 +12,7 @@ from foresee_dsl.derive.preventability.path import RecordedPath
 from foresee_dsl.derive.preventability.risk import Perception, critical_time_s, perceive, predicted
 from foresee_dsl.derive.preventability.sight import in_view, sight_of
 from foresee_dsl.forecast.geometry import footprints
-from foresee_dsl.simulate.results.collision import Mover, box_overlap
+from foresee_dsl.kernels.boxes import Mover, box_overlap
 from foresee_dsl.simulate.results.outcome import who_struck
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, YAW_RATE, X
 from tests.support.handmade_traces import EAST, NORTH, WEST, Track, make_trace, straight

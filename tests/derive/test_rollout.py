@@ -5,8 +5,8 @@ import pytest
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.rollout import predicted_gap_m
 from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change
-from foresee_dsl.simulate.results.collision import pairwise_box_distance
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight
 from tests.support.situations import MODELS, q, walker
 

@@ -21,8 +21,8 @@ from foresee_dsl.forecast.geometry import (
     paths_cut,
 )
 from foresee_dsl.kernels import boxes as box_kernels
-from foresee_dsl.kernels import paths as path_kernels
-from foresee_dsl.simulate.results.collision import corners, pairwise_box_distance
+from foresee_dsl.kernels import lines as path_kernels
+from foresee_dsl.kernels.boxes import corners, pairwise_box_distance
 from tests.support.handmade_traces import EAST, NORTH, make_trace, straight, until
 
 
@@ -105,9 +105,9 @@ def test_compiled_they_answer_as_plain_functions() -> None:
     of_paths, of_boxes = plain(path_kernels), plain(box_kernels)
     for pieces in (1, 15, 16, 17, 33):
         a, b = winding(rng, pieces), winding(rng, 20)
-        assert of_paths["cut"](a, b, 0.0) == path_kernels.cut(a, b, 0.0)
+        assert of_paths["paths_cut"](a, b, 0.0) == path_kernels.paths_cut(a, b, 0.0)
         answers = []
-        for project in (of_paths["project"], path_kernels.project):
+        for project in (of_paths["feet_on_path"], path_kernels.feet_on_path):
             out = np.empty(len(b)), np.empty(len(b), dtype=np.int64), np.empty(len(b))
             project(b, a, *out)
             answers.append(out)

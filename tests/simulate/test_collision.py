@@ -10,14 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from foresee_dsl.simulate.results.collision import (
+from foresee_dsl.kernels.boxes import (
     Box,
     box_distance,
     box_distances,
     box_overlap,
     corner_points,
     corners,
-    ego_hits,
+    hits,
     overlaps,
     pairwise_box_distance,
 )
@@ -45,9 +45,9 @@ def test_sets_agree_with_single_pairs(ego: Box, others: list[Box]) -> None:
     single = [box_distance(ego, o) for o in others]
     assert box_distances(ego, rows) == pytest.approx(np.array(single), abs=1e-9)
     assert pairwise_box_distance(np.array([ego] * len(others)), rows) == pytest.approx(np.array(single), abs=1e-9)
-    hits = [k for k, o in enumerate(others) if overlaps(ego, o)]
-    assert ego_hits(ego[:3], ego[3:], rows[:, :3], rows[:, 3:]).tolist() == hits
-    assert np.flatnonzero(box_overlap(np.array(ego), rows)).tolist() == hits
+    found = [k for k, o in enumerate(others) if overlaps(ego, o)]
+    assert hits(np.array(ego), rows[:, :3], rows[:, 3:]).tolist() == found
+    assert np.flatnonzero(box_overlap(np.array(ego), rows)).tolist() == found
 
 
 @given(boxes, boxes)
@@ -93,9 +93,9 @@ def test_the_absent_hit_nothing() -> None:
     nan = math.nan
     poses = np.array([[nan, nan, nan], [1.0, 0.0, 0.0]])
     sizes = np.array([[4.0, 2.0], [4.0, 2.0]])
-    assert ego_hits((0, 0, 0), (4, 2), poses, sizes).tolist() == [1]
+    assert hits(np.array((0.0, 0, 0, 4, 2)), poses, sizes).tolist() == [1]
     distances = box_distances(Box(0, 0, 0, 4, 2), np.hstack([poses, sizes]))
     assert math.isnan(distances[0])
     assert distances[1] == 0
     assert math.isnan(box_distance(Box(0, 0, 0, 4, 2), Box(nan, nan, nan, 4, 2)))
-    assert ego_hits((0, 0, 0), (4, 2), np.empty((0, 3)), np.empty((0, 2))).size == 0
+    assert hits(np.array((0.0, 0, 0, 4, 2)), np.empty((0, 3)), np.empty((0, 2))).size == 0

@@ -11,9 +11,9 @@ import pytest
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Steering
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
+from foresee_dsl.kernels.boxes import Mover, pairwise_box_distance
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 from foresee_dsl.simulate.actors.target_selection import Target, TargetSelection
-from foresee_dsl.simulate.results.collision import Mover, pairwise_box_distance
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 from tests.support.nets import ADULT

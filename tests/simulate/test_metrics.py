@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from foresee_dsl.simulate.results.collision import Box, Mover, overlaps
+from foresee_dsl.kernels.boxes import Box, Mover, overlaps
 from foresee_dsl.simulate.results.metrics import drac, eta, gap, minimum_distance, pet, ttc, ttcs
 
 EAST, NORTH, WEST = 0.0, math.pi / 2, math.pi

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.drivers.protocol import VehicleLimits
+from foresee_dsl.kernels.boxes import Mover, overlaps
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
-from foresee_dsl.simulate.results.collision import Mover, overlaps
 from foresee_dsl.simulate.results.outcome import (
     FLUSH_M,
     Decision,

@@ -13,7 +13,7 @@ import shapely
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import SeenActor
-from foresee_dsl.simulate.results.collision import corners
+from foresee_dsl.kernels.boxes import corners
 from foresee_dsl.simulate.sensing import IDEAL, STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.objects import ObjectList
 from foresee_dsl.simulate.sensing.settings import NO_DROPOUTS, NO_NOISE

@@ -18,8 +18,8 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.derive.preventability.replay import Replay
 from foresee_dsl.derive.preventability.risk import Perception, perceive
 from foresee_dsl.derive.preventability.sight import sight_of
+from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.collision import Mover
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run

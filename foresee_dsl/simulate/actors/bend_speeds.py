@@ -17,6 +17,7 @@ from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.kernels.lines import Records, speed_points
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
 
 FloatArray = NDArray[np.float64]
@@ -75,11 +76,11 @@ class Stretch(NamedTuple):
     """Where the bends of a lane and of those that follow it lie in the arrays of `LaneBends`.
 
     Attributes:
-        begin, points: the first of them, and how many they are. slowest_mps: the least of their speeds.
+        begin, end: of them. slowest_mps: the least of their speeds.
     """
 
     begin: int
-    points: int
+    end: int
     slowest_mps: float
 
 
@@ -91,19 +92,17 @@ class _Known:
     """What was worked out for a network: the children of a clip drive on the same one.
 
     Attributes:
-        stretches: by lane, model, next edges and friction. marks, speeds: of all of them, one after the other.
+        stretches: by lane, model, next edges and friction. points: of all of them, one after the other.
     """
 
     def __init__(self) -> None:
         self.stretches: dict[tuple[str, ModelSpec, tuple[str, ...], float], Stretch] = {}
-        self.marks: FloatArray = np.empty(0)
-        self.speeds: FloatArray = np.empty(0)
+        self.points = speed_points((), ())
 
     def add(self, bends: BendSpeeds) -> Stretch:
-        begin = len(self.marks)
-        self.marks = np.concatenate([self.marks, bends.marks])
-        self.speeds = np.concatenate([self.speeds, bends.speeds])
-        return Stretch(begin, len(bends.marks), bends.slowest_mps)
+        begin = len(self.points)
+        self.points = np.concatenate([self.points, speed_points(bends.marks, bends.speeds)])
+        return Stretch(begin, len(self.points), bends.slowest_mps)
 
 
 _KNOWN: WeakKeyDictionary[RoadNetwork, _Known] = WeakKeyDictionary()
@@ -123,14 +122,9 @@ class LaneBends:
         self._done: dict[str, int] = {}
 
     @property
-    def marks(self) -> FloatArray:
-        """[P] m along the lane of the stretch that a point belongs to."""
-        return self._known.marks
-
-    @property
-    def speeds(self) -> FloatArray:
-        """[P] m/s: what may be driven there."""
-        return self._known.speeds
+    def points(self) -> Records:
+        """[P] `SpeedPoint`s: lengths along the lane of the stretch that a point belongs to, and what may be driven."""
+        return self._known.points
 
     def ahead(self, vehicle: str, model: ModelSpec, lane: str, route: Sequence[str]) -> Stretch:
         """Return the bends of the lane that a vehicle is on and of those that follow on its route."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import atan, cos, exp, inf, isnan, sin, sqrt, tan
+from math import atan, cos, inf, isnan, sin
 from types import MappingProxyType
 
 import numpy as np
@@ -17,24 +17,14 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
+from foresee_dsl.kernels.bicycle import BicycleLimits, VehicleState, step
 from foresee_dsl.kernels.boxes import wheels
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
+from foresee_dsl.kernels.records import dtype_of
 
 FloatArray = NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.81
 """Standard gravity, to the figures that `VehicleLimits` is defined with."""
-
-THROTTLE_LAG_S = 0.2
-"""Time constant of the drivetrain. Ours: between an electric motor (0.05-0.1 s) and a petrol engine (0.3-0.5 s)."""
-
-BRAKE_LAG_S = 0.1
-"""Time constant of the brakes. Ours: electro-hydraulic boosters build full pressure in 0.15-0.2 s, about two time
-constants."""
-
-STEERABLE_SHARE = 0.3
-"""Share of the grip that braking leaves for steering where the front wheels ask for it. Ours: an anti-lock system keeps
-the car steerable; giving up 0.3 of the grip sideways costs 4.6 % of the braking (sqrt(1 - 0.3^2))."""
 
 TIPS_AT_G: Mapping[str, float] = MappingProxyType(
     {"van": 0.7, "truck": 0.4, "bus": 0.5, "motorcycle": 0.8, "bicycle": 0.4}
@@ -122,12 +112,19 @@ class Bicycle:
         """How far the rear axle lies behind the centre of the footprint."""
         self.grip_mps2 = limits.friction * GRAVITY_MPS2
         self.lateral_mps2 = lateral_limit_mps2(limits.model, limits.friction)
-        self._numbers = np.array(
-            (
-                limits.steer_max_rad, limits.steer_rate_rad_s, limits.max_speed_mps, limits.acceleration_mps2,
-                limits.emergency_braking_mps2, limits.wheelbase_m, self.rear_axle_m, self.grip_mps2, self.lateral_mps2,
-            )
-        )  # fmt: skip
+        record = BicycleLimits(
+            steer_max=limits.steer_max_rad,
+            steer_rate=limits.steer_rate_rad_s,
+            max_speed=limits.max_speed_mps,
+            acceleration=limits.acceleration_mps2,
+            braking=limits.emergency_braking_mps2,
+            wheelbase=limits.wheelbase_m,
+            rear_axle=self.rear_axle_m,
+            grip=self.grip_mps2,
+            lateral=self.lateral_mps2,
+        )
+        self._limits = np.array([record], dtype_of(BicycleLimits))
+        self._state = np.empty(1, dtype_of(VehicleState))
 
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
@@ -140,11 +137,11 @@ class Bicycle:
         Raises:
             ValueError: the control holds a NaN or something that is no number.
         """
-        moved = _step(
-            state.x, state.y, state.heading, state.speed, state.acceleration, state.steer, *checked(control), dt,
-            self._numbers,
+        self._state[0] = (
+            state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer
         )  # fmt: skip
-        return BicycleState(*moved)
+        step(self._state, self._limits, *checked(control), dt)
+        return BicycleState(*self._state[0].item())
 
     def steer_for(self, curvature: float) -> float:
         """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
@@ -170,73 +167,6 @@ class Bicycle:
         """Return how far ahead of the centre the front and the rear axle are, and how far beside it such a point, m."""
         rear = -self.rear_axle_m
         return self.limits.wheelbase_m + rear, rear, max(self.limits.width_m / 2 - inset_m, 0.0)
-
-
-@inner
-def _within_grip(
-    speed: float, acceleration: float, steer: float, dt: float, wheelbase: float, grip: float, side: float
-) -> tuple[float, float]:
-    """Acceleration and curvature that the tyres can hold together.
-
-    The wheels stay where the driver turned them; the vehicle runs wider than they point (understeer).
-    """
-    acceleration = max(-grip, min(grip, acceleration))
-    curvature = tan(steer) / wheelbase
-    fastest = speed + max(0.0, acceleration) * dt
-    demand = fastest * fastest * abs(curvature)
-    left_over = side * sqrt(1.0 - (acceleration / grip) ** 2)
-    lateral = max(left_over, STEERABLE_SHARE * side)
-    if demand <= left_over:
-        return acceleration, curvature
-    if demand > lateral:
-        curvature *= lateral / demand
-        demand = lateral
-    most = grip * sqrt(max(0.0, 1.0 - (demand / side) ** 2))
-    return max(-most, min(most, acceleration)), curvature
-
-
-@compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS)
-def _step(
-    x: float,
-    y: float,
-    heading: float,
-    speed: float,
-    acceleration: float,
-    steer: float,
-    wheel: float,
-    throttle: float,
-    brake: float,
-    dt: float,
-    numbers: FloatArray,
-) -> tuple[float, float, float, float, float, float, float]:
-    """Return the columns of `BicycleState` after a step; `numbers` as `Bicycle` has them."""
-    steer_max, steer_rate, top, gains, brakes, wheelbase, behind, grip, side = numbers
-    most = steer_rate * dt
-    steer += max(-most, min(most, wheel * steer_max - steer))
-    # What motor and brakes give, before the tyres have their say.
-    fade = max(0.0, 1.0 - speed / top)
-    target = throttle * gains * fade - brake * brakes
-    lag = BRAKE_LAG_S if brake > 0 else THROTTLE_LAG_S
-    wanted = target + (acceleration - target) * exp(-dt / lag)
-    acceleration, curvature = _within_grip(speed, wanted, steer, dt, wheelbase, grip, side)
-    before, speed = speed, speed + acceleration * dt
-    if speed <= 0.0:  # it comes to rest within the step, and there is no reverse
-        distance = before * before / (-2.0 * acceleration) if acceleration < 0 else 0.0
-        speed = acceleration = 0.0
-    else:
-        fastest = max(before, top)
-        if acceleration > 0.0 and speed > fastest:  # the drivetrain's lag would push it over
-            speed, acceleration = fastest, (fastest - before) / dt
-        distance = (before + speed) / 2 * dt
-    if distance == 0.0:  # standing still is exact: no rounding may creep into the position
-        return x, y, heading, speed, acceleration, 0.0, steer
-    half_turn = distance * curvature / 2
-    # The rear axle runs on an arc: its chord lies at the mean heading.
-    chord = distance * (sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
-    mean, after = heading + half_turn, heading + 2 * half_turn
-    x += chord * cos(mean) + behind * (cos(after) - cos(heading))
-    y += chord * sin(mean) + behind * (sin(after) - sin(heading))
-    return x, y, after, speed, acceleration, speed * curvature, steer
 
 
 def checked(control: Control) -> tuple[float, float, float]:

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import Steering
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
+from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.bend_speeds import PLANNED_SHARE, TURNS_WITH, approached
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.target_selection import STRAYS_M, Target, TargetSelection
-from foresee_dsl.simulate.results.collision import Mover
 
 FloatArray = NDArray[np.float64]
 

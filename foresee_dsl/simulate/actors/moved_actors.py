@@ -16,13 +16,13 @@ import shapely
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
-from foresee_dsl.simulate.actors.bodies import ROUNDING_M, SumoVehicle
+from foresee_dsl.kernels.boxes import Mover, corner_points
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, lateral_limit_mps2, limits_of
 from foresee_dsl.simulate.actors.handover import handed_over
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
 from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.actors.states import Actor
-from foresee_dsl.simulate.results.collision import Mover, corner_points
+from foresee_dsl.simulate.actors.sumo_vehicles import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import GHOST_TYPE, World
 

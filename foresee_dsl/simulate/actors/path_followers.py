@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.polyline import Points, as_line, line_of, wrap
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
-from foresee_dsl.kernels.lines import place_at, value_at
+from foresee_dsl.kernels.lines import Records, speed_points, vertices
+from foresee_dsl.kernels.path_following import Follower, advance, pose_on_path
+from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 
 FloatArray = NDArray[np.float64]
@@ -81,8 +82,9 @@ class PathFollower:
         self.stop_m: float | None = None
         self.along_m, self.speed_mps = along_m, speed_mps
         self._half_m = length_m / 2
-        self._line = self.line.points[:, 0].copy(), self.line.points[:, 1].copy(), self.line.s, self.line.heading
-        self._bends: tuple[FloatArray, FloatArray] = _NO_BENDS
+        self._vertices = vertices(self.line.points, self.line.s, self.line.heading)
+        self._record = np.empty(1, dtype_of(Follower))
+        self._bends = speed_points((), ())
         if lateral_mps2 is not None and length_m > 0:
             self._bends = _bends_of(along, length_m, lateral_mps2, braking_mps2)
         self._heading = self._place()[2]
@@ -101,97 +103,23 @@ class PathFollower:
         """Move on by `dt` seconds and return where it is then."""
         before, heading_before = self.speed_mps, self._heading
         stop_m = nan if self.stop_m is None else self.stop_m
-        self.along_m, self.speed_mps, x, y, heading = _advance(
-            self.along_m, before, self.pace_mps, self.acceleration_mps2, self.braking_mps2, stop_m, self._half_m, dt,
-            *self._line, *self._bends,
+        self._record[0] = (
+            self.along_m, before, self.pace_mps, self.acceleration_mps2, self.braking_mps2, stop_m, self._half_m
         )  # fmt: skip
+        x, y, heading = advance(self._record, self._vertices, self._bends, dt)
+        self.along_m, self.speed_mps, *_ = self._record[0].item()
         self._heading = heading
         turned = wrap(heading - heading_before)
         return FollowerPose(x, y, heading, self.speed_mps, (self.speed_mps - before) / dt, turned / dt)
 
     def _place(self) -> tuple[float, float, float]:
-        place: tuple[float, float, float] = _stands(self.along_m, self._half_m, *self._line)
+        place: tuple[float, float, float] = pose_on_path(self.along_m, self._half_m, self._vertices)
         return place
 
 
-_NO_BENDS = np.empty(0), np.empty(0)
-
-
 @lru_cache(maxsize=256)
-def _bends_of(path: Points, length_m: float, lateral_mps2: float, braking_mps2: float) -> tuple[FloatArray, FloatArray]:
-    """Return marks (m) and speeds (m/s) of a path's bends."""
+def _bends_of(path: Points, length_m: float, lateral_mps2: float, braking_mps2: float) -> Records:
+    """Return how fast a path's bends may be taken, as `SpeedPoint`s."""
     line = line_of(path)
     bends = BendSpeeds(line.marks, line.angles, axle_m=length_m, lateral_mps2=lateral_mps2, braking_mps2=braking_mps2)
-    return np.array(bends.marks), np.array(bends.speeds)
-
-
-@inner
-def _approach(room: float, speed: float, braking: float, dt: float) -> float:
-    """The largest speed at the end of this step from which braking still ends within `room`."""
-    left = room - speed * dt / 2
-    return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
-
-
-@compiled(FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS)
-def _stands(
-    along: float, half: float, xs: FloatArray, ys: FloatArray, marks: FloatArray, angles: FloatArray
-) -> tuple[float, float, float]:
-    """Return x, y and heading of who has come so far: with a length, that of the path between its rear and front."""
-    x, y, heading = place_at(along, xs, ys, marks, angles)
-    if half > 0.0:
-        rear_x, rear_y, _ = place_at(along - half, xs, ys, marks, angles)
-        front_x, front_y, _ = place_at(along + half, xs, ys, marks, angles)
-        dx, dy = front_x - rear_x, front_y - rear_y
-        if np.hypot(dx, dy) > half / 2:  # less: the path folds back on itself here
-            heading = np.arctan2(dy, dx)
-    return x, y, heading - 2 * np.pi * np.round(heading / (2 * np.pi))
-
-
-@compiled(
-    FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS, FLOATS
-)  # fmt: skip
-def _advance(
-    along: float,
-    before: float,
-    pace: float,
-    gains: float,
-    braking: float,
-    stop: float,
-    half: float,
-    dt: float,
-    xs: FloatArray,
-    ys: FloatArray,
-    marks: FloatArray,
-    angles: FloatArray,
-    bend_marks: FloatArray,
-    bend_speeds: FloatArray,
-) -> tuple[float, float, float, float, float]:
-    """Move on by a step.
-
-    Args:
-        along, before: m along the path, and m/s. pace, gains, braking, stop, half: see `PathFollower`; no stop is NaN.
-        xs, ys, marks, angles: of the path. bend_marks, bend_speeds: how fast its bends may be taken; empty for none.
-
-    Returns:
-        m along the path, speed (m/s), x, y, heading.
-    """
-    length = marks[-1]
-    if bend_marks.size:  # its front comes to a corner before its middle does
-        pace = min(pace, value_at(along + half + before * dt, bend_marks, bend_speeds))
-    speed = max(before - braking * dt, min(pace, before + gains * dt), 0.0)
-    held = False
-    if not along <= stop < length:  # a NaN neither
-        stop = length
-    for wait in (stop, length):
-        if held:
-            continue
-        room = wait - along
-        speed = min(speed, max(_approach(room, before, braking, dt), before - braking * dt, 0.0))
-        if room <= (before + speed) / 2 * dt + 1e-9 and speed <= braking * dt:
-            along, speed, held = wait, 0.0, True  # the last step: onto the very point, and still
-    if not held:
-        along = min(along + (before + speed) / 2 * dt, length)
-        if along >= length:
-            speed = 0.0
-    x, y, heading = _stands(along, half, xs, ys, marks, angles)
-    return along, speed, x, y, heading
+    return speed_points(bends.marks, bends.speeds)

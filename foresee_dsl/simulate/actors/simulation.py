@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
-from foresee_dsl.simulate.actors.bodies import SumoVehicle
 from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
     Ego,
@@ -18,7 +17,7 @@ from foresee_dsl.simulate.actors.moved_actors import (
     with_timing,
 )
 from foresee_dsl.simulate.actors.states import Actor, StateTable
-from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.results.junction_entry import since_entry_s
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.progress import Progress
@@ -116,7 +115,7 @@ class Simulation:
                 self._held.add(actor.id)
                 return
             self.world.set_cruise(actor.id, speed_mps)
-            self._traffic.cruises(actor.id, speed_mps)
+            self._traffic.set_cruise(actor.id, speed_mps)
             if actor.id in self._held:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)

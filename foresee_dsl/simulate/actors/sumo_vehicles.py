@@ -1,135 +1,299 @@
-"""All vehicles that SUMO drives: moves their bodies after its steps, and slows them for bends before."""
+"""The vehicles that SUMO drives: where their footprints are, given where SUMO has their front bumpers.
+
+SUMO turns a vehicle by what lies behind it on its lanes, which a description cannot hold, and moves it sideways in one
+step when it changes lane. Here the front follows SUMO's, the rear axle is drawn behind it as a kinematic bicycle's is,
+and a step to the side is driven at a limited rate. All of it depends on the last pose only, so that a run which is
+rebuilt from a description continues exactly as its parent did.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
+from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.kernels.sumo_traffic import BENDS_S, BESIDE_S, follow, slow_for_bends
+from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.kernels import sumo_traffic
+from foresee_dsl.kernels.bicycle import VehicleState
+from foresee_dsl.kernels.lines import Records, vertices
+from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
-from foresee_dsl.simulate.actors.bodies import SumoVehicle
-from foresee_dsl.simulate.actors.states import StateTable
-from foresee_dsl.simulate.lane_table import lane_table
+from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 IntArray = NDArray[np.int64]
+
+ROUNDING_M = 1e-2
+"""An offset from the lane that rounding in a description can explain; it is corrected at once."""
+
+
+class SumoVehicle(Actor):
+    """A vehicle that SUMO drives.
+
+    Attributes:
+        rolls: SUMO drives it over the step before the first frame (`in_sumo`), as it would have in its parent.
+        record: what the kernels know of it, a `kernels.sumo_traffic.SumoVehicle`; an element of a table, once it has
+            joined one.
+    """
+
+    __slots__ = ("_beside", "_network", "record", "rolls")
+
+    def __init__(self, actor: PlacedActor, network: RoadNetwork) -> None:
+        """Start where the actor is placed."""
+        super().__init__(actor)
+        self._network = network
+        self.record: Any = np.array([self._first_record()], dtype_of(sumo_traffic.SumoVehicle))[0]
+        self.rolls = False
+        self._beside = "", 0.0  # the lane that its place was looked up on, and how far along
+        if actor.lane:
+            self._find_lane(network.lanes[actor.lane])
+
+    def _first_record(self) -> sumo_traffic.SumoVehicle:
+        model, x, y = self.placed.model, self.placed.x, self.placed.y
+        return sumo_traffic.SumoVehicle(
+            row=0,
+            half_length=model.length_m / 2,
+            rear_axle=model.front_overhang_m + model.wheelbase_m,
+            wheelbase=model.wheelbase_m,
+            steer_max=model.max_steer_rad,
+            line=self.placed.line_m,
+            front_x=x,
+            front_y=y,
+            sumo_x=x,
+            sumo_y=y,
+            offset=0.0,
+            lane_begin=0,
+            lane_end=0,
+            heading_s=math.nan,
+            bends_s=math.nan,
+            bends_begin=0,
+            bends_end=0,
+            slowest=math.inf,
+            cruise=math.nan,
+            limit=math.inf,
+            ordered=math.nan,
+        )
+
+    def in_sumo(self) -> PlacedActor:
+        """Return the actor as SUMO is to have it a step before the first frame: on the middle of its lane.
+
+        SUMO would keep a distance from that for as long as the vehicle lives, and look for the nearest lane, which is
+        another one at the beginning of a lane change. Where the lane begins, it is where it is at the first frame.
+        """
+        if not self.lane:
+            return self.placed
+        lane = self._network.lanes[self.lane]
+        shape = lane.centreline
+        now = float(shapely.line_locate_point(shape, shapely.Point(self.record["sumo_x"], self.record["sumo_y"])))
+        # SUMO counts along the lane in its own length, which a map may give differently from the shape's.
+        before = now - self.speed * STEP_S * shape.length / lane.length_m
+        came_from = self._lane_before(lane) if before <= 0 else None
+        if came_from is not None:  # it has just come over the end of that one
+            left_m = self.speed * STEP_S - now * lane.length_m / shape.length
+            lane, shape = came_from, came_from.centreline
+            before = shape.length * (1 - left_m / lane.length_m)
+        self.rolls = before > 0
+        at = shapely.line_interpolate_point(shape, before if self.rolls else now)
+        near_s = self._beside[1] if lane.id == self._beside[0] else None
+        heading = lane.line.at(lane.line.project(at.x, at.y, near_s)[0])[2]
+        route = self.placed.route
+        if not lane.internal and (before if self.rolls else now) < self.length:
+            route = self._with_edge_before(lane, route)
+        return replace(self.placed, x=at.x, y=at.y, heading_rad=heading, lane=lane.id, route=route)
+
+    def _with_edge_before(self, lane: Lane, route: tuple[str, ...]) -> tuple[str, ...]:
+        """Return a route with the edge from which a vehicle came whose rear is inside the junction still.
+
+        Otherwise SUMO takes it to be where the straightest way is, and whoever follows it there brakes or does not.
+        """
+        length, heading = self.length, self.heading
+        rear = self.placed.x - length * math.cos(heading), self.placed.y - length * math.sin(heading)
+        ways = self._network.movements_into(lane.id, lane_kind(self.placed.model))
+        if not ways or not route or route[0] != lane.edge:
+            return route
+
+        def away_m(via: tuple[str, ...]) -> float:
+            return min((abs(self._network.lanes[one].line.project(*rear)[1]) for one in via), default=math.inf)
+
+        return (min(ways, key=lambda way: away_m(way.via)).from_edge, *route)
+
+    def _lane_before(self, lane: Lane) -> Lane | None:
+        """Return the lane that leads to one inside a junction; None where there are several, or it is not inside."""
+        ways = self._network.movements_through(lane.id)
+        before = {(m.from_lane, *m.via)[m.via.index(lane.id)] for m in ways}
+        return self._network.lanes[before.pop()] if len(before) == 1 else None
+
+    def _find_lane(self, nearest: Lane) -> None:
+        """Find the lane that the vehicle follows, and the place on it that SUMO is to have it at."""
+        # Who keeps beside the middle of its lane is not on its way to another one.
+        x, y, record = self.placed.x, self.placed.y, self.record
+        near_s, lateral = nearest.line.project(x, y)
+        lane = nearest if self.placed.line_m else self._heads_for(nearest, near_s, lateral)
+        self.lane = lane.id
+        line = lane.centreline
+        centre = shapely.line_interpolate_point(line, shapely.line_locate_point(line, shapely.Point(x, y)))
+        record["sumo_x"], record["sumo_y"] = centre.x, centre.y
+        if lane is not nearest:
+            near_s, lateral = lane.line.project(x, y)
+        self._beside = lane.id, near_s
+        record["heading_s"] = near_s
+        record["offset"] = lateral if abs(lateral) > ROUNDING_M else 0.0
+
+    def _heads_for(self, nearest: Lane, s: float, lateral: float) -> Lane:
+        """Return the lane that a vehicle between two lanes is changing to: the one that it turns towards.
+
+        Up to the middle between them the nearest one is that which it leaves. It has turned away from that as far as
+        half of what moving off its middle takes, at least.
+        """
+        side = 1 if lateral > 0 else -1
+        slope = min(sumo_traffic.SIDEWAYS_SHARE, sumo_traffic.SIDEWAYS_MPS / max(self.speed, 0.1))
+        axle_m = self.placed.model.front_overhang_m + self.placed.model.wheelbase_m
+        takes = slope * (1.0 - math.exp(-abs(lateral) / (slope * axle_m)))
+        lane_heading = nearest.line.at(max(s - axle_m, 0.0))[2]
+        turned = side * math.remainder(self.heading - lane_heading, math.tau)
+        beside = self._network.lanes.get(f"{nearest.edge}_{nearest.index + side}")
+        if abs(lateral) <= ROUNDING_M or turned < takes / 2 or beside is None:
+            return nearest
+        return beside if lane_kind(self.placed.model) in beside.kinds else nearest
+
+
+class LaneTable(NamedTuple):
+    """The lines of all lanes of a network.
+
+    Attributes:
+        spans: of each lane id, where its vertices begin and end. vertices: of all lanes, one after the other.
+    """
+
+    spans: dict[str, tuple[int, int]]
+    vertices: Records
+
+
+_KNOWN: WeakKeyDictionary[RoadNetwork, LaneTable] = WeakKeyDictionary()
+"""The children of a clip drive on the same network."""
+
+
+def lane_table(network: RoadNetwork) -> LaneTable:
+    """Return the table of a network; made once."""
+    if network not in _KNOWN:
+        spans, lines, begin = {}, [], 0
+        for lane_id, lane in network.lanes.items():
+            line = lane.line
+            spans[lane_id] = begin, begin + len(line.xy)
+            lines.append(vertices(line.xy, line.marks, line.angles))
+            begin += len(line.xy)
+        _KNOWN[network] = LaneTable(spans, np.concatenate([vertices((), (), ()), *lines]))
+    return _KNOWN[network]
 
 
 class SumoTraffic:
     """The vehicles that SUMO drives, until they leave or are taken over.
 
     Args:
-        bodies: their bodies, which have joined the state_table. rows: of the state_table, by id.
+        vehicles: they have joined the table. states: of all actors. rows: of that table, by id.
         world: where they drive. network: their roads. friction: of the tyres on them.
         cruise_mps: what each drives where nothing hinders it, by id.
     """
 
     def __init__(
         self,
-        bodies: Sequence[SumoVehicle],
-        state_table: StateTable,
+        vehicles: Sequence[SumoVehicle],
+        states: StateTable,
         rows: Mapping[str, int],
         world: World,
         network: RoadNetwork,
         friction: float,
         cruise_mps: Mapping[str, float],
     ) -> None:
-        count = len(bodies)
-        self._bodies, self._state_table, self._world = tuple(bodies), state_table, world
-        self._numbers = {body.id: number for number, body in enumerate(bodies)}
-        self._rows = np.array([rows[body.id] for body in bodies], dtype=np.int64)
-        self._memory = np.array([body.memory for body in bodies]).reshape(count, 7)
-        self._shape = np.array([body.shape for body in bodies]).reshape(count, 5)
+        self._vehicles, self._world = tuple(vehicles), world
+        self._numbers = {vehicle.id: number for number, vehicle in enumerate(vehicles)}
+        self._records = np.array([vehicle.record for vehicle in vehicles], dtype_of(sumo_traffic.SumoVehicle))
+        self._states = states.states.reshape(-1).view(dtype_of(VehicleState))
         self._table = lane_table(network)
-        self._lanes = np.full(count, -1, dtype=np.int64)
         self._bends = LaneBends(network, friction)
-        self._begin, self._count = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-        self._slowest = np.full(count, np.inf)
-        self._cruise = np.array([cruise_mps[body.id] for body in bodies], dtype=np.float64)
-        self._limit, self._told = np.full(count, np.inf), np.full(count, np.nan)
-        self._changed = np.zeros(count, dtype=np.int64)
-        self._driven = np.arange(count, dtype=np.int64)
+        self._changed = np.zeros(len(vehicles), dtype=np.int64)
+        self._driven = np.arange(len(vehicles), dtype=np.int64)
         self._names: tuple[str, ...] = ()
-        self._who = self._driven
-        for number, body in enumerate(bodies):
-            body.memory = self._memory[number]
-            self._is_on(number, body.lane)
+        self._seen = self._driven
+        for number, vehicle in enumerate(vehicles):
+            vehicle.record = self._records[number]
+            vehicle.record["row"], vehicle.record["cruise"] = rows[vehicle.id], cruise_mps[vehicle.id]
+            self._set_lane(number, vehicle.lane)
 
     def slow_for_bends(self) -> None:
         """Tell SUMO what each may drive in the next step: it knows only the bends inside junctions, not who tips."""
-        told = self._told
-        for number in self._look():
-            self._world.limit_speed(self._bodies[number].id, told.item(number))
+        for number in self._update_limits():
+            self._world.limit_speed(self._vehicles[number].id, float(self._records[number]["ordered"]))
 
     def may_drive_mps(self) -> dict[str, float]:
         """Return what the bends allow each vehicle in the next step; infinite where they do not matter."""
-        self._look()
-        self._told[:] = np.nan  # nobody has been told
-        return {body.id: float(limit) for body, limit in zip(self._bodies, self._limit, strict=True)}
+        self._update_limits()
+        self._records["ordered"] = np.nan  # SUMO has not been told
+        return {vehicle.id: float(vehicle.record["limit"]) for vehicle in self._vehicles}
 
-    def cruises(self, vehicle: str, speed_mps: float) -> None:
+    def set_cruise(self, vehicle: str, speed_mps: float) -> None:
         """Note that a vehicle drives another speed from now on where nothing hinders it."""
-        number = self._numbers[vehicle]
-        self._cruise[number], self._told[number] = speed_mps, np.nan
+        record = self._records[self._numbers[vehicle]]
+        record["cruise"], record["ordered"] = speed_mps, np.nan
 
     def follow(self) -> tuple[str, ...]:
-        """Move everybody to where SUMO has them after a step.
+        """Move every vehicle to where SUMO has it after a step.
 
         Returns:
-            The ids of those who have left the world.
+            The ids of those that have left the world.
         """
         names, places, speeds, changed = self._world.vehicles()
         left: tuple[str, ...] = ()
         if names is not self._names:
-            left = self._gone(names)
+            left = self._note_names(names)
         for vehicle, lane in changed:
             number = self._numbers[vehicle]
-            if lane != self._bodies[number].lane:
-                self._bodies[number].lane = lane
-                self._is_on(number, lane)
-        table = self._table
-        follow(
-            np.array(places), np.array(speeds), self._who, self._rows, self._state_table.states, self._memory,
-            self._shape, self._lanes, table.first, table.x, table.y, table.marks, table.angles, STEP_S,
-        )  # fmt: skip
+            if lane != self._vehicles[number].lane:
+                self._vehicles[number].lane = lane
+                self._set_lane(number, lane)
+        sumo_traffic.follow(
+            self._seen, np.array(places), np.array(speeds), self._records, self._states, self._table.vertices, STEP_S
+        )
         return left
 
     def drop(self, vehicle: str) -> None:
-        """Leave a vehicle alone from now on: somebody else moves it."""
+        """Leave a vehicle alone from now on: Python moves it."""
         self._driven = self._driven[self._driven != self._numbers[vehicle]]
 
-    def _look(self) -> list[int]:
-        """Find out what each may drive; return those for whom it is something else than they were told."""
-        table, bends = self._table, self._bends
-        found = slow_for_bends(
-            self._driven, self._rows, self._state_table.states, self._memory, self._lanes, table.first, table.x,
-            table.y, table.marks, self._begin, self._count, self._slowest, bends.marks, bends.speeds,
-            self._cruise, self._limit, self._told, self._changed, STEP_S,
-        )  # fmt: skip
+    def _update_limits(self) -> list[int]:
+        """Compute what each may drive; return those for which it is another speed than SUMO was told."""
+        found = sumo_traffic.slow_for_bends(
+            self._driven, self._records, self._states, self._table.vertices, self._bends.points, self._changed, STEP_S
+        )
         changed: list[int] = self._changed[:found].tolist()
         return changed
 
-    def _is_on(self, number: int, lane: str) -> None:
+    def _set_lane(self, number: int, lane: str) -> None:
         """Note that a vehicle is on another lane now."""
-        body = self._bodies[number]
-        if self._lanes[number] >= 0:  # where it was on the last one says nothing of this one
-            self._memory[number, BESIDE_S] = np.nan
-        self._memory[number, BENDS_S] = np.nan
-        self._lanes[number] = self._table.numbers.get(lane, -1)
-        ahead = self._bends.ahead(body.id, body.placed.model, lane, body.placed.route)
-        self._begin[number], self._count[number], self._slowest[number] = ahead
+        vehicle, record = self._vehicles[number], self._records[number]
+        if record["lane_end"] > 0:  # where it was on the last one says nothing of this one
+            record["heading_s"] = np.nan
+        record["bends_s"] = np.nan
+        record["lane_begin"], record["lane_end"] = self._table.spans.get(lane, (0, 0))
+        ahead = self._bends.ahead(vehicle.id, vehicle.placed.model, lane, vehicle.placed.route)
+        record["bends_begin"], record["bends_end"], record["slowest"] = ahead
 
-    def _gone(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Take note of who is there; return those of the others who are not any more."""
+    def _note_names(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Take note of the vehicles that SUMO has; return those of the others that it had before."""
         self._names = names
-        self._who = np.array([self._numbers[name] for name in names], dtype=np.int64)
+        self._seen = np.array([self._numbers[name] for name in names], dtype=np.int64)
         here = set(names)
-        left = tuple(self._bodies[k].id for k in self._driven.tolist() if self._bodies[k].id not in here)
+        left = tuple(self._vehicles[k].id for k in self._driven.tolist() if self._vehicles[k].id not in here)
         for name in left:
-            self._bodies[self._numbers[name]].present = False
+            self._vehicles[self._numbers[name]].present = False
             self.drop(name)
         return left

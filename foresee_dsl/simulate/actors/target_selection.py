@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.drivers.protocol import VehicleLimits
+from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.dynamics import BicycleState
-from foresee_dsl.simulate.results.collision import Mover
 
 SIGHT_M = 80.0
 """How far ahead it looks. Ours."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import shapely
 
-from foresee_dsl.simulate.results.collision import Box, corner_points
+from foresee_dsl.kernels.boxes import Box, corner_points
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

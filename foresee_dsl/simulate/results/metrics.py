@@ -10,7 +10,7 @@ from math import cos, inf, isnan, nan, sin
 
 import numpy as np
 
-from foresee_dsl.simulate.results.collision import FloatArray, Mover, box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.boxes import FloatArray, Mover, box_overlap, pairwise_box_distance
 from foresee_dsl.simulate.trace import STEP_S
 
 SLOWEST_MPS = 1.0

@@ -23,8 +23,8 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.kernels.boxes import FloatArray, Mover, corner_points, hits
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
-from foresee_dsl.simulate.results.collision import FloatArray, Mover, corner_points, ego_hits
 from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
 
 STUCK_SPEED_MPS = 0.1
@@ -265,9 +265,9 @@ class Judge:
             arrived: the ego has reached its goal.
             may_wait: there is something to wait for (a red signal, someone close ahead).
         """
-        hits = ego_hits(ego.pose, self._ego_size, poses, self._sizes)
-        if hits.size:
-            k = int(hits[0])
+        found = hits(np.array((*ego.pose, *self._ego_size)), poses, self._sizes)
+        if found.size:
+            k = int(found[0])
             x, y, heading = poses[k].tolist()
             other = Mover(x, y, heading, float(speeds[k]), *self._sizes[k].tolist())
             me = Mover(ego.x, ego.y, ego.heading, ego.speed, *self._ego_size)

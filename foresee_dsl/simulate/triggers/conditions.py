@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from foresee_dsl.compile.bundle import Signal
+from foresee_dsl.kernels.boxes import box_distance, overlaps
 from foresee_dsl.language.model import (
     Comparison,
     Condition,
@@ -27,7 +28,6 @@ from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
-from foresee_dsl.simulate.results.collision import box_distance, overlaps
 from foresee_dsl.simulate.results.junction_outlines import Outlines, point_distance
 from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta, ttc
 from foresee_dsl.simulate.triggers.robustness import Outcome

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from foresee_dsl.compile.roads.network import Passage, RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.kernels.lines import FloatArray, project
+from foresee_dsl.kernels.lines import Records, project, vertices
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import Actor
 
@@ -29,7 +29,7 @@ class Progress:
             line = actor.follower.line if isinstance(actor, PathActor) else actor.placed.line
             if line is not None:
                 self._lines[actor.id] = line
-        self._points: dict[str, tuple[FloatArray, FloatArray, FloatArray]] = {}
+        self._vertices: dict[str, Records] = {}
         self._last: dict[str, tuple[int, float, float]] = {}
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
 
@@ -47,10 +47,10 @@ class Progress:
         if isinstance(actor, PathActor):
             s, lateral = actor.along, 0.0
         else:
-            points = self._points.get(actor.id)
+            points = self._vertices.get(actor.id)
             if points is None:
-                points = self._points[actor.id] = (line.points[:, 0].copy(), line.points[:, 1].copy(), line.s)
-            s, lateral = project(actor.x, actor.y, last[1] if last is not None else math.nan, *points)
+                points = self._vertices[actor.id] = vertices(line.points, line.s, line.heading)
+            s, lateral = project(actor.x, actor.y, last[1] if last is not None else math.nan, points)
         self._last[actor.id] = (frame, s, lateral)
         return s, lateral
 
