@@ -31,12 +31,12 @@ _LANGUAGE = (
     "plugins.py",
     *(f"campaign/{name}.py" for name in ("storage/records", "results", "steps", "work")),
 )
-_RUN = (*_LANGUAGE, "compile", "drivers", "simulate")
+_RUN = (*_LANGUAGE, "compile", "drivers", "kernels", "simulate")
 CODE = {
     "seed": _RUN,
-    "forecast": (*_LANGUAGE, "simulate/trace.py", "forecast", "derive"),
+    "forecast": (*_LANGUAGE, "kernels", "simulate/trace.py", "forecast", "derive"),
     "clip": (*_RUN, "derive"),
-    "mutants": (*_LANGUAGE, "compile", "simulate", "derive"),
+    "mutants": (*_LANGUAGE, "compile", "kernels", "simulate", "derive"),
     "child": (*_RUN, "derive"),
 }
 """Which parts of this package a step goes through: an edit of one of them makes its results new ones."""
