@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.simulate.actors.states import IntArray, StateTable
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
+from foresee_dsl.simulate.triggers.record import DirectorRecord
 from foresee_dsl.simulate.world import World
 
 FloatArray = NDArray[np.float64]
@@ -62,7 +63,7 @@ class Recorder:
         self._until_s = min((until for *_, until in shown), default=math.inf)
         self._shown.append((len(self._now_s), [stage for stage, *_ in shown], [since for _, since, _ in shown]))
 
-    def trace(self, waypoints: FloatArray, meta: dict[str, Any]) -> Trace:
+    def trace(self, waypoints: FloatArray, meta: dict[str, Any], director: DirectorRecord) -> Trace:
         """Return the run so far."""
         t, a, s = len(self._rows), len(self._actors), len(self._signals)
         # For each frame, which of `_shown` holds.
@@ -84,6 +85,7 @@ class Recorder:
             signal_stages=tuple(signal.stages for signal in self._signals),
             events=tuple(self.events),
             meta=meta,
+            director=director,
         )
 
 

@@ -202,7 +202,7 @@ class _Run:
             "reason": decision.reason,
             **self._meta,
         }
-        trace = self._recorder.trace(_waypoints(self._bundle), meta)
+        trace = self._recorder.trace(_waypoints(self._bundle), meta, self._director.record())
         return RunResult(
             verdict=decision.verdict,
             time_s=decision.time_s,

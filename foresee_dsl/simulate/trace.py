@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.files import replacing
+from foresee_dsl.simulate.triggers.record import DirectorRecord
 
 FIELDS = ("x", "y", "heading", "speed", "acceleration", "yaw_rate", "steer")
 """Columns of `Trace.states`: m, m, rad (counter-clockwise from east), m/s, m/s^2, rad/s, rad (front wheels)."""
@@ -96,6 +97,8 @@ class Trace:
     events: tuple[Event, ...] = ()
     meta: dict[str, Any] = field(default_factory=dict)
     """test_case, driver, driver_version, seed, verdict, scenario (name), meaning (hash of what was run), ..."""
+    director: DirectorRecord | None = None
+    """What the run's triggers did and what they told its actors; None in a file of a version that did not write it."""
 
     _ARRAYS = ("time_s", "states", "lanes", "along", "stages", "elapsed", "waypoints")
 
@@ -126,7 +129,7 @@ class Trace:
 
     @cached_property
     def digest(self) -> str:
-        """Hash over everything but `meta`: equal for equal runs."""
+        """Hash over everything but `meta` and `director`: equal for equal runs."""
         h = hashlib.sha256()
         for name in self._ARRAYS:
             array = np.ascontiguousarray(getattr(self, name))
@@ -136,17 +139,22 @@ class Trace:
         return "sha256:" + h.hexdigest()[:16]
 
     def save(self, path: Path) -> None:
-        """Write the trace as a compressed `.npz`: the arrays, and `header`, a JSON text with everything else. All or
-        nothing."""
+        """Write the trace as a compressed `.npz`: the arrays, and JSON texts: `director`, and `header` with the rest.
+
+        The file is written whole or not at all.
+        """
         with replacing(path) as temporary:
             temporary.write_bytes(self.packed())
 
     def packed(self) -> bytes:
         """Return what `save` writes."""
         buffer = io.BytesIO()
-        arrays = {name: getattr(self, name) for name in self._ARRAYS}
-        header = np.frombuffer(json.dumps(self._header(meta=True), sort_keys=True).encode(), dtype=np.uint8)
-        np.savez_compressed(buffer, header=header, **arrays)
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in self._ARRAYS}
+        texts = {"header": json.dumps(self._header(meta=True), sort_keys=True).encode()}
+        if self.director is not None:
+            texts["director"] = self.director.as_json()
+        arrays |= {name: np.frombuffer(text, np.uint8) for name, text in texts.items()}
+        np.savez_compressed(buffer, **arrays)
         return buffer.getvalue()
 
     @classmethod
@@ -161,6 +169,7 @@ class Trace:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(data["header"].tobytes())
                 arrays = {name: data[name] for name in cls._ARRAYS}
+                director = DirectorRecord.of_json(data["director"].tobytes()) if "director" in data else None
         except (KeyError, EOFError, ValueError, zipfile.BadZipFile) as err:
             raise ValueError(
                 f"{path} is no trace, or a damaged one; `foresee run FILE --out DIR` writes traces"
@@ -179,6 +188,7 @@ class Trace:
             signal_stages=tuple(tuple(s) for s in header["signal_stages"]),
             events=tuple(Event(**e) for e in header["events"]),
             meta=header["meta"],
+            director=director,
         )
 
     def _header(self, *, meta: bool) -> dict[str, Any]:

@@ -33,15 +33,16 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.simulate.trace import Event
+from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, TriggerState, add
 from tests.support.handmade_traces import EAST, SOUTH, make_trace, straight, until
 from tests.support.situations import Actor, case_of, crossing, q, risky, walker
 
 
-def cut(trace, at_s=11.0, actor="runner", case=None, before_s=5.0, after_s=5.0):
+def cut(trace, at_s=11.0, actor="runner", case=None, before_s=5.0, after_s=5.0, fired=()):
+    case = case or case_of()
     found = clip(
-        case or case_of(),
-        trace,
+        case,
+        replace(trace, director=record_of(case.scenario, fired)),
         risky(trace, actor, at_s),
         before_s=before_s,
         after_s=after_s,
@@ -64,8 +65,17 @@ def has(found, name, kind):
     return [item for item in actor(found, name).body if isinstance(item, kind)]
 
 
-def fired(index, time_s):
-    return Event(time_s, "", "trigger", {"index": index})
+def record_of(scenario, fired):
+    """What a director would record of triggers (number, time, s) that fire; the rest of them does not."""
+    whens = scenario.all(When)
+    triggers = [[TriggerState(0.0, None, False, {}, None)] for _ in whens]
+    orders = {}
+    for index, time_s in fired:
+        add(triggers[index], TriggerState(time_s, time_s, True, {}, None))
+        for action in whens[index].actions:
+            states = orders.setdefault(action.actor, [])
+            add(states, (states[-1] if states else ActorOrders()).after(action, time_s))
+    return DirectorRecord(tuple(map(tuple, triggers)), {actor: tuple(states) for actor, states in orders.items()})
 
 
 def when(*actions, limit="2 s", what="time", **measure):
@@ -168,7 +178,7 @@ def test_what_a_trigger_told_is_in_force_and_the_trigger_is_gone():
     meets = Meets(actor="runner", other="ego", junction="j4", gap=q("2.1 s"))
     ignores = Ignores(actor="runner", what="signals", junction="j4")
     case = case_of(RUNNER, when(meets, ignores))
-    found = cut(make_trace(crossing(), events=[fired(0, 2.0)]), case=case)
+    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case)
     assert has(found, "runner", MeetsState) == [MeetsState(other="ego", junction="j4", gap=q("2.1 s"))]
     assert has(found, "runner", IgnoresRule) == [IgnoresRule(what="signals", junction="j4")]
     assert of(found, When) == []
@@ -177,8 +187,8 @@ def test_what_a_trigger_told_is_in_force_and_the_trigger_is_gone():
 def test_what_is_over_behind_a_junction_is_not_written():
     runner = replace(crossing()["runner"], lanes=("south_0",) * 40 + (":j4_3_0",) * 40 + ("north_back_0",) * 400)
     ignores = Ignores(actor="runner", what="signals", junction="j4")
-    trace = make_trace(crossing(runner=runner), events=[fired(0, 1.0)])
-    assert has(cut(trace, case=case_of(RUNNER, when(ignores))), "runner", IgnoresRule) == []
+    trace = make_trace(crossing(runner=runner))
+    assert has(cut(trace, fired=[(0, 1.0)], case=case_of(RUNNER, when(ignores))), "runner", IgnoresRule) == []
 
 
 def test_pending_triggers_stay_with_times_counted_from_the_window():
@@ -192,7 +202,7 @@ def test_pending_triggers_stay_with_times_counted_from_the_window():
 
 def test_a_trigger_that_fires_after_the_window_begins_is_pending():
     case = case_of(RUNNER, when(Stops(actor="runner"), limit="9 s"))
-    found = cut(make_trace(crossing(), events=[fired(0, 9.05)]), case=case)
+    found = cut(make_trace(crossing()), fired=[(0, 9.05)], case=case)
     assert len(of(found, When)) == 1
 
 
@@ -209,8 +219,8 @@ def test_an_actor_that_has_started_does_not_wait_for_another_trigger():
     case = case_of(
         RUNNER, when(Starts(actor="walker")), when(Starts(actor="walker"), Stops(actor="runner"), limit="9 s")
     )
-    trace = make_trace(crossing(walker=walker(60, -8, math.pi / 2, 1.4, start_s=2)), events=[fired(0, 2.0)])
-    (left,) = of(cut(trace, case=case), When)
+    trace = make_trace(crossing(walker=walker(60, -8, math.pi / 2, 1.4, start_s=2)))
+    (left,) = of(cut(trace, case=case, fired=[(0, 2.0)]), When)
     assert left.actions == (Stops(actor="runner"),)
 
 
@@ -220,21 +230,23 @@ def test_an_actor_that_has_started_does_not_wait_for_another_trigger():
 def test_a_delay_counts_from_the_trigger(told_s, expected):
     source = Actor(kind="pedestrian", name="walker", model="pedestrian.adult", body=(Delay(time=q("1.5 s")),))
     case = case_of(RUNNER, source, when(Starts(actor="walker")))
-    events = [] if told_s is None else [fired(0, told_s)]
-    trace = make_trace(crossing(walker=walker(60, -8, math.pi / 2, 1.4, start_s=9)), events=events)
-    assert [d.time for d in has(cut(trace, case=case), "walker", Delay)] == ([expected] if expected else [])
+    fired = [] if told_s is None else [(0, told_s)]
+    trace = make_trace(crossing(walker=walker(60, -8, math.pi / 2, 1.4, start_s=9)))
+    assert [d.time for d in has(cut(trace, case=case, fired=fired), "walker", Delay)] == (
+        [expected] if expected else []
+    )
 
 
 def test_a_finished_change_of_speed_is_the_new_cruise_speed():
     change = ChangesSpeed(actor="runner", to=q("18 km/h"), over=q("2 s"))
-    found = cut(make_trace(crossing(), events=[fired(0, 2.0)]), case=case_of(RUNNER, when(change)))
+    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case_of(RUNNER, when(change)))
     assert has(found, "runner", CruiseSpeed) == [CruiseSpeed(speed=q("18 km/h"))]
     assert of(found, When) == []
 
 
 def test_a_change_of_speed_goes_on_for_what_is_left_of_it():
     change = ChangesSpeed(actor="runner", to=q("18 km/h"), over=q("5 s"))
-    found = cut(make_trace(crossing(), events=[fired(0, 2.0)]), case=case_of(RUNNER, when(change)))
+    found = cut(make_trace(crossing()), fired=[(0, 2.0)], case=case_of(RUNNER, when(change)))
     (resumed,) = of(found, When)
     assert resumed.condition == Comparison(left=Measure(what="time"), op=">=", right=q("0.00 s"))
     assert resumed.actions == (ChangesSpeed(actor="runner", to=q("18 km/h"), over=q("1.00 s")),)
@@ -247,7 +259,7 @@ def test_a_stop_counts_from_when_the_actor_stands(duration, left):
     states[70:, 3] = 0.0
     runner = replace(crossing()["runner"], states=states)
     stops = Stops(actor="runner", duration=q(duration) if duration else None)
-    found = cut(make_trace(crossing(runner=runner), events=[fired(0, 2.0)]), case=case_of(RUNNER, when(stops)))
+    found = cut(make_trace(crossing(runner=runner)), fired=[(0, 2.0)], case=case_of(RUNNER, when(stops)))
     expected = [] if left == "over" else [(Stops(actor="runner", duration=q(left) if left else None),)]
     assert [w.actions for w in of(found, When)] == expected
 
@@ -255,7 +267,7 @@ def test_a_stop_counts_from_when_the_actor_stands(duration, left):
 def test_a_later_command_replaces_a_meeting():
     meets = Meets(actor="runner", other="ego", junction="j4", gap=q("2.1 s"))
     case = case_of(RUNNER, when(meets), when(Stops(actor="runner")))
-    found = cut(make_trace(crossing(), events=[fired(0, 2.0), fired(1, 4.0)]), case=case)
+    found = cut(make_trace(crossing()), fired=[(0, 2.0), (1, 4.0)], case=case)
     assert has(found, "runner", MeetsState) == []
     assert [w.actions for w in of(found, When)] == [(Stops(actor="runner"),)]
 
@@ -264,7 +276,7 @@ def test_a_later_command_replaces_a_meeting():
 def test_a_change_of_lane_that_is_not_done_is_asked_for_again(lane, count):
     runner = replace(crossing()["runner"], lanes=("south_0",) * 80 + (lane,) * 400)
     case = case_of(RUNNER, when(ChangesLane(actor="runner", side="left")))
-    assert len(of(cut(make_trace(crossing(runner=runner), events=[fired(0, 2.0)]), case=case), When)) == count
+    assert len(of(cut(make_trace(crossing(runner=runner)), fired=[(0, 2.0)], case=case), When)) == count
 
 
 def test_what_the_author_gave_an_actor_goes_on():

@@ -10,7 +10,7 @@ from itertools import takewhile
 
 import pytest
 
-from foresee_dsl.derive.clipping.conditions import Moment, restated
+from foresee_dsl.derive.clipping.conditions import Moment, rebased
 from foresee_dsl.language.model import (
     Both,
     Comparison,
@@ -26,7 +26,7 @@ from foresee_dsl.language.model import (
 )
 from foresee_dsl.language.printing.phrases import condition as text_of
 from foresee_dsl.language.traversal import parts
-from foresee_dsl.simulate.triggers.condition_history import Run
+from foresee_dsl.simulate.triggers.record import Run
 
 FRAMES = 50
 SINCE = re.compile(r" since -?[0-9.]+ s")
@@ -166,7 +166,7 @@ ANY = [any_condition(RNG, 3) for _ in range(60)]
 @pytest.mark.parametrize("condition", [*WHOLE, *FOR, *EITHER, *ANY])
 def test_it_is_true_at_the_same_frames(condition: Condition) -> None:
     for lights, frame in cases(40):
-        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
+        again = rebased(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
         assert not isinstance(again, bool)
         expected = [bool(value) for value in row(condition, lights)[frame:]]
         assert [bool(value) for value in row(again, later(lights, frame))] == expected, frame
@@ -179,7 +179,7 @@ def test_an_every_fires_at_the_same_frames(condition: Condition) -> None:
         held = False
         for now in row(condition, lights)[: frame + 1]:
             held = held if now is None else now
-        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame), held=held)
+        again = rebased(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame), held=held)
         assert not isinstance(again, bool)
         found = fires(again, later(lights, frame), range(FRAMES - frame), held=held)
         expected = fires(condition, lights, range(FRAMES), held=False)[len(before) :]
@@ -190,7 +190,7 @@ def test_an_every_fires_at_the_same_frames(condition: Condition) -> None:
 def test_a_for_that_is_half_way_says_since_and_nothing_else(condition: Condition) -> None:
     found = set()
     for lights, frame in cases(60):
-        again = restated(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
+        again = rebased(condition, Moment(frame * 0.05, frozenset(), {}), runs(condition, lights, frame))
         assert not isinstance(again, bool)
         found.add(SINCE.sub("", text_of(again)))
     assert found == {SINCE.sub("", text_of(condition))}
@@ -199,17 +199,17 @@ def test_a_for_that_is_half_way_says_since_and_nothing_else(condition: Condition
 def test_a_clip_of_a_clip_adds_up() -> None:
     condition = lasts(A, 40).model_copy(update={"since": q(-1.3, "s")})
     lights = {"a": [True] * FRAMES, "b": [True] * FRAMES}
-    again = restated(condition, Moment(0.5, frozenset(), {}), runs(condition, lights, 10))
+    again = rebased(condition, Moment(0.5, frozenset(), {}), runs(condition, lights, 10))
     assert isinstance(again, Sustained)
     assert text_of(again) == "a.speed > 1 m/s for 2.0 s since -1.80 s"
-    assert restated(condition, Moment(0.5, frozenset(), {})) == again  # a step that nobody has looked at
+    assert rebased(condition, Moment(0.5, frozenset(), {})) == again  # a step that nobody has looked at
 
 
 def test_times_count_from_the_window() -> None:
     moment = Moment(2.0, frozenset(), {})
 
     def at(op: str, seconds: float) -> Condition | bool:
-        return restated(Comparison(left=Measure(what="time"), op=op, right=q(seconds, "s")), moment)  # type: ignore[arg-type]  # a word
+        return rebased(Comparison(left=Measure(what="time"), op=op, right=q(seconds, "s")), moment)  # type: ignore[arg-type]  # a word
 
     assert at(">", 5.5) == Comparison(left=Measure(what="time"), op=">", right=q(3.5, "s"))
     assert (at(">", 1), at(">=", 2), at("<", 2), at("<=", 1.9)) == (True, True, False, False)
@@ -221,7 +221,7 @@ def test_what_is_known_of_who_is_gone_is_worked_in() -> None:
     moment = Moment(2.0, frozenset({"b"}), {})
     near = Within(actor="a", distance=q(5, "m"), of=Named(name="b"))
     arrived, hit = Predicate(what="arrived", actor="b"), Predicate(what="collision", actor="b")
-    assert restated(near, moment) is False
-    assert restated(Not(condition=near), moment) is False  # it cannot be said, and so it does not hold
-    assert restated(Both(conditions=(arrived, A)), moment) == A
-    assert restated(Either(conditions=(hit, near, A)), moment) == A
+    assert rebased(near, moment) is False
+    assert rebased(Not(condition=near), moment) is False  # it cannot be said, and so it does not hold
+    assert rebased(Both(conditions=(arrived, A)), moment) == A
+    assert rebased(Either(conditions=(hit, near, A)), moment) == A

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.simulate.trace import STEP_S, ActorInfo, Event, Trace
+from foresee_dsl.simulate.triggers.record import DirectorRecord
 
 SIZES = {
     "car": ("car.compact", 4.0, 1.8, 2.5),
@@ -59,6 +60,7 @@ def make_trace(
     tracks: Mapping[str, Track],
     *,
     events: Sequence[Event] = (),
+    director: DirectorRecord | None = None,
     waypoints: NDArray[np.float64] | None = None,
     signals: Mapping[str, tuple[tuple[str, ...], int, float]] | None = None,
 ) -> Trace:
@@ -94,4 +96,5 @@ def make_trace(
         signals=tuple(shown),
         signal_stages=tuple(s[0] for s in shown.values()),
         events=tuple(events),
+        director=director or DirectorRecord(),
     )

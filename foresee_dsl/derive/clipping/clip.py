@@ -1,66 +1,32 @@
 """Cut a clip out of a run: the seconds around a risky point, as a file that rebuilds them exactly.
 
 All actors of the first frame are restored, not only those near the ego: with those within 120 m alone, one in ten
-deviated by over 0.5 m after 10 s, because who follows whom reaches far along a queue.
+deviated by over 0.5 m after 10 s, because car-following reaches far along a queue.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import Literal
+from typing import Literal, assert_never
 
 import numpy as np
 
-from foresee_dsl.derive.clipping.actions_under_way import at_once, rest_of, still_to_change, under_way
-from foresee_dsl.derive.clipping.snapshot import authored, front, has_passed, present, remaining_route
-from foresee_dsl.derive.clipping.trigger_state import Script, Told, held_back, script_at
+from foresee_dsl.derive.clipping.snapshot import front, has_passed, present, remaining_route
+from foresee_dsl.derive.clipping.triggers import at_once, triggers_at
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
+from foresee_dsl.language import model as m
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.model import (
-    Action,
-    Actor,
-    ActorItem,
-    ChangesSpeed,
-    Clip,
-    ClipItem,
-    Comparison,
-    CruiseSpeed,
-    Delay,
-    EdgeRoute,
-    Ego,
-    Goal,
-    IgnoresRule,
-    Line,
-    Measure,
-    Meets,
-    MeetsState,
-    Path,
-    Point,
-    Quantity,
-    Recorded,
-    Risk,
-    SignalState,
-    Starts,
-    State,
-    Steers,
-    Stops,
-    Timing,
-    Value,
-    Walked,
-    When,
-    Window,
-)
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.traversal import all_actions, word_of
+from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.language.units import Dimension
 from foresee_dsl.simulate.actors.speed_orders import MET_M
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, ActorInfo, Trace, X, Y
+from foresee_dsl.simulate.triggers.record import ActorOrders
 
 DIGITS = 4
 """Decimals of metres, m/s and degrees in a clip. Ours, measured on the 65 clips of the bundled scenarios: with 3, the
-driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 everybody stays within 1 cm, with 6 exactly."""
+driver decides otherwise in 5 of them (up to 0.64 m after 10 s); with 4 all actors stay within 1 cm, with 6 exactly."""
 RECORDED_EVERY_S = 0.05
 """The ego's states of a hand-over: at each frame. Ours: with every second one it is millimetres off in between."""
 PLANS_EVERY_S = 0.2
@@ -82,7 +48,7 @@ def clip(
     name: str,
     parent: str,
     handover_s: float = 0.0,
-) -> Clip:
+) -> m.Clip:
     """Make the clip of the window [point - before_s, point + after_s], bounded by the run.
 
     Args:
@@ -99,7 +65,8 @@ def clip(
         The clip, without a fidelity line (see `fidelity.with_fidelity`).
 
     Raises:
-        ValueError: the trace has no such frame, or the hand-over ends less than `DRIVES_S` before the risky point.
+        ValueError: the trace has no such frame, does not say what its triggers did, or is of another scenario; or the
+            hand-over ends less than `DRIVES_S` before the risky point.
     """
     if not 0 <= point.frame < trace.frames:
         raise ValueError(f"the run has {trace.frames} frames, none is {point.frame}")
@@ -112,12 +79,12 @@ def clip(
     if handover_s > 0:
         first -= first % round(PLANS_EVERY_S / STEP_S)
     last = min(trace.frames - 1, point.frame + round(after_s / STEP_S))
-    return Clip(
+    return m.Clip(
         name=name,
         parent=parent,
         case=case.id.partition("::")[2] or None,
         pin=pin_of(case),
-        body=_body(case, trace, point, first, last, round(handover_s / STEP_S) if first else 0),
+        body=_body(case, trace, point, (first, last), round(handover_s / STEP_S) if first else 0),
     )
 
 
@@ -143,251 +110,258 @@ def goal(trace: Trace, first: int, last: int) -> tuple[float, float]:
 
 
 def _body(
-    case: TestCase, trace: Trace, point: RiskyPoint, first: int, last: int, handover: int
-) -> tuple[ClipItem, ...]:
-    start_s = float(trace.time_s[first])
-    here = present(trace, first)
-    gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
-    script = script_at(case.scenario, trace, first)
-    written = authored(case.scenario)
-    running, taken = under_way(script, trace)
-    later = [*running, *script.pending]
-    later += held_back(script, later)
-    waiting = frozenset(a.actor for when in later for a in all_actions(when.actions) if isinstance(a, Starts))
-    resumed = [when for k in here if k for when in _resumed(trace, k, first, script, waiting, taken)]
-    resumed += [when for k in here if k for when in _kept(trace.actors[k], written, script)]
-    actors = [_actor(trace, k, first, written, script, waiting, taken) for k in here if k]
+    case: TestCase, trace: Trace, point: RiskyPoint, window: tuple[int, int], handover: int
+) -> tuple[m.ClipItem, ...]:
+    first, last = window
+    begins = _Beginning(case, trace, first)
     return (
-        Window(start=_seconds(start_s), end=_seconds(float(trace.time_s[last]))),
-        Risk(
+        m.Window(start=_seconds(float(trace.time_s[first])), end=_seconds(float(trace.time_s[last]))),
+        m.Risk(
             text=point.why.replace('"', "'"),
             at=_seconds(float(trace.time_s[point.frame])),
-            actor=point.actor if point.actor and point.actor not in gone else None,
+            actor=point.actor if point.actor and point.actor not in begins.gone else None,
         ),
-        _ego(case, trace, first, min(first + handover, last)),
-        Goal(at=_at(goal(trace, first, last))),
-        *actors,
-        *_signals(trace, first),
-        *resumed,
-        *later,
+        begins.ego(min(first + handover, last)),
+        m.Goal(at=_at(goal(trace, first, last))),
+        *begins.actors(),
+        *begins.signals(),
+        *begins.whens(),
     )
 
 
-# --- actors ----------------------------------------------------------------------------------------------------------
+class _Beginning:
+    """What a clip says of its first frame."""
 
+    def __init__(self, case: TestCase, trace: Trace, frame: int) -> None:
+        self._trace, self._frame, self._now_s = trace, frame, float(trace.time_s[frame])
+        self._ego: m.Ego | None = None
+        self._written: dict[str, m.Actor] = {}
+        for item in case.scenario.body:
+            match item:
+                case m.Ego():
+                    self._ego = item
+                case m.Actor():
+                    self._written[item.name] = item
+                case m.When() | m.SignalState() | m.Traffic() | m.End():
+                    pass  # said of this frame: triggers, what signals show, each actor of the traffic, the window
+                case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
+                    pass  # a clip has its parent's (see `language.project.expand.expand_clip`)
+                case m.Doc() | m.Param() | m.Require() | m.Case() | m.Cases():
+                    pass  # about the parent's text and its parameters, which have values here
+                case _:
+                    assert_never(item)
+        self._triggers = triggers_at(case.scenario, trace, frame)
+        self.gone = self._triggers.moment.gone
+        self._others = present(trace, frame)[1:]
+        running, self._taken = self._triggers.under_way()
+        later = (*running, *self._triggers.pending())
+        self._later = (*later, *self._triggers.held_back(later))
+        started = (a.actor for when in self._later for a in all_actions(when.actions) if isinstance(a, m.Starts))
+        self._waiting = frozenset(started)
 
-def _ego(case: TestCase, trace: Trace, frame: int, drives_from: int) -> Ego:
-    info = trace.actors[0]
-    authored_ego = case.scenario.one(Ego)
-    kept = [item for item in (authored_ego.body if authored_ego else ()) if isinstance(item, CruiseSpeed)]
-    route = remaining_route(trace, 0, frame)
-    body: list[ActorItem] = [EdgeRoute(edges=route)] if route else []
-    return Ego(
-        model=info.model, state=_state(trace, 0, frame), body=(*body, *kept, *_recorded(trace, frame, drives_from))
-    )
+    def ego(self, drives_from: int) -> m.Ego:
+        """Return the ego, with the states that it follows up to the frame from which its driver drives."""
+        trace, first = self._trace, self._frame
+        kept = [item for item in (self._ego.body if self._ego else ()) if isinstance(item, m.CruiseSpeed)]
+        route = remaining_route(trace, 0, first)
+        step = round(RECORDED_EVERY_S / STEP_S)
+        frames = [*range(first + step, drives_from, step), drives_from] if drives_from > first else []
+        recorded = (m.Recorded(time=_seconds((k - first) * STEP_S), state=_state(trace, 0, k)) for k in frames)
+        body: list[m.ActorItem] = [m.EdgeRoute(edges=route)] if route else []
+        return m.Ego(model=trace.actors[0].model, state=_state(trace, 0, first), body=(*body, *kept, *recorded))
 
+    def actors(self) -> list[m.Actor]:
+        """Return the other actors that are there."""
+        return [self._actor(k) for k in self._others]
 
-def _recorded(trace: Trace, first: int, drives_from: int) -> tuple[Recorded, ...]:
-    """Return the ego's states after a frame, up to that from which its driver drives."""
-    step = round(RECORDED_EVERY_S / STEP_S)
-    frames = [*range(first + step, drives_from, step), drives_from] if drives_from > first else []
-    return tuple(Recorded(time=_seconds((k - first) * STEP_S), state=_state(trace, 0, k)) for k in frames)
+    def signals(self) -> list[m.SignalState]:
+        """Return what the signals show."""
+        trace, frame = self._trace, self._frame
+        return [
+            m.SignalState(
+                junction=junction,
+                stage=trace.signal_stages[k][int(trace.stages[frame, k])],
+                elapsed=_seconds(float(trace.elapsed[frame, k])),
+            )
+            for k, junction in enumerate(trace.signals)
+        ]
 
+    def whens(self) -> list[m.When]:
+        """Return what actors take up at once, and the triggers."""
+        resumed = [self._resumed(k) for k in self._others]
+        kept = [self._ends_keeping(k) for k in self._others]
+        return [when for when in (*resumed, *kept) if when is not None] + list(self._later)
 
-def _actor(
-    trace: Trace,
-    actor: int,
-    frame: int,
-    written: dict[str, Actor],
-    script: Script,
-    waiting: frozenset[str],
-    taken: frozenset[tuple[str, str]],
-) -> Actor:
-    info, now_s = trace.actors[actor], float(trace.time_s[frame])
-    source, told = written.get(info.id), script.of(info.id)
-    return Actor(
-        kind=_kind(info),
-        name=info.id,
-        model=info.model,
-        state=_state(trace, actor, frame, _timing(source)),
-        body=(
-            *_way(trace, actor, frame),
-            *_speed(info, source, told),
-            *_rules(trace, actor, frame, source, replace(told, command=None) if (info.id, "speed") in taken else told),
-            *_offsets(source, told, now_s, waits=info.id in waiting, on_path=bool(info.path)),
-        ),
-    )
+    def _source(self, actor: str) -> tuple[m.ActorItem, ...]:
+        """Return what the scenario says of an actor, nothing of one of the background traffic."""
+        written = self._written.get(actor)
+        return written.body if written else ()
+
+    def _actor(self, k: int) -> m.Actor:
+        info, orders = self._trace.actors[k], self._triggers.told(self._trace.actors[k].id)
+        source = self._source(info.id)
+        timing = next((si_of(item.factor) for item in source if isinstance(item, m.Timing)), 1.0)
+        cruise = self._cruise(info, orders) if orders.keeps_mps is None else _quantity(orders.keeps_mps, "speed")
+        carried = (found for item in source for found in self._carried(item, info, orders))
+        return m.Actor(
+            kind=_kind(info),
+            name=info.id,
+            model=info.model,
+            state=_state(self._trace, k, self._frame, timing if timing > 0 else 1.0),
+            body=(
+                *self._way(k),
+                *((m.CruiseSpeed(speed=cruise),) if cruise is not None else ()),
+                *self._rules(k, orders),
+                *carried,
+            ),
+        )
+
+    def _way(self, k: int) -> tuple[m.ActorItem, ...]:
+        info = self._trace.actors[k]
+        if info.path:
+            along = float(self._trace.along[self._frame, k])
+            walked = m.Walked(along=_quantity(0.0 if math.isnan(along) else along, "length"))
+            return m.Path(points=tuple(_at(p) for p in info.path)), walked
+        route = remaining_route(self._trace, k, self._frame)
+        return (m.EdgeRoute(edges=route),) if route else ()
+
+    def _cruise(self, info: ActorInfo, orders: ActorOrders) -> m.Value | None:
+        """Return what an actor drives where nothing hinders it: as told last, as its author wrote, or as it does."""
+        if orders.cruise is not None:
+            return orders.cruise
+        written = next((item.speed for item in self._source(info.id) if isinstance(item, m.CruiseSpeed)), None)
+        return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
+
+    def _rules(self, k: int, orders: ActorOrders) -> tuple[m.IgnoresRule | m.MeetsState, ...]:
+        """Return what is ignored and who is met, without what is over because the junction lies behind."""
+        name = self._trace.actors[k].id
+        items: list[m.IgnoresRule | m.MeetsState] = [i for i in self._source(name) if isinstance(i, m.IgnoresRule)]
+        items += [m.IgnoresRule(what=i.what, junction=i.junction) for i in orders.ignores]
+        meets = orders.speed.action if orders.speed and orders.keeps_mps is None else None
+        if isinstance(meets, m.Meets) and (name, "speed") not in self._taken:
+            state = m.MeetsState(other=meets.other, junction=meets.junction, gap=meets.gap, order=meets.order)
+            items.append(state)
+        passed = [i.junction and has_passed(self._trace, k, word_of(i.junction), self._frame) for i in items]
+        return tuple(dict.fromkeys(item for item, over in zip(items, passed, strict=True) if not over))
+
+    def _carried(self, item: m.ActorItem, info: ActorInfo, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
+        """Return what the author or a mutation gave an actor, with times counted from the clip's beginning."""
+        match item:
+            case m.Timing():
+                return (item,)
+            case m.Line():
+                return () if info.path else (item,)  # a path has it in its points
+            case m.Delay():
+                if info.id in self._waiting:  # it begins when the actor is started
+                    return (item,)
+                left_s = si_of(item.time) - (self._now_s - (orders.started_s or 0.0))
+                return (m.Delay(time=_seconds(left_s)),) if left_s > 0 else ()
+            case m.Steers():
+                return _steers_left(item, self._now_s)
+            case (
+                # Triggers may have changed it: see `_cruise` and `_rules`.
+                m.CruiseSpeed()
+                | m.IgnoresRule()
+                | m.MeetsState()
+                # The trace says where it is, how fast, and which way is left.
+                | m.Route()
+                | m.EdgeRoute()
+                | m.Path()
+                | m.Walked()
+                | m.StartAt()
+                | m.StartSpeed()
+                | m.GoalAt()
+                # Of the ego only, and over.
+                | m.Recorded()
+            ):
+                return ()
+            case _:
+                assert_never(item)
+
+    def _resumed(self, k: int) -> m.When | None:
+        """Return a trigger that takes up at once what an actor is in the middle of: a stop, a change of speed or lane.
+
+        What a sequence waits for is taken up there.
+        """
+        again: list[m.Action] = []
+        name = self._trace.actors[k].id
+        orders = self._triggers.told(name)
+        if orders.speed is not None:
+            action = orders.speed.action
+            if isinstance(action, m.ChangesSpeed | m.Stops) and (name, "speed") not in self._taken:
+                left = self._triggers.rest_of(action, orders.speed.since_s)
+                again += [left] if left else []
+        elif orders.cruise is not None and name in self._waiting:
+            again.append(m.ChangesSpeed(actor=name, to=orders.cruise))  # it moves, although it was not started yet
+        lane = None if (name, "lane") in self._taken else orders.lane
+        if lane is not None and self._triggers.still_to_change(name, lane.since_s):
+            again.append(lane.action)
+        return at_once(*again) if again else None
+
+    def _ends_keeping(self, k: int) -> m.When | None:
+        """Return the trigger that gives an actor its own speed back, which keeps another where it meets somebody."""
+        info = self._trace.actors[k]
+        orders = self._triggers.told(info.id)
+        meets = orders.speed.action if orders.speed else None
+        cruise = self._cruise(info, orders)
+        if orders.keeps_mps is None or not isinstance(meets, m.Meets) or cruise is None:
+            return None
+        room = m.Measure(what="distance", actor=info.id, other=meets.junction)
+        inside = m.Comparison(left=room, op="<=", right=_quantity(-MET_M, "length"))
+        return m.When(condition=inside, actions=(m.ChangesSpeed(actor=info.id, to=cruise),))
 
 
 def _kind(info: ActorInfo) -> Literal["vehicle", "bicycle", "pedestrian", "obstacle"]:
-    if info.kind == "bicycle":
-        return "bicycle"
-    if info.kind == "pedestrian":
-        return "pedestrian"
-    return "obstacle" if info.kind == "obstacle" else "vehicle"
+    match info.kind:
+        case "bicycle" | "pedestrian" | "obstacle":
+            return info.kind
+        case _:
+            return "vehicle"
 
 
-def _timing(source: Actor | None) -> float:
-    """Return the factor on an actor's speeds that its author wrote."""
-    found = next((item.factor for item in (source.body if source else ()) if isinstance(item, Timing)), None)
-    return found.si if isinstance(found, Quantity) and found.si > 0 else 1.0
-
-
-def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> State:
+def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State:
     info, row = trace.actors[actor], trace.states[frame, actor]
     wheels = info.kind in VEHICLE_KINDS  # placed by the front; a pedestrian or an obstacle by its middle
     acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
     heading = math.remainder(float(row[HEADING]), math.tau)
-    return State(
+    return m.State(
         at=_at(front(trace, actor, frame) if wheels else (float(row[X]), float(row[Y]))),
         heading=_quantity(heading, "angle"),
         speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed that a file says
-        # A path-follower's acceleration decides nothing, as its speed is given; SUMO goes on from a vehicle's.
+        # A path-follower's acceleration decides nothing, as its speed is given; SUMO continues from a vehicle's.
         acceleration=_unless_zero(acceleration, "acceleration") if wheels and not info.path else None,
         steer=_unless_zero(steer, "angle") if actor == 0 else None,
     )
 
 
-def _way(trace: Trace, actor: int, frame: int) -> tuple[ActorItem, ...]:
-    info = trace.actors[actor]
-    if info.path:
-        points, along = tuple(_at(p) for p in info.path), float(trace.along[frame, actor])
-        return Path(points=points), Walked(along=_quantity(0.0 if math.isnan(along) else along, "length"))
-    route = remaining_route(trace, actor, frame)
-    return (EdgeRoute(edges=route),) if route else ()
-
-
-def _speed(info: ActorInfo, source: Actor | None, told: Told) -> tuple[ActorItem, ...]:
-    """Return the cruise speed: what it keeps near a junction, or what it drives otherwise."""
-    cruise = _cruise(info, source, told) if told.keeps_mps is None else _quantity(told.keeps_mps, "speed")
-    return (CruiseSpeed(speed=cruise),) if cruise is not None else ()
-
-
-def _cruise(info: ActorInfo, source: Actor | None, told: Told) -> Value | None:
-    """Return what it was told last, what the author wrote, or what it drives."""
-    if told.cruise is not None:
-        return told.cruise
-    written = next((item.speed for item in (source.body if source else ()) if isinstance(item, CruiseSpeed)), None)
-    return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
-
-
-def _rules(
-    trace: Trace, actor: int, frame: int, source: Actor | None, told: Told
-) -> tuple[IgnoresRule | MeetsState, ...]:
-    """Return what is ignored and who is met, without what is over because the junction lies behind."""
-    items: list[IgnoresRule | MeetsState] = [
-        item for item in (source.body if source else ()) if isinstance(item, IgnoresRule)
-    ]
-    items += [IgnoresRule(what=i.what, junction=i.junction) for i in told.ignores]
-    if told.command and isinstance(m := told.command[0], Meets) and told.keeps_mps is None:
-        items.append(MeetsState(other=m.other, junction=m.junction, gap=m.gap, order=m.order))
-    in_force = [i for i in items if i.junction is None or not has_passed(trace, actor, word_of(i.junction), frame)]
-    return tuple(dict.fromkeys(in_force))
-
-
-def _offsets(source: Actor | None, told: Told, now_s: float, *, waits: bool, on_path: bool) -> tuple[ActorItem, ...]:
-    """Return what a mutation (or the author) gave the actor, with times counted from the window's beginning."""
-    kept: list[ActorItem] = []
-    for item in source.body if source else ():
-        if isinstance(item, Timing) or (isinstance(item, Line) and not on_path):  # a path has it in its points
-            kept.append(item)
-        elif isinstance(item, Delay) and isinstance(item.time, Quantity):
-            left_s = item.time.si - (now_s - (told.started_s or 0.0))
-            if waits:  # the delay begins when it is started
-                kept.append(item)
-            elif left_s > 0:
-                kept.append(Delay(time=_seconds(left_s)))
-        elif isinstance(item, Steers):
-            kept += _steers_left(item, now_s)
-    return tuple(kept)
-
-
-def _steers_left(item: Steers, now_s: float) -> list[ActorItem]:
-    start_s = item.start.si if isinstance(item.start, Quantity) else 0.0
-    if not isinstance(item.duration, Quantity):
-        left = None
-    else:
-        left = min(item.duration.si, start_s + item.duration.si - now_s)
-        if left <= 0:
-            return []
-    return [
-        Steers(
-            value=item.value,
-            start=_seconds(max(0.0, start_s - now_s)),
-            duration=None if left is None else _seconds(left),
-        )
-    ]
-
-
-# --- script and signals ----------------------------------------------------------------------------------------------
-
-
-def _resumed(
-    trace: Trace,
-    actor: int,
-    frame: int,
-    script: Script,
-    waiting: frozenset[str],
-    taken: frozenset[tuple[str, str]],
-) -> tuple[When, ...]:
-    """Return a trigger that takes up at once what an actor is in the middle of: a stop, a change of speed or lane.
-
-    What a sequence waits for is `taken` up there.
-    """
-    again: list[Action] = []
-    name = trace.actors[actor].id
-    told = script.of(name)
-    action, since_s = told.command or (None, 0.0)
-    if isinstance(action, ChangesSpeed | Stops) and (name, "speed") not in taken:
-        left = rest_of(trace, actor, frame, action, since_s)
-        again += [left] if left else []
-    elif action is None and told.cruise is not None and name in waiting:
-        again.append(ChangesSpeed(actor=name, to=told.cruise))  # it moves, although nobody has started it yet
-    if told.lane and (name, "lane") not in taken and still_to_change(trace, actor, frame, told.lane[1]):
-        again.append(told.lane[0])
-    return (at_once(*again),) if again else ()
-
-
-def _kept(info: ActorInfo, written: dict[str, Actor], script: Script) -> tuple[When, ...]:
-    """Return the trigger that ends what an actor keeps its speed for, where it meets another."""
-    told = script.of(info.id)
-    meets = told.command[0] if told.command else None
-    cruise = _cruise(info, written.get(info.id), told)
-    if told.keeps_mps is None or not isinstance(meets, Meets) or cruise is None:
-        return ()
-    inside = Comparison(
-        left=Measure(what="distance", actor=info.id, other=meets.junction), op="<=", right=_quantity(-MET_M, "length")
-    )
-    return (When(condition=inside, actions=(ChangesSpeed(actor=info.id, to=cruise),)),)
-
-
-def _signals(trace: Trace, frame: int) -> tuple[SignalState, ...]:
-    return tuple(
-        SignalState(
-            junction=junction,
-            stage=trace.signal_stages[k][int(trace.stages[frame, k])],
-            elapsed=_seconds(float(trace.elapsed[frame, k])),
-        )
-        for k, junction in enumerate(trace.signals)
-    )
+def _steers_left(item: m.Steers, now_s: float) -> tuple[m.Steers, ...]:
+    start_s = 0.0 if item.start is None else si_of(item.start)
+    left = None
+    if item.duration is not None:
+        length_s = si_of(item.duration)
+        left_s = min(length_s, start_s + length_s - now_s)
+        if left_s <= 0:
+            return ()
+        left = _seconds(left_s)
+    return (m.Steers(value=item.value, start=_seconds(max(0.0, start_s - now_s)), duration=left),)
 
 
 # --- values ----------------------------------------------------------------------------------------------------------
 
 
-def _seconds(value: float) -> Quantity:
+def _seconds(value: float) -> m.Quantity:
     """Two decimals hold every multiple of the step, 0.05 s, exactly."""
-    return Quantity.of(value, "time", 2)
+    return m.Quantity.of(value, "time", 2)
 
 
-def _quantity(value: float, dimension: Dimension) -> Quantity:
-    return Quantity.of(value, dimension, DIGITS)
+def _quantity(value: float, dimension: Dimension) -> m.Quantity:
+    return m.Quantity.of(value, dimension, DIGITS)
 
 
-def _unless_zero(value: float, dimension: Dimension) -> Quantity | None:
+def _unless_zero(value: float, dimension: Dimension) -> m.Quantity | None:
     found = _quantity(0.0 if math.isnan(value) else value, dimension)
     return found if found.value else None
 
 
-def _at(place: tuple[float, float]) -> Point:
-    return Point(x=_quantity(place[0], "length"), y=_quantity(place[1], "length"))
+def _at(place: tuple[float, float]) -> m.Point:
+    return m.Point(x=_quantity(place[0], "length"), y=_quantity(place[1], "length"))

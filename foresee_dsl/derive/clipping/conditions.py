@@ -1,7 +1,8 @@
-"""Says a condition again for a window that begins in the middle of a run.
+"""A condition as a clip has to say it that begins in the middle of a run.
 
-Times count from the window's beginning, what is known of actors that are gone is worked in, and a `for` that had begun
-says `since` when.
+Times count from the clip's beginning, what is known of actors that are gone is put in, and a `for` that had begun says
+`since` when. Since when it holds is read from the run's record; how a condition reads that is looked at from then on is
+the same for any run, so that this is computed here and not recorded.
 """
 
 from __future__ import annotations
@@ -9,32 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
-from foresee_dsl.language.model import (
-    Both,
-    Comparison,
-    Condition,
-    Either,
-    Measure,
-    Not,
-    Point,
-    Predicate,
-    Quantity,
-    Sustained,
-    Within,
-)
+from foresee_dsl.language import model as m
 from foresee_dsl.language.printing.phrases import place as text_of
 from foresee_dsl.language.traversal import mentioned, parts, si_of
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.condition_history import Run
+from foresee_dsl.simulate.triggers.record import Run, Runs
 
-Said = Condition | bool
-"""A condition, or what it is known to be from the window's beginning on."""
+Known = m.Condition | bool
+"""A condition, or what it is known to be from the clip's beginning on."""
 
 
 @dataclass(frozen=True)
 class Moment:
-    """The beginning of a window.
+    """The beginning of a clip.
 
     Attributes:
         time_s: in the run.
@@ -44,69 +34,72 @@ class Moment:
 
     time_s: float
     gone: frozenset[str]
-    places: Mapping[str, Point]
+    places: Mapping[str, m.Point]
 
 
-def restated(
-    condition: Condition, moment: Moment, runs: Mapping[int, Run] | None = None, *, held: bool | None = None
-) -> Said:
-    """Return a condition as the window has to say it: true at the same frames as in the run.
+def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *, held: bool | None = None) -> Known:
+    """Return a condition as the clip has to say it: true at the same frames as in the run.
 
     Args:
         condition: as its author wrote it.
-        moment: the window's beginning.
+        moment: the clip's beginning.
         runs: since when what a `for` is about holds, by the place of the `for` among the condition's `parts`; absent
-            where it does not hold. None for a condition that nobody has looked at yet.
+            where it does not hold. None for a condition that was not looked at yet.
         held: of an `every` or `next`, whether the condition has to be false before it fires; None of what fires once.
             It is exact to the frame as well when the condition is false and when it cannot be said, where that tells
             whether the trigger fires again.
     """
     # The first time that all parts of an `and` are true, all is known. Beside an `or`, a `for` may still be unknown.
     again = held or (
-        held is not None and any(isinstance(part, Either | Not) and _lasts(part) for part in parts(condition))
+        held is not None and any(isinstance(part, m.Either | m.Not) and _lasts(part) for part in parts(condition))
     )
-    return _Teller(moment, runs, again=again).tell(condition, 0, positive=True)
+    return _Rebase(moment, runs, again=again).part(condition, 0, positive=True)
 
 
-class _Teller:
-    def __init__(self, moment: Moment, runs: Mapping[int, Run] | None, *, again: bool) -> None:
+class _Rebase:
+    def __init__(self, moment: Moment, runs: Runs | None, *, again: bool) -> None:
         self._moment, self._runs, self._again = moment, runs, again
 
-    def tell(self, condition: Condition, number: int, *, positive: bool) -> Said:
-        """Say a part; `positive`: it stands under an even number of `not`."""
-        if isinstance(condition, Not):
-            inner = self.tell(condition.condition, number + 1, positive=not positive)
-            return not inner if isinstance(inner, bool) else Not(condition=inner)
-        if isinstance(condition, Sustained):
-            return self._sustained(condition, number, positive=positive)
-        if isinstance(condition, Both | Either):
-            found, after = [], number + 1
-            for part in condition.conditions:
-                found.append(self.tell(part, after, positive=positive))
-                after += sum(1 for _ in parts(part))
-            return both(*found) if isinstance(condition, Both) else either(*found)
-        return self._fact(condition, positive=positive)
+    def part(self, condition: m.Condition, number: int, *, positive: bool) -> Known:
+        """Return a part as the clip says it; `positive`: it is under an even number of `not`."""
+        match condition:
+            case m.Not():
+                inner = self.part(condition.condition, number + 1, positive=not positive)
+                return not inner if isinstance(inner, bool) else m.Not(condition=inner)
+            case m.Sustained():
+                return self._sustained(condition, number, positive=positive)
+            case m.Both() | m.Either():
+                found, after = [], number + 1
+                for part in condition.conditions:
+                    found.append(self.part(part, after, positive=positive))
+                    after += sum(1 for _ in parts(part))
+                return both(*found) if isinstance(condition, m.Both) else either(*found)
+            case m.Comparison() | m.Equals() | m.Predicate() | m.InJunction() | m.Within() | m.Shows():
+                return self._innermost(condition, positive=positive)
+            case _:
+                assert_never(condition)
 
-    def _fact(self, condition: Condition, *, positive: bool) -> Said:
-        if isinstance(condition, Within):
+    def _innermost(self, condition: m.Condition, *, positive: bool) -> Known:
+        if isinstance(condition, m.Within):
             point = self._moment.places.get(_place(condition))
             condition = condition if point is None else condition.model_copy(update={"of": point})
         if mentioned(condition) & self._moment.gone:
-            if isinstance(condition, Predicate):
-                return condition.what == "arrived"  # who has left has; it touches nobody
+            if isinstance(condition, m.Predicate):
+                return condition.what == "arrived"  # an actor that has left has; it touches nothing
             return not positive  # it will never be said, so that it never makes the whole true
-        if isinstance(condition, Comparison) and isinstance(condition.left, Measure) and condition.left.what == "time":
+        left = condition.left if isinstance(condition, m.Comparison) else None
+        if isinstance(condition, m.Comparison) and isinstance(left, m.Measure) and left.what == "time":
             return self._time(condition)
         return condition
 
-    def _time(self, condition: Comparison) -> Said:
+    def _time(self, condition: m.Comparison) -> Known:
         left_s = si_of(condition.right) - self._moment.time_s
         if left_s < -1e-9 or (abs(left_s) <= 1e-9 and condition.op in (">=", "<")):
             return condition.op[0] == ">"
         return condition.model_copy(update={"right": seconds(left_s)})
 
-    def _sustained(self, condition: Sustained, number: int, *, positive: bool) -> Said:
-        inner = self.tell(condition.condition, number + 1, positive=positive)
+    def _sustained(self, condition: m.Sustained, number: int, *, positive: bool) -> Known:
+        inner = self.part(condition.condition, number + 1, positive=positive)
         if inner is False:
             return False
         fresh = condition.model_copy(update={"condition": at_least(0) if inner is True else inner, "since": None})
@@ -114,14 +107,14 @@ class _Teller:
             return fresh if condition.since is None else self._since(fresh, si_of(condition.since))
         run = self._runs.get(number)
         if run is None:
-            return fresh  # it does not hold at the window's first frame either, and so says the window
+            return fresh  # it does not hold at the clip's first frame either, and so says the clip
         left = _frames(si_of(condition.duration)) - _frames_since(run.since_s, self._moment.time_s)
         if inner is True and run.known:
             return at_least(left) if left > 0 else True
         return self._half_way(fresh, run, left, positive=positive)
 
-    def _half_way(self, fresh: Sustained, run: Run, left: int, *, positive: bool) -> Condition:
-        """Say a `for` of which `left` frames are left: `since` says when it began, and that it was false before that.
+    def _half_way(self, fresh: m.Sustained, run: Run, left: int, *, positive: bool) -> m.Condition:
+        """Return a `for` of which `left` frames are left: `since` says when it began, and that it was false before.
 
         Where that is unknown, `since` is as good if only "true" matters; where only "false" does (under `not`), the
         time before the window may be left unknown altogether.
@@ -132,41 +125,41 @@ class _Teller:
             return begun if held or self._again or not positive else fresh
         if not held or not (positive or self._again):
             return fresh
-        return Either(conditions=(begun, fresh)) if self._again and left > 0 else begun
+        return m.Either(conditions=(begun, fresh)) if self._again and left > 0 else begun
 
-    def _since(self, condition: Sustained, time_s: float) -> Sustained:
+    def _since(self, condition: m.Sustained, time_s: float) -> m.Sustained:
         frames = _frames_since(time_s, self._moment.time_s)
         return condition.model_copy(update={"since": seconds(-frames * STEP_S)})
 
 
-def both(*conditions: Said) -> Said:
-    """Return `and`, worked out as far as it is known."""
+def both(*conditions: Known) -> Known:
+    """Return `and`, as far as it is known."""
     left = tuple(c for c in conditions if not isinstance(c, bool))
     if not all(c for c in conditions if isinstance(c, bool)):
         return False
-    return Both(conditions=left) if len(left) > 1 else (left[0] if left else True)
+    return m.Both(conditions=left) if len(left) > 1 else (left[0] if left else True)
 
 
-def either(*conditions: Said) -> Said:
-    """Return `or`, worked out as far as it is known."""
+def either(*conditions: Known) -> Known:
+    """Return `or`, as far as it is known."""
     left = tuple(c for c in conditions if not isinstance(c, bool))
     if any(c for c in conditions if isinstance(c, bool)):
         return True
-    return Either(conditions=left) if len(left) > 1 else (left[0] if left else False)
+    return m.Either(conditions=left) if len(left) > 1 else (left[0] if left else False)
 
 
-def at_least(frames: int) -> Comparison:
+def at_least(frames: int) -> m.Comparison:
     """Return `time >= TIME`."""
-    return Comparison(left=Measure(what="time"), op=">=", right=seconds(frames * STEP_S))
+    return m.Comparison(left=m.Measure(what="time"), op=">=", right=seconds(frames * STEP_S))
 
 
-def seconds(value: float) -> Quantity:
+def seconds(value: float) -> m.Quantity:
     """Return a time with two decimals, which hold every multiple of the step exactly, or more where it needs them."""
-    return Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
+    return m.Quantity.of(value, "time", 2 if abs(round(value, 2) - value) < 1e-7 else 6)
 
 
 def _frames(time_s: float) -> int:
-    """Return how many steps a time takes, as `simulate.watch` counts them."""
+    """Return how many steps a time takes, as `simulate.triggers.condition_history` counts them."""
     return max(0, math.ceil(time_s / STEP_S - 1e-6))
 
 
@@ -175,9 +168,9 @@ def _frames_since(time_s: float, now_s: float) -> int:
     return math.floor((now_s - time_s) / STEP_S + 1e-6)
 
 
-def _lasts(condition: Condition) -> bool:
-    return any(isinstance(part, Sustained) for part in parts(condition))
+def _lasts(condition: m.Condition) -> bool:
+    return any(isinstance(part, m.Sustained) for part in parts(condition))
 
 
-def _place(condition: Within) -> str:
+def _place(condition: m.Within) -> str:
     return "" if condition.of.kind == "named" else text_of(condition.of, frozenset())

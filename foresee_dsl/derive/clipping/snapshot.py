@@ -1,10 +1,9 @@
-"""What a run was doing at one frame: where everyone is, and which way they still have to go."""
+"""What a run was doing at one frame: which actors are there, where, and which way they still have to go."""
 
 from __future__ import annotations
 
 import math
 
-from foresee_dsl.language.model import Actor, Scenario
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 
@@ -23,7 +22,7 @@ def remaining_route(trace: Trace, actor: int, frame: int) -> tuple[str, ...]:
     """Return the edges that an actor has still to drive, the first being the one it is on.
 
     On a junction (or off the lanes) that is the edge it came from, as SUMO wants it. The ego's begins as far back as it
-    does not come to the same edge twice: the line that it follows hangs on where it came from.
+    does not come to the same edge twice: the line that it follows depends on where it came from.
     """
     route = trace.actors[actor].route
     at = 0
@@ -54,8 +53,3 @@ def has_passed(trace: Trace, actor: int, junction: str, frame: int) -> bool:
 def _junction_of(edge: str) -> str:
     """`:j4_3` lies in junction `j4`."""
     return edge[1:].rpartition("_")[0] if edge.startswith(":") else ""
-
-
-def authored(scenario: Scenario) -> dict[str, Actor]:
-    """Return the actors that the scenario names, by name (not those of its background traffic)."""
-    return {actor.name: actor for actor in scenario.all(Actor)}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from foresee_dsl.language.model import Meets, MeetsState
+from foresee_dsl.language.model import Meets
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -105,16 +105,18 @@ class Stop:
 class Meeting:
     """Sets an actor's speed so that it comes to a point when the other was, or will be, there.
 
-    It plans anew every step, and near the junction keeps the speed that it has until it is well inside. The plan hangs
-    on where both are, and that it keeps its speed is an event: a clip that begins in between goes on in the same way.
+    It plans anew every step, and near the junction keeps the speed that it has until it is well inside. The plan
+    depends on where both are only, and that it keeps its speed is recorded: a clip that begins in between continues in
+    the same way.
     """
 
-    def __init__(self, simulation: Simulation, recorder: Recorder, actor: Actor, meets: Meets | MeetsState) -> None:
+    def __init__(self, simulation: Simulation, recorder: Recorder, actor: Actor, meets: Meets) -> None:
         self._simulation, self._recorder, self._actor = simulation, recorder, actor
         self._other, self._junction = simulation.by_id[meets.other], word_of(meets.junction)
         self._points = simulation.progress.meeting(actor, self._other, self._junction)
         self._gap_s = si_of(meets.gap) * (1 if meets.order == "after" else -1)
-        self._committed = False
+        self.keeps_mps: float | None = None
+        """The speed that it keeps since it came near the junction, m/s; None before."""
 
     def update(self, time_s: float) -> bool:
         """See `Command`."""
@@ -122,10 +124,11 @@ class Meeting:
             self._recorder.event(time_s, self._actor.id, "met", {"junction": self._junction})
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
             return False
-        if not self._committed:
-            pace, self._committed = self.asked(), self._near()
+        if self.keeps_mps is None:
+            pace = self.asked()
             self._simulation.order_speed(self._actor, pace)
-            if self._committed:
+            if self._near():
+                self.keeps_mps = pace
                 detail = {"junction": self._junction, "speed_mps": pace}
                 self._recorder.event(time_s, self._actor.id, "keeps_speed", detail)
         return True

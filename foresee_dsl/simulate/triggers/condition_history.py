@@ -5,29 +5,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from foresee_dsl.language.model import Both, Condition, Either, Not, Sustained
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
+from foresee_dsl.simulate.triggers.record import Run, Runs
 from foresee_dsl.simulate.triggers.robustness import Outcome, every, some
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """Since when what a `for` is about holds without a break.
-
-    Under an odd number of `not`, what cannot be said counts as holding: only a `for` that is false can matter there.
-
-    Attributes:
-        since_s: in the run, or before it (`for 2 s since -1.30 s`).
-        known: that it did not hold just before that; False where nobody looked, or it could not be said.
-    """
-
-    since_s: float
-    known: bool
-
 
 Note = Callable[[int, Run | None], None]
 """Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
@@ -58,6 +42,11 @@ class Watch:
         """Whether the condition holds at this frame; what cannot be said does not."""
         outcome = self.look()
         return outcome is not None and outcome.held
+
+    @property
+    def runs(self) -> Runs:
+        """Since when what each `for` is about holds; only of those where it does."""
+        return {number: window.run for number, window in self._windows.items() if window.run is not None}
 
     def _look(self, condition: Condition, number: int, *, positive: bool) -> tuple[Outcome | None, int]:
         """Return the outcome of a part and the number of the part after it (`parts` counts outer ones first).

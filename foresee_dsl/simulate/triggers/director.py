@@ -1,33 +1,19 @@
 """Triggers and what they set off: actors start, stop, change speed or lane, ignore rules, or meet another actor.
 
-Everything that takes effect is noted as an event, with all that is needed to say it again in a clip: `trigger`,
-`rearmed` (the condition of an `every` has ceased to hold), `holds` (with a `watch.Run`) and `lapses` (of what a `for`
-is about), `place` (where a place on somebody's route is), the steps of a sequence (see `sequences`), and what each
-actor does.
+Everything that takes effect is noted as an event: the steps of triggers (see `trigger`), `place` (where a place on an
+actor's route is), and what each actor does. What a clip needs that begins in between is recorded beside them (see
+`record`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Iterable
+from dataclasses import replace
 from itertools import count
-from typing import Any
+from typing import Any, assert_never
 
 from foresee_dsl.compile.placement.starts import lane_kind
-from foresee_dsl.language.model import (
-    Action,
-    ChangesLane,
-    ChangesSpeed,
-    Condition,
-    Ignores,
-    Meets,
-    MeetsState,
-    Starts,
-    Stops,
-    Then,
-    Wait,
-    When,
-)
+from foresee_dsl.language import model as m
 from foresee_dsl.language.printing.phrases import place as text_of
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -35,12 +21,12 @@ from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Meet
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.condition_history import Run, Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.sequences import Doing, Sequence, Where
+from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, add
+from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 
 IN_LANE_M = 0.2
-"""Who is this near to a lane's middle is in it. Ours: the slack that drivers keep in a lane is larger."""
+"""An actor this near to a lane's middle is in the lane. Ours: the slack that drivers keep in a lane is larger."""
 
 
 class Director:
@@ -58,16 +44,11 @@ class Director:
         self._starts: dict[str, float] = {}
         self._bound: list[tuple[Actor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
-        self._do: dict[type, Callable[..., Doing]] = {
-            Meets: self._meets,
-            Ignores: self._ignores,
-            Starts: self._start,
-            ChangesSpeed: self._change_speed,
-            ChangesLane: self._change_lane,
-            Stops: self._stop,
-        }
+        self._orders: dict[str, list[ActorOrders]] = {}
+        # On a route, places depend on where its actor starts.
+        self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
-        self._triggers = [_Trigger(index, when, self) for index, when in enumerate(simulation.scene.whens)]
+        self._triggers = [Trigger(index, when, conditions, self) for index, when in enumerate(simulation.scene.whens)]
 
     def step(self) -> None:
         """Look at the frame that the simulation is at; what follows takes effect in the next step."""
@@ -88,14 +69,40 @@ class Director:
             for trigger in self._triggers:
                 trigger.advance()
             if not self._new:
-                return
+                break
             self._update(self._new)
+        for trigger in self._triggers:
+            trigger.record()
 
-    def _update(self, names: list[str]) -> None:
+    def record(self) -> DirectorRecord:
+        """Return what is recorded of the run so far."""
+        orders = {actor: tuple(states) for actor, states in self._orders.items()}
+        return DirectorRecord(tuple(tuple(trigger.states) for trigger in self._triggers), orders, self._places)
+
+    def _update(self, names: Iterable[str]) -> None:
         for name in list(dict.fromkeys(names)):
             command = self._commands.get(name)
-            if command is not None and not command.update(self._simulation.time_s):
+            if command is None:
+                continue
+            active = command.update(self._simulation.time_s)
+            if not active:
                 del self._commands[name]
+            if isinstance(command, Meeting):
+                self._record_meeting(name, command.keeps_mps, over=not active)
+
+    def _record_meeting(self, actor: str, keeps_mps: float | None, *, over: bool) -> None:
+        orders = self._orders[actor][-1]
+        if over or keeps_mps != orders.keeps_mps:
+            speed, keeps_mps = (None, None) if over else (orders.speed, keeps_mps)
+            add(self._orders[actor], replace(orders, time_s=self._now_s, speed=speed, keeps_mps=keeps_mps))
+
+    def _record_order(self, action: m.Action, actor: str) -> None:
+        states = self._orders.setdefault(actor, [])
+        add(states, (states[-1] if states else ActorOrders()).after(action, self._now_s))
+
+    @property
+    def _now_s(self) -> float:
+        return round(self._simulation.time_s, 6)
 
     # --- what triggers need ----------------------------------------------------------------------------------------
 
@@ -103,27 +110,39 @@ class Director:
         """Note something about a trigger."""
         self._recorder.event(self._simulation.time_s, "", what, detail)
 
-    def watch(self, condition: Condition, index: int, where: Where) -> Watch:
-        """Begin to watch a condition of a trigger (or of one of its steps)."""
-
-        def note(part: int, run: Run | None) -> None:
-            detail = {"index": index, "where": list(where), "part": part}
-            self.event("lapses" if run is None else "holds", detail if run is None else detail | asdict(run))
-
-        return Watch(condition, self._conditions, note)
-
-    def act(self, action: Action) -> Doing:
+    def act(self, action: m.Action) -> IsComplete:
         """Begin an action; what comes back says whether it is complete."""
-        if isinstance(action, Wait):
+        if isinstance(action, m.Wait):
             until = self._simulation.time_s + si_of(action.duration)
             return lambda: self._simulation.time_s >= until - STEP_S / 100
-        if isinstance(action, Then):
+        if isinstance(action, m.Then):
             raise TypeError("a block is no action of its own: `Sequence` goes through it")
+        self._record_order(action, action.actor)
         actor = self._simulation.by_id.get(action.actor)
         if actor is None or not actor.present:  # one of the traffic may have found no room
             return _at_once
-        doing = self._do[type(action)](actor, action)
-        return lambda: not actor.present or doing()
+        complete = self._begin_action(actor, action)
+        return lambda: not actor.present or complete()
+
+    def _begin_action(
+        self, actor: Actor, action: m.Meets | m.Ignores | m.Starts | m.ChangesSpeed | m.ChangesLane | m.Stops
+    ) -> IsComplete:
+        match action:
+            case m.Meets():
+                return self._meet(actor, action)
+            case m.Ignores():
+                self._ignore(actor, action.what, None if action.junction is None else word_of(action.junction))
+                return _at_once
+            case m.Starts():
+                return self._start(actor)
+            case m.ChangesSpeed():
+                return self._change_speed(actor, action)
+            case m.ChangesLane():
+                return self._change_lane(actor, action)
+            case m.Stops():
+                return self._stop(actor, action)
+            case _:
+                assert_never(action)
 
     def _begin(self) -> None:
         for actor in self._simulation.actors[1:]:
@@ -137,16 +156,16 @@ class Director:
                 self._starts[actor.id] = placed.delay_s
             for what, junction in placed.ignores:
                 self._ignore(actor, what, junction)
-            for meets in placed.meets:
+            for state in placed.meets:
+                meets = m.Meets(
+                    actor=actor.id, other=state.other, junction=state.junction, gap=state.gap, order=state.order
+                )
+                self._record_order(meets, actor.id)
                 self._meet(actor, meets)
-        for text, (x, y) in self._places().items():
+        for text, (x, y) in self._places.items():
             self.event("place", {"text": text, "x": x, "y": y})
 
-    def _places(self) -> dict[str, tuple[float, float]]:
-        """Where the places of the triggers' conditions are: on a route they hang on where somebody starts."""
-        return {text_of(place, frozenset()): at for place, at in self._simulation.scene.places.items()}
-
-    def _order(self, actor: Actor, command: Command) -> Doing:
+    def _order(self, actor: Actor, command: Command) -> IsComplete:
         """Give an order; it is over when it is done, or when another one replaces it."""
         self._commands[actor.id] = self._latest[actor.id] = command
         self._new.append(actor.id)
@@ -154,10 +173,7 @@ class Director:
 
     # --- actions ---------------------------------------------------------------------------------------------------
 
-    def _meets(self, actor: Actor, action: Meets) -> Doing:
-        return self._meet(actor, action)
-
-    def _meet(self, actor: Actor, meets: Meets | MeetsState) -> Doing:
+    def _meet(self, actor: Actor, meets: m.Meets) -> IsComplete:
         detail = {
             "other": meets.other,
             "junction": word_of(meets.junction),
@@ -176,10 +192,6 @@ class Director:
         self._latest[actor.id] = meeting
         return lambda: self._latest[actor.id] is not meeting or meeting.complete()
 
-    def _ignores(self, actor: Actor, action: Ignores) -> Doing:
-        self._ignore(actor, action.what, None if action.junction is None else word_of(action.junction))
-        return _at_once
-
     def _ignore(self, actor: Actor, what: str, junction: str | None) -> None:
         self._recorder.event(self._simulation.time_s, actor.id, "ignores", {"what": what, "junction": junction})
         if junction is None:
@@ -187,18 +199,18 @@ class Director:
         else:
             self._bound.append((actor, what, junction))
 
-    def _start(self, actor: Actor, _: Starts) -> Doing:
+    def _start(self, actor: Actor) -> IsComplete:
         self._recorder.event(self._simulation.time_s, actor.id, "starts", {"delay_s": actor.placed.delay_s})
         at = self._starts[actor.id] = self._simulation.time_s + actor.placed.delay_s
         return lambda: self._simulation.time_s >= at - STEP_S / 100
 
-    def _change_speed(self, actor: Actor, action: ChangesSpeed) -> Doing:
+    def _change_speed(self, actor: Actor, action: m.ChangesSpeed) -> IsComplete:
         to, over = si_of(action.to), None if action.over is None else si_of(action.over)
         detail = {"to_mps": to, "over_s": over, "from_mps": actor.speed}
         self._recorder.event(self._simulation.time_s, actor.id, "changes_speed", detail)
         return self._order(actor, Ramp(self._simulation, actor, to * actor.placed.timing, over or 0.0))
 
-    def _change_lane(self, actor: Actor, action: ChangesLane) -> Doing:
+    def _change_lane(self, actor: Actor, action: m.ChangesLane) -> IsComplete:
         side = word_of(action.side)
         self._recorder.event(self._simulation.time_s, actor.id, "changes_lane", {"side": side})
         if actor.id not in self._simulation.world:
@@ -217,7 +229,7 @@ class Director:
             return True
         return actor.lane == target and abs(lane.line.project(*actor.front)[1]) <= IN_LANE_M
 
-    def _stop(self, actor: Actor, action: Stops) -> Doing:
+    def _stop(self, actor: Actor, action: m.Stops) -> IsComplete:
         duration = None if action.duration is None else si_of(action.duration)
         self._recorder.event(self._simulation.time_s, actor.id, "stops", {"duration_s": duration})
         return self._order(actor, Stop(self._simulation, actor, duration))
@@ -240,56 +252,6 @@ class Director:
             return False
         rear = progress.front(actor, frame) - actor.length
         return rear <= span[1] and progress.to_junction(actor, junction, frame) <= BOUND_FROM_M
-
-
-class _Trigger:
-    """One `when`: its condition, and how far what it set off has come.
-
-    When an `every` fires while its own sequence still runs, the sequence starts anew: what the old one has set off goes
-    on until something replaces it, but the rest of its steps do not come any more. While its condition cannot be said,
-    nothing changes.
-    """
-
-    def __init__(self, index: int, when: When, director: Director) -> None:
-        self._index, self._when, self._director = index, when, director
-        self._watch: Watch | None = director.watch(when.condition, index, ())
-        self._held = when.repeat == "next"  # it fires when its condition holds and did not hold before
-        self._follows = any(isinstance(action, Then) for action in when.actions)
-        self._sequence: Sequence | None = None
-
-    def look(self) -> None:
-        if self._watch is None:
-            return
-        outcome = self._watch.look()
-        if outcome is None:  # too early to say, or never: it neither begins to hold nor ceases to
-            return
-        fires, ceased = outcome.held and not self._held, self._held and not outcome.held
-        self._held = outcome.held
-        if ceased:
-            self._director.event("rearmed", {"index": self._index})
-        if fires:
-            if self._when.repeat in (None, "once"):
-                self._watch = None
-            self._director.event("trigger", {"index": self._index})
-            sequence = Sequence(self._when.actions, self)
-            self._sequence = sequence if self._follows else None
-
-    def advance(self) -> None:
-        if self._sequence is not None:
-            self._sequence.advance()
-            if self._sequence.complete:
-                self._sequence = None
-
-    # --- the stage of its sequence ---------------------------------------------------------------------------------
-
-    def begin(self, action: Action) -> Doing:
-        return self._director.act(action)
-
-    def watch(self, condition: Condition, where: Where) -> Watch:
-        return self._director.watch(condition, self._index, where)
-
-    def note(self, what: str, where: Where) -> None:
-        self._director.event(what, {"index": self._index, "where": list(where)})
 
 
 def _at_once() -> bool:

@@ -1,0 +1,279 @@
+"""What a clip says of its parent's triggers: those that may still fire, and the rest of sequences that have begun.
+
+How far the triggers had come, and what they had told each actor, is read from the run's record (`Trace.director`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.derive.clipping.conditions import Moment, both, rebased, seconds
+from foresee_dsl.derive.clipping.snapshot import present
+from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import all_actions, si_of
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
+from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
+
+PLACE_DIGITS = 4
+"""As `derive.clipping.clip.DIGITS`."""
+
+
+@dataclass(frozen=True)
+class Triggers:
+    """The triggers of a run at the beginning of a clip.
+
+    Attributes:
+        trace: the run. frame: at which the clip begins.
+        moment: the same, as conditions need it.
+        whens: the scenario's triggers. states: how far each has come.
+        orders: what they have told each actor.
+        timed: actors with a `timing`, which do not adapt to those that they meet.
+    """
+
+    trace: Trace
+    frame: int
+    moment: Moment
+    whens: tuple[m.When, ...]
+    states: tuple[TriggerState, ...]
+    orders: Mapping[str, ActorOrders]
+    timed: frozenset[str]
+
+    def told(self, actor: str) -> ActorOrders:
+        """Return what an actor was told."""
+        return self.orders.get(actor, ActorOrders())
+
+    def pending(self) -> tuple[m.When, ...]:
+        """Return the triggers that may still fire."""
+        found: list[m.When] = []
+        for when, state in zip(self.whens, self.states, strict=True):
+            again = when.repeat in ("every", "next")
+            if state.fired_s is not None and not again:
+                continue
+            held = state.held if again else None
+            condition = rebased(when.condition, self.moment, state.runs, held=held)
+            actions = self.future(when.actions)
+            if actions and not isinstance(condition, bool):
+                repeat = ("next" if state.held else "every") if again else when.repeat
+                found.append(m.When(repeat=repeat, name=when.name, condition=condition, actions=actions))
+        return tuple(found)
+
+    def under_way(self) -> tuple[tuple[m.When, ...], frozenset[tuple[str, str]]]:
+        """Return triggers that continue the sequences that have begun.
+
+        Returns:
+            The triggers; and what they take up themselves: (actor, `speed`) or (actor, `lane`), so that nothing else
+            does.
+        """
+        found: list[m.When] = []
+        taken: set[tuple[str, str]] = set()
+        for index, (when, state) in enumerate(zip(self.whens, self.states, strict=True)):
+            if state.sequence is None:
+                continue
+            rest = _Rest(self, index)
+            actions = rest.block(when.actions, state.sequence, ())
+            while len(actions) == 1 and isinstance(only := actions[0], m.Then) and only.condition is None:
+                actions = only.actions
+            if any(isinstance(action, m.Then) for action in actions):  # orders alone are taken up actor by actor
+                found.append(at_once(*actions))
+                taken |= rest.taken
+        return tuple(found), frozenset(taken)
+
+    def held_back(self, whens: Iterable[m.When]) -> tuple[m.When, ...]:
+        """Return a trigger that never fires, for the actors that none of `whens` will start any more.
+
+        Without it they would not wait: an actor that no trigger starts moves off by itself.
+        """
+        still = {*_starts(whens), *self.moment.gone}
+        left = [name for name in _starts(self.whens) if name not in still and self.told(name).started_s is None]
+        never = m.Comparison(left=m.Measure(what="time"), op="<", right=seconds(0.0))
+        return (m.When(condition=never, actions=tuple(m.Starts(actor=name) for name in left)),) if left else ()
+
+    def future(self, actions: Iterable[m.Action], until: m.Condition | bool = True) -> tuple[m.Action, ...]:
+        """Return actions that have not begun as the clip has to say them; `until`: what each step waits for besides.
+
+        Those of actors that are gone are left out, and starts of actors that have been started: they would wait for it.
+        What comes `then` once a condition holds that never will is left out with all that comes after it.
+        """
+        found: list[m.Action] = []
+        for action in actions:
+            if not isinstance(action, m.Then):
+                found += [] if self._is_over(action) else [action]
+                continue
+            wanted = True if action.condition is None else rebased(action.condition, self.moment)
+            condition = both(wanted, until)
+            if condition is False:
+                break
+            inner = self.future(action.actions, until)
+            found.append(_then(condition, inner))
+        return trimmed(found)
+
+    def _is_over(self, action: m.Action) -> bool:
+        if isinstance(action, m.Wait | m.Then):
+            return False
+        gone = self.moment.gone
+        started = isinstance(action, m.Starts) and self.told(action.actor).started_s is not None
+        return started or action.actor in gone or getattr(action, "other", None) in gone
+
+    def rest_of(self, action: m.ChangesSpeed | m.Stops, since_s: float) -> m.ChangesSpeed | m.Stops | None:
+        """Return what is left of a change of speed or a stop that began at a time, None where it is over."""
+        if isinstance(action, m.Stops):
+            return self._rest_of_stop(action, since_s)
+        if not isinstance(action.over, m.Quantity):
+            return action
+        left_s = since_s + action.over.si - self.moment.time_s
+        return action.model_copy(update={"over": seconds(left_s)}) if left_s > 1e-6 else None
+
+    def _rest_of_stop(self, stop: m.Stops, since_s: float) -> m.Stops | None:
+        """Return what is left of a stop, None where it is over: its time counts from when the actor stands.
+
+        Since when it stands is told by the recorded speeds; the director would only say the same once more.
+        """
+        if not isinstance(stop.duration, m.Quantity):
+            return stop
+        trace, began = self.trace, self.trace.frame_at(since_s)
+        speeds = trace.states[began : self.frame + 1, trace.index(stop.actor), SPEED]
+        stands = np.flatnonzero(speeds < STANDS_MPS)
+        stood_s = float(trace.time_s[self.frame] - trace.time_s[began + stands[0]]) if stands.size else 0.0
+        left_s = stop.duration.si - stood_s
+        return m.Stops(actor=stop.actor, duration=seconds(left_s)) if left_s > 1e-6 else None
+
+    def still_to_change(self, actor: str, since_s: float) -> bool:
+        """Say whether an actor is still on the lane on which it was asked to change: SUMO has not begun the change."""
+        lanes = self.trace.lanes[self.trace.frame_at(since_s) : self.frame + 1, self.trace.index(actor)]
+        return bool(lanes.size and lanes[0] >= 0 and (lanes == lanes[0]).all())
+
+
+def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
+    """Return the triggers of a run at a frame.
+
+    Raises:
+        ValueError: the trace does not say what its triggers did, or is of another scenario.
+    """
+    record, whens, now_s = trace.director, scenario.all(m.When), float(trace.time_s[frame])
+    if record is None:
+        raise ValueError(
+            "the trace does not say what its triggers did: it is of an earlier version; run the test case again"
+        )
+    if len(record.triggers) != len(whens):
+        raise ValueError(f"the trace is of another scenario: {len(record.triggers)} triggers, here {len(whens)}")
+    here = present(trace, frame)
+    gone = frozenset(info.id for k, info in enumerate(trace.actors) if k not in here)
+    timed = (a.name for a in scenario.all(m.Actor) if any(isinstance(item, m.Timing) for item in a.body))
+    return Triggers(
+        trace=trace,
+        frame=frame,
+        moment=Moment(now_s, gone, _places(record)),
+        whens=whens,
+        states=record.triggers_at(now_s),
+        orders=record.orders_at(now_s),
+        timed=frozenset(timed),
+    )
+
+
+def at_once(*actions: m.Action) -> m.When:
+    """Return a trigger that fires at the first frame."""
+    return m.When(condition=m.Comparison(left=m.Measure(what="time"), op=">=", right=seconds(0.0)), actions=actions)
+
+
+class _Rest:
+    """What is left of one trigger's sequence."""
+
+    def __init__(self, triggers: Triggers, index: int) -> None:
+        self._triggers, self._index = triggers, index
+        self._now_s = triggers.moment.time_s
+        record = triggers.trace.director or DirectorRecord()
+        self._completes_after = record.completes_after
+        again_s = record.fires_after(index, self._now_s)
+        # Steps of the sequence come until then: it starts anew.
+        self._until: m.Condition | bool = (
+            m.Comparison(left=m.Measure(what="time"), op="<", right=seconds(again_s - self._now_s))
+            if again_s is not None
+            else True
+        )
+        self.taken: set[tuple[str, str]] = set()
+
+    def block(self, actions: tuple[m.Action, ...], state: BlockState, place: Place) -> tuple[m.Action, ...]:
+        """Return the rest of a block that has begun."""
+        found: list[m.Action] = []
+        for k, action in enumerate(actions):
+            if k in state.complete:
+                continue
+            if not isinstance(action, m.Then):
+                found += self._action(action, state.began_s, (*place, k))
+            elif k in state.inner:
+                inner = self.block(action.actions, state.inner[k], (*place, k))
+                # Orders alone need no block of their own: what comes next waits for them here too.
+                follows = any(isinstance(step, m.Then) for step in inner)
+                found += [m.Then(actions=inner)] if follows else inner
+            else:
+                condition = self._condition(action, state.waits.get(k))
+                if condition is False:
+                    break
+                found.append(_then(condition, self._triggers.future(action.actions, self._until)))
+        return trimmed(found)
+
+    def _condition(self, then: m.Then, runs: Runs | None) -> m.Condition | bool:
+        """Return what a step that has not begun waits for."""
+        wanted: m.Condition | bool = True
+        if then.condition is not None:
+            wanted = rebased(then.condition, self._triggers.moment, runs)
+        return both(wanted, self._until)
+
+    def _action(self, action: m.Action, since_s: float, place: Place) -> list[m.Action]:
+        """Return what is left of an action that is not complete: the rest of it, or the time until its end."""
+        if isinstance(action, m.Wait):
+            end_s = since_s + si_of(action.duration)
+            return [m.Wait(duration=seconds(max(0.0, end_s - self._now_s)))]
+        left = self._order(action, since_s)
+        if left is not None:
+            self.taken.add((left.actor, "lane" if isinstance(left, m.ChangesLane) else "speed"))
+            return [left]
+        # It continues by itself (a lane is half changed, a junction half crossed): its end is known from the run.
+        completes_s = self._completes_after(self._index, place, self._now_s)
+        after_run_s = float(self._triggers.trace.time_s[-1]) + STEP_S
+        return [m.Wait(duration=seconds((after_run_s if completes_s is None else completes_s) - self._now_s))]
+
+    def _order(self, action: m.Action, since_s: float) -> m.ChangesSpeed | m.Stops | m.Meets | m.ChangesLane | None:
+        """Return an order to give again."""
+        match action:
+            case m.ChangesSpeed() | m.Stops():
+                return self._triggers.rest_of(action, since_s)
+            case m.ChangesLane():
+                return action if self._triggers.still_to_change(action.actor, since_s) else None
+            case m.Meets():
+                told = self._triggers.told(action.actor)
+                meets = told.speed is not None and told.speed.action == action and told.keeps_mps is None
+                return action if meets and action.actor not in self._triggers.timed else None
+            case m.Ignores() | m.Starts() | m.Wait() | m.Then():
+                return None
+
+
+def _then(condition: m.Condition | bool, inner: tuple[m.Action, ...]) -> m.Then:
+    """Return a step; one in which nothing is left to do still counts for what comes after it."""
+    wait = (m.Wait(duration=seconds(0.0)),)
+    return m.Then(condition=None if isinstance(condition, bool) else condition, actions=inner or wait)
+
+
+def _starts(whens: Iterable[m.When]) -> dict[str, None]:
+    """Return the actors that triggers start, in their order."""
+    return dict.fromkeys(a.actor for when in whens for a in all_actions(when.actions) if isinstance(a, m.Starts))
+
+
+def _places(record: DirectorRecord) -> dict[str, m.Point]:
+    def metres(value: float) -> m.Quantity:
+        return m.Quantity.of(value, "length", PLACE_DIGITS)
+
+    return {text: m.Point(x=metres(x), y=metres(y)) for text, (x, y) in record.places.items()}
+
+
+def trimmed(actions: list[m.Action]) -> tuple[m.Action, ...]:
+    """Leave out the steps at the end in which nothing happens, and waiting that nothing waits for."""
+    while actions and isinstance(last := actions[-1], m.Then) and all(isinstance(a, m.Wait) for a in last.actions):
+        actions.pop()
+    thens = [k for k, action in enumerate(actions) if isinstance(action, m.Then)]
+    last_then = thens[-1] if thens else -1
+    return tuple(a for k, a in enumerate(actions) if k < last_then or not isinstance(a, m.Wait))

@@ -1,0 +1,173 @@
+"""One `when` of a run: whether its condition fires it, and how far the sequence that it set off has come.
+
+Every step is an event: `trigger`, `rearmed` (the condition of an `every` has ceased to hold), `holds` and `lapses` (of
+what a `for` is about), `waits` (a `then when` begins to look at its condition), `then` (a block begins), `complete`.
+All of them say which trigger and where in it. How far it has come is recorded beside them, for clips.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, Protocol
+
+from foresee_dsl.language.model import Action, Condition, Then, When
+from foresee_dsl.simulate.triggers.condition_history import Watch
+from foresee_dsl.simulate.triggers.conditions import Conditions
+from foresee_dsl.simulate.triggers.record import BlockState, Place, Run, TriggerState, add
+
+IsComplete = Callable[[], bool]
+"""Asked whether an action is complete by now."""
+
+
+class Performer(Protocol):
+    """What a trigger needs of the director."""
+
+    def event(self, what: str, detail: dict[str, Any]) -> None:
+        """Note something about a trigger."""
+        ...
+
+    def act(self, action: Action) -> IsComplete:
+        """Begin an action."""
+        ...
+
+
+class Trigger:
+    """A `when`.
+
+    When an `every` fires while its own sequence is still running, the sequence starts anew: what the old one has set
+    off goes on until something replaces it, but the rest of its steps do not come any more. While its condition cannot
+    be said, nothing changes.
+    """
+
+    def __init__(self, index: int, when: When, conditions: Conditions, director: Performer) -> None:
+        self._index, self._when, self._conditions, self._director = index, when, conditions, director
+        self.states: list[TriggerState] = []
+        """What is recorded of it."""
+        self._changed = True
+        self._watch: Watch | None = self.watch(when.condition, ())
+        self._held = when.repeat == "next"  # it fires when its condition holds and did not hold before
+        self._fired_s: float | None = None
+        self._follows = any(isinstance(action, Then) for action in when.actions)
+        self._sequence: Sequence | None = None
+        self.record()
+
+    def look(self) -> None:
+        """Look at the condition at this frame; fire when it begins to hold."""
+        if self._watch is None:
+            return
+        outcome = self._watch.look()
+        if outcome is None:  # too early to say, or never: it neither begins to hold nor ceases to
+            return
+        fires, ceased = outcome.held and not self._held, self._held and not outcome.held
+        self._held = outcome.held
+        if ceased:
+            self._event("rearmed")
+        if fires:
+            if self._when.repeat in (None, "once"):
+                self._watch = None
+            self._event("trigger")
+            self._fired_s = self.now_s
+            sequence = Sequence(self._when.actions, self, ())
+            self._sequence = sequence if self._follows else None
+
+    def advance(self) -> None:
+        """Begin and end what can begin and end at this frame."""
+        if self._sequence is not None:
+            self._sequence.advance()
+            if self._sequence.complete:
+                self._sequence = None
+
+    def record(self) -> None:
+        """Record how far it has come, if that has changed since the last frame."""
+        if self._changed:
+            runs = self._watch.runs if self._watch is not None else {}
+            sequence = self._sequence.state() if self._sequence is not None else None
+            add(self.states, TriggerState(self.now_s, self._fired_s, self._held, runs, sequence))
+            self._changed = False
+
+    # --- what its sequence needs -----------------------------------------------------------------------------------
+
+    @property
+    def now_s(self) -> float:
+        """The time of the frame."""
+        return round(self._conditions.time_s, 6)
+
+    def begin(self, action: Action) -> IsComplete:
+        """Begin an action."""
+        return self._director.act(action)
+
+    def watch(self, condition: Condition, place: Place) -> Watch:
+        """Begin to watch a condition of the trigger (or of the step at `place`)."""
+
+        def note(part: int, run: Run | None) -> None:
+            found = {} if run is None else asdict(run)
+            self._event("lapses" if run is None else "holds", where=list(place), part=part, **found)
+
+        return Watch(condition, self._conditions, note)
+
+    def note(self, what: str, place: Place) -> None:
+        """Note a step as an event."""
+        self._event(what, where=list(place))
+
+    def _event(self, what: str, **detail: Any) -> None:  # noqa: ANN401  JSON values
+        self._director.event(what, {"index": self._index, **detail})
+        self._changed = True
+
+
+class Sequence:
+    """One block of actions that has begun; the blocks inside it follow.
+
+    Plain actions begin at once, wherever they are; each `then` begins when all before it in its block are complete.
+    """
+
+    def __init__(self, actions: tuple[Action, ...], trigger: Trigger, place: Place) -> None:
+        """Begin the block's plain actions."""
+        self._actions, self._trigger, self._place = actions, trigger, place
+        self._began_s = trigger.now_s
+        self._complete: set[int] = set()
+        self._inner: dict[int, Sequence] = {}
+        self._watches: dict[int, Watch] = {}
+        plain = (k for k, action in enumerate(actions) if not isinstance(action, Then))
+        self._doing = {k: trigger.begin(actions[k]) for k in plain}
+
+    @property
+    def complete(self) -> bool:
+        """Whether all of it has come to its end."""
+        return len(self._complete) == len(self._actions)
+
+    def state(self) -> BlockState:
+        """Return how far it has come."""
+        waits = {k: watch.runs for k, watch in self._watches.items() if k not in self._inner}
+        inner = {k: block.state() for k, block in self._inner.items() if k not in self._complete}
+        return BlockState(self._began_s, frozenset(self._complete), waits, inner)
+
+    def advance(self) -> None:
+        """Begin and end what can begin and end at this frame."""
+        for k, action in enumerate(self._actions):
+            if k in self._complete:
+                continue
+            if isinstance(action, Then):
+                if k not in self._inner and not self._begins(k, action):
+                    continue
+                self._inner[k].advance()
+                done = self._inner[k].complete
+            else:
+                done = self._doing[k]()
+            if done:
+                self._complete.add(k)
+                self._trigger.note("complete", (*self._place, k))
+
+    def _begins(self, k: int, then: Then) -> bool:
+        if not self._complete.issuperset(range(k)):
+            return False
+        place = (*self._place, k)
+        if then.condition is not None:
+            if k not in self._watches:
+                self._watches[k] = self._trigger.watch(then.condition, place)
+                self._trigger.note("waits", place)
+            if not self._watches[k].holds():
+                return False
+        self._trigger.note("then", place)
+        self._inner[k] = Sequence(then.actions, self._trigger, place)
+        return True
