@@ -17,7 +17,7 @@ from foresee_dsl.language.checks.values import MEASURED
 from foresee_dsl.language.codes.code import EXAMPLES
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX
-from foresee_dsl.language.syntax.nodes import CHANGEABLE, Node
+from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.language.units import Dimension
 
 _MOST_FILES = 500
@@ -166,12 +166,12 @@ def _changeable(files: Files, path: Path) -> Iterator[Suggestion]:
     """What a `change` can name: an actor's properties, and those of weather, parameters, expectations and the end."""
     for name, found in files.definitions(path, "actor").items():
         if found.occurrence.owner.kind is not m.Traffic:
-            yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in CHANGEABLE["ego"])
-    for owner, kind in (("param", "parameter"), ("expect", "label")):
+            yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in m.PROPERTIES)
+    for word, kind in (("param", "parameter"), ("expect", "label")):
         known = files.definitions(path, cast(SymbolKind, kind)).items()
-        yield from (Suggestion(f"{owner}.{name}", "name", _describe(found)) for name, found in known)
-    for owner, properties in CHANGEABLE.items():
-        yield from (Suggestion(f"{owner}.{what}", "name") for what in properties if owner != "ego")
+        yield from (Suggestion(f"{word}.{name}", "name", _describe(found)) for name, found in known)
+    for name, owner in m.OWNERS.items():
+        yield from (Suggestion(f"{name}.{what}", "name") for what in owner.properties)
 
 
 def _takes_parameter(kind: type[m.Item], field: str) -> bool:

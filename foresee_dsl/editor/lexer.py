@@ -14,7 +14,8 @@ from typing import Any, ClassVar
 from pygments.lexer import RegexLexer, bygroups, words
 from pygments.token import Comment, Keyword, Name, Number, Operator, Punctuation, String, Text, Whitespace, _TokenType
 
-from foresee_dsl.language.keywords import Group, words_of
+from foresee_dsl.language.keywords import words_of
+from foresee_dsl.language.model.item import Group
 from foresee_dsl.language.units import UNITS
 
 TOKENS: MappingProxyType[Group, _TokenType] = MappingProxyType(

@@ -11,7 +11,7 @@ from typing import Literal
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.syntax.nodes import CHANGEABLE, Node
+from foresee_dsl.language.syntax.nodes import Node
 
 SymbolKind = Literal[
     "actor", "junction", "road", "stage", "parameter", "case", "model", "label", "file", "thing", "word"
@@ -116,7 +116,7 @@ def kind_named(node: Node, field: str) -> SymbolKind | None:
         return _DROPPED.get(str(node.fields.get("what")), "actor")
     if owner == "Drop":
         return None
-    if owner == "Change" and field == "actor" and node.fields.get("actor") in CHANGEABLE.keys() - {"ego"}:
+    if owner == "Change" and field == "actor" and node.fields.get("actor") in m.OWNERS:
         return None  # `change weather.rain: ...`
     if owner == "Measure" and field == "other":
         return _MEASURED_TO.get(str(node.fields.get("what")), "thing")

@@ -11,7 +11,8 @@ from types import MappingProxyType
 from typing import Any
 
 from foresee_dsl.editor.lexer import NAME, NAMED_RULE, NUMBER, UNIT
-from foresee_dsl.language.keywords import Group, words_of
+from foresee_dsl.language.keywords import words_of
+from foresee_dsl.language.model.item import Group
 
 FILE = "editors/vscode/syntaxes/foresee.tmLanguage.json"
 """Where the grammar is kept in the repository."""

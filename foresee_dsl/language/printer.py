@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printing.layout import Layout, layout
+from foresee_dsl.language.printing.written import Layout, layout
 from foresee_dsl.language.project.document import Comments
 from foresee_dsl.language.syntax.comments import END, HEADER
 from foresee_dsl.language.syntax.nodes import ANY_NAME, Key

@@ -24,7 +24,7 @@ from pydantic.fields import FieldInfo
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.syntax.grammar import parse_tree, parser
-from foresee_dsl.language.syntax.nodes import ANY_NAME, CHANGEABLE
+from foresee_dsl.language.syntax.nodes import ANY_NAME
 from foresee_dsl.language.traversal import walk
 from foresee_dsl.language.units import UNITS, Dimension
 
@@ -227,13 +227,13 @@ def _some(kind: type[m.Item]) -> Callable[[int], Strategy]:
 
 
 def _changes(depth: int) -> Strategy:
-    owners = st.sampled_from(sorted(CHANGEABLE)) | names
+    owners = st.sampled_from(sorted(["ego", *m.OWNERS])) | names
     return owners.flatmap(
         lambda owner: _builds(
             m.Change,
             depth,
             actor=st.just(owner),
-            property=names if not (known := CHANGEABLE.get(owner, CHANGEABLE["ego"])) else st.sampled_from(known),
+            property=names if not (known := m.changeable_of(owner)) else st.sampled_from(known),
         )
     )
 
@@ -332,7 +332,8 @@ def _plain_word(hint: Any, name: str) -> str:
 def _is_free(hint: Any, word: str) -> bool:
     """Whether a word stands as it is: it is a name, not one of the language's own, and cannot be in quotes."""
     own = (word in get_args(one) for one in alternatives(hint) if get_origin(one) is Literal)
-    return re.fullmatch(NAME_PATTERN, word) is not None and not any(own) and m.Id not in list(alternatives(hint))
+    quoted = {m.Id, m.Word} & set(alternatives(hint))
+    return re.fullmatch(NAME_PATTERN, word) is not None and not any(own) and not quoted
 
 
 # ---- from annotations to strategies ---------------------------------------------------------------------------------
@@ -350,7 +351,7 @@ def of(hint: Any, least: int = 0, *, depth: int = DEEPEST) -> Strategy:
     if origin is Annotated:
         limits = _limits(hint.__metadata__)
         least = max([least, *[limit.min_length for limit in limits if hasattr(limit, "min_length")]])
-        if m.Quantity in list(alternatives(arguments[0])) and any(hasattr(limit, "func") for limit in limits):
+        if m.Quantity in list(alternatives(arguments[0])) and any(isinstance(limit, m.OfDimension) for limit in limits):
             return _validated_quantities(hint)
         return _strings(limits) if arguments[0] is str else of(arguments[0], least, depth=depth)
     if origin is Literal:

@@ -10,7 +10,6 @@ from foresee_dsl.language.keywords import TAKEN
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
-from foresee_dsl.language.syntax.nodes import CHANGEABLE
 from foresee_dsl.language.traversal import walk
 
 _WAYS = ("route", "edge_route", "path")
@@ -39,7 +38,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
             actor = next(item for item, _, n in named if n == "ego")
             findings.add(actor, field, "FS030", "only the ego is called 'ego'", "give this actor another name")
     for actor, field, name in named:
-        if name in TAKEN or name in CHANGEABLE.keys() - {"ego"}:
+        if name in TAKEN or name in m.OWNERS:
             findings.add(actor, field, "FS049", f"'{name}' is a word of the language", "give this actor another name")
     findings.unique([*named, *((g, "name", g.name) for g in groups)], "actors")
     cases = [item for item in body if isinstance(item, m.Case)]

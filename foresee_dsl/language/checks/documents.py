@@ -6,14 +6,12 @@ from collections.abc import Sequence
 
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
-from foresee_dsl.language.changes import OF_A_MUTANT, OWNERS
 from foresee_dsl.language.checks.actors import check_actors
 from foresee_dsl.language.checks.network import check_catalogue, check_network
 from foresee_dsl.language.checks.parameters import check_parameters
 from foresee_dsl.language.checks.values import check_values
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.units import Dimension
 
 
 def check_document(document: Document) -> tuple[Diagnostic, ...]:
@@ -95,16 +93,6 @@ def _ends_early(window: m.Window) -> bool:
 
 # ---- mutants --------------------------------------------------------------------------------------------------------
 
-_CHANGED: dict[str, Dimension] = {
-    "steer": "ratio",
-    "timing": "ratio",
-    "speed": "speed",
-    "delay": "time",
-    "line": "length",
-    "moving": "length",
-}
-_CHANGED_IN: dict[str, Dimension] = {"weather": "ratio", "end": "time"}
-
 
 def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
     if not mutant.changes:
@@ -113,10 +101,11 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
     findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)], "`origin`")
     _check_changes(findings, mutant.changes, parameters=False)
     for change in mutant.changes:
-        if change.actor in OWNERS and change.actor not in OF_A_MUTANT:
-            what = "has no parameters" if change.actor == "param" else "ends with its window"
-            help = f"a mutant changes actors, {' and '.join(f'`{owner}`' for owner in OF_A_MUTANT)}"
-            findings.add(change, "property", "FS006", f"a clip {what}, so nothing of that can change", help)
+        owner = m.OWNERS.get(change.actor)
+        if owner is not None and owner.not_in_clips:
+            others = " and ".join(f"`{name}`" for name, other in m.OWNERS.items() if not other.not_in_clips)
+            message = f"a clip {owner.not_in_clips}, so nothing of that can change"
+            findings.add(change, "property", "FS006", message, f"a mutant changes actors, {others}")
 
 
 def _check_extension(findings: Findings, extension: m.Extension) -> None:
@@ -135,7 +124,7 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
         seen.add(path)
         for side in ("was", "now"):
             _check_changed(findings, change, side, parameters=parameters)
-        if change.property != "steer" or change.actor in OWNERS:
+        if change.property != "steer" or change.actor in m.OWNERS:
             for field in ("start", "duration"):
                 if getattr(change, field) is not None:
                     help = "only `steer` takes times, such as `from 4.00 s for 1.00 s`"
@@ -144,14 +133,14 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
 
 def _check_changed(findings: Findings, change: m.Change, side: str, *, parameters: bool) -> None:
     value: m.Quantity | str = getattr(change, side)
-    if change.actor in OWNERS:
-        needed = _CHANGED_IN.get(change.actor)
+    if change.actor in m.OWNERS:
+        needed = m.OWNERS[change.actor].dimension
     elif change.property == "model":
         if not isinstance(value, str):
             findings.add(change, side, "FS046", "the model of an actor is a name", "such as `car.compact`")
         return
     else:
-        needed = _CHANGED.get(change.property)
+        needed = m.PROPERTIES[change.property].dimension if change.property in m.PROPERTIES else None
     if needed is None:
         return  # of any kind: it is compared with what there is when the files are joined
     if isinstance(value, str):

@@ -8,8 +8,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.printing.phrases import condition as condition_text
-from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
 from foresee_dsl.language.sampling.requirements import holds, violation
 from foresee_dsl.language.traversal import parts
@@ -158,7 +157,7 @@ def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.P
     help = (
         "only parameters are compared here: `require gap < 2 s`; what happens in the world is for `when` and `expect`"
     )
-    findings.add(part, "", "FS052", f"`{condition_text(part)}` is not known before the run", help)
+    findings.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
     return False
 
 

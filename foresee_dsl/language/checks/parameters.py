@@ -10,7 +10,7 @@ from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.syntax.nodes import RESERVED
 from foresee_dsl.language.units import Dimension
 

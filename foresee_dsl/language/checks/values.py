@@ -12,8 +12,7 @@ from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
-from foresee_dsl.language.printing.phrases import condition
-from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 
@@ -134,7 +133,7 @@ def check_values(findings: Findings, model: m.Definition) -> None:
 def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
     """Triggers and expectations are about the running world, in which a parameter never changes."""
     name = item.left.name if isinstance(item.left, m.Ref) else ""
-    help = f"compare something of the world, such as `ego.speed`; or write `require {condition(item)}` in the scenario"
+    help = f"compare something of the world, such as `ego.speed`; or write `require {written(item)}` in the scenario"
     findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
 
 

@@ -9,8 +9,7 @@ from decimal import Decimal
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.parts import Group
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.printing import phrases
-from foresee_dsl.language.printing.layout import Layout, layout
+from foresee_dsl.language.printing.written import Layout, layout, listing, written
 from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 
@@ -35,10 +34,7 @@ _FIELDWISE = (m.Weather, m.SignalState, m.Change)
 
 def shape(item: m.Item) -> Layout | None:
     """Return how an item is written as a statement; None for a part of a statement (a place, a condition)."""
-    try:
-        return layout(item, _NONE)
-    except KeyError:
-        return None
+    return None if isinstance(item, m.Phrase) else layout(item)
 
 
 def is_statement(value: object) -> bool:
@@ -120,16 +116,12 @@ def text(value: object) -> str:
     match value:
         case bool():
             found = "yes" if value else "no"
-        case m.Quantity() | m.Ref():
-            found = phrases.value(value)
         case tuple():
-            found = phrases.listing(text(part) for part in value)
-        case m.Range():
-            found = f"{text(value.low)}..{text(value.high)}{phrases.optional('step', value.step)}"
-        case m.Point() | m.AlongEdge() | m.AlongRoute() | m.PastJunction():
-            found = phrases.place(value, _NONE)
-        case m.Measure():
-            found = phrases.measure(value)
+            found = listing(text(part) for part in value)
+        case (m.Quantity() | m.Ref() | m.Range() | m.Measure()) | (
+            m.Point() | m.AlongEdge() | m.AlongRoute() | m.PastJunction()
+        ):
+            found = written(value)
         case m.Item():
             found = _item_text(value)
         case _:
@@ -141,7 +133,7 @@ def _item_text(item: m.Item) -> str:
     if is_statement(item):
         return print_item(item)
     if is_condition(item):
-        return phrases.condition(item)
+        return written(item)
     given = [(n, getattr(item, n)) for n in type(item).model_fields if n != "kind"]
     words = " ".join(f"{n} {text(v)}" for n, v in given if v is not None)
     return " ".join(filter(None, (str(getattr(item, "kind", "")), words)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
-from foresee_dsl.language.printing.phrases import value as written
+from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import walk
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printing.phrases import condition as written
-from foresee_dsl.language.printing.phrases import measure as measured
+from foresee_dsl.language.printing.written import written
 
 TURNED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 """The opposite of a comparison."""
@@ -82,7 +81,7 @@ def _out_of_reach(comparison: m.Comparison, limits: Limits) -> str:
         return ""
     if left.what == "time" and comparison.op in (">", ">="):
         return f"the run ends after {limits.end_s:g} s"
-    return f"`{measured(left)}` is never under 0"
+    return f"`{written(left)}` is never under 0"
 
 
 def _range(measure: m.Measure, limits: Limits) -> tuple[float, float]:

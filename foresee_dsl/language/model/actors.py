@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from foresee_dsl.language.model.conditions import Condition
+from foresee_dsl.language.model.item import ONE_OF, Item, Phrase, Words
 from foresee_dsl.language.model.values import (
-    ONE_OF,
     Acceleration,
     Angle,
     Count,
     Id,
-    Item,
     Length,
     ModelName,
     Name,
@@ -27,8 +26,15 @@ from foresee_dsl.language.model.values import (
 )
 
 
-class Leg(Item):
+class Leg(Phrase):
     """`straight over j4`: one junction of a route."""
+
+    pattern: ClassVar[str] = "{turn} over {junction}"
+    words: ClassVar[Words] = {
+        "straight": ("constant", "a turn: straight on", "straight over j4"),
+        "left": ("constant", "a turn, or a side", "left over j4"),
+        "right": ("constant", "a turn, or a side", "right over j4"),
+    }
 
     turn: Turn | Ref
     junction: Id | Ref
@@ -41,6 +47,15 @@ class Route(Item):
     The road is entered in the direction of the first junction.
     """
 
+    pattern: ClassVar[str] = "route from {start} [{legs: }]"
+    words: ClassVar[Words] = {
+        "route": (
+            "statement",
+            "where an actor drives: a road and turns, or edges",
+            "route from south straight over j4",
+        ),
+    }
+
     kind: Literal["route"] = "route"
     start: Id | Ref
     legs: tuple[Leg, ...]
@@ -50,15 +65,28 @@ class EdgeRoute(Item):
     """`route [west, north_back]`: edge ids one after the other; `route [a, ..., b]` fills the gap with the shortest
     way. An edge may be a parameter of type `arm`."""
 
+    pattern: ClassVar[str] = "route {edges}"
+
     kind: Literal["edge_route"] = "edge_route"
     edges: tuple[Id | Ref, ...] = Field(min_length=1)
     shortest: bool = False
     """True when written with `...`: consecutive edges need not touch."""
 
+    def own_pattern(self) -> str:
+        """Return the pattern with or without `...`; a single edge is followed by them."""
+        if not self.shortest:
+            return self.pattern
+        return r"route \[{edges:, ..., }, ...]" if len(self.edges) == 1 else r"route \[{edges:, ..., }]"
+
 
 class Path(Item):
     """`path [PLACE, PLACE]`: a polyline that the actor follows off SUMO's lanes (a pedestrian's crossing, a
     cyclist's cut)."""
+
+    pattern: ClassVar[str] = "path {points}"
+    words: ClassVar[Words] = {
+        "path": ("statement", "a line off the lanes that an actor follows", "path [(90 m, 10 m), (90 m, 30 m)]"),
+    }
 
     kind: Literal["path"] = "path"
     points: tuple[Place, ...] = Field(min_length=2)
@@ -67,12 +95,23 @@ class Path(Item):
 class StartAt(Item):
     """`start at PLACE`: where the actor's front (a pedestrian's or obstacle's middle) is at the beginning."""
 
+    pattern: ClassVar[str] = "start at {place}"
+    words: ClassVar[Words] = {
+        "start": (
+            "statement",
+            "where an actor's front is at the beginning, or how fast it is",
+            "start at 20 m along ego.route",
+        ),
+    }
+
     kind: Literal["start_at"] = "start_at"
     place: Place
 
 
 class StartSpeed(Item):
     """`start speed 40 km/h`."""
+
+    pattern: ClassVar[str] = "start speed {speed}"
 
     kind: Literal["start_speed"] = "start_speed"
     speed: Speed
@@ -81,12 +120,22 @@ class StartSpeed(Item):
 class CruiseSpeed(Item):
     """`speed 50 km/h`: what it drives or walks where nothing hinders it (default: the limit, or a walking pace)."""
 
+    pattern: ClassVar[str] = "speed {speed}"
+    words: ClassVar[Words] = {
+        "speed": ("statement", "how fast: an actor where nothing hinders it, or a road's limit", "speed 50 km/h"),
+    }
+
     kind: Literal["speed"] = "speed"
     speed: Speed
 
 
 class GoalAt(Item):
     """`goal PLACE`: where the route ends for the ego (default: the end of the last edge)."""
+
+    pattern: ClassVar[str] = "goal {place}"
+    words: ClassVar[Words] = {
+        "goal": ("statement", "where the ego's route ends", "goal 40 m past j4 on ego.route"),
+    }
 
     kind: Literal["goal"] = "goal"
     place: Place
@@ -95,6 +144,11 @@ class GoalAt(Item):
 class IgnoresRule(Item):
     """`ignores signals at j4`, `ignores priority at j4`; everywhere when no junction is named."""
 
+    pattern: ClassVar[str] = "ignores {what} [at {junction}]"
+    words: ClassVar[Words] = {
+        "ignores": ("statement", "signals or priority, everywhere or at one junction", "ignores signals at j4"),
+    }
+
     kind: Literal["ignores"] = "ignores"
     what: Literal["signals", "priority"]
     junction: Id | Ref | None = None
@@ -102,6 +156,15 @@ class IgnoresRule(Item):
 
 class MeetsState(Item):
     """`meets ego at j4 after 1.5 s`: in force from the beginning; see the action `Meets`."""
+
+    pattern: ClassVar[str] = "meets {other} at {junction} {order} {gap}"
+    words: ClassVar[Words] = {
+        "meets": (
+            "statement",
+            "its speed is set so that it is at the junction's crossing point that much after the other, or before",
+            "meets ego at j4 after 1.5 s",
+        ),
+    }
 
     kind: Literal["meets_state"] = "meets_state"
     other: Name
@@ -113,6 +176,11 @@ class MeetsState(Item):
 class Walked(Item):
     """`moving 4.20 m along its path`: how far a path-follower has come (written into clips)."""
 
+    pattern: ClassVar[str] = "moving {along}"
+    words: ClassVar[Words] = {
+        "moving": ("statement", "how far along its path an actor is already", "moving 2.60 m"),
+    }
+
     kind: Literal["walked"] = "walked"
     along: Length
 
@@ -120,6 +188,11 @@ class Walked(Item):
 class Steers(Item):
     """`steers 0.12 from 4.00 s for 1.00 s`: a steering offset, -1 (right) to 1 (left) of the largest steering angle;
     afterwards the actor recovers its lane. From the beginning, and to the end, when no times are given."""
+
+    pattern: ClassVar[str] = "steers {value} [from {start}] [for {duration}]"
+    words: ClassVar[Words] = {
+        "steers": ("statement", "a steering offset, -1 (right) to 1 (left)", "steers 0.12 from 1.00 s for 1.00 s"),
+    }
 
     kind: Literal["steers"] = "steers"
     value: Ratio
@@ -136,12 +209,22 @@ class Timing(Item):
     the meeting asks for at its first moment, times the factor, becomes its cruise speed for good.
     """
 
+    pattern: ClassVar[str] = "timing {factor}"
+    words: ClassVar[Words] = {
+        "timing": ("statement", "its speed along its own way, as a ratio", "timing 0.90"),
+    }
+
     kind: Literal["timing"] = "timing"
     factor: Ratio
 
 
 class Delay(Item):
     """`delay 0.50 s`: it moves off that much later (an actor that waits for a trigger: after the trigger)."""
+
+    pattern: ClassVar[str] = "delay {time}"
+    words: ClassVar[Words] = {
+        "delay": ("statement", "an actor moves off that much later", "delay 0.5 s"),
+    }
 
     kind: Literal["delay"] = "delay"
     time: Time
@@ -158,16 +241,35 @@ class Line(Item):
     On a lane it moves over as it would when it changes lane. Its speed along its way stays what it was.
     """
 
+    pattern: ClassVar[str] = "line {left}"
+    words: ClassVar[Words] = {
+        "line": ("statement", "how far an actor keeps to the left of its path or its lane's middle", "line 0.60 m"),
+    }
+
     kind: Literal["line"] = "line"
     left: Length
 
 
-class State(Item):
+class State(Phrase):
     """`at (61.90 m, 101.55 m) heading 0.3 deg speed 17.22 m/s`: an exact state at the beginning.
 
     The position is the middle of the front bumper for anything with wheels, of the footprint for the rest; heading
     counter-clockwise from east.
     """
+
+    pattern: ClassVar[str] = "at {at} heading {heading} speed {speed} [acceleration {acceleration}] [steer {steer}]"
+    words: ClassVar[Words] = {
+        "heading": (
+            "setting",
+            "an actor's direction, counter-clockwise from east",
+            "at (1 m, 2 m) heading 90 deg speed 8 m/s",
+        ),
+        "steer": (
+            "setting",
+            "the angle of the front wheels in a state; of a mutant: a steering offset",
+            "steer 2.0 deg",
+        ),
+    }
 
     at: Point
     heading: Angle
@@ -182,6 +284,15 @@ class Recorded(Item):
     The ego follows its recorded states to the last of them, whatever its driver answers; from there on the driver
     drives. So a driver that keeps in mind what it sees can see something before it counts (written into clips).
     """
+
+    pattern: ClassVar[str] = "recorded {time} {state}"
+    words: ClassVar[Words] = {
+        "recorded": (
+            "statement",
+            "where the ego was that much after a clip's beginning: it follows these states first, then its driver",
+            "recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s",
+        ),
+    }
 
     kind: Literal["recorded"] = "recorded"
     time: Time
@@ -211,6 +322,11 @@ ActorItem = Annotated[
 class Ego(Item):
     """`ego: car.sedan { ... }`: the vehicle that the driver under test drives."""
 
+    pattern: ClassVar[str] = "ego: {model} [{state}] [{ ...body }]"
+    words: ClassVar[Words] = {
+        "ego": ("statement", "the vehicle of the driver under test", "ego: car.sedan { ... }"),
+    }
+
     kind: Literal["ego"] = "ego"
     model: ModelName | Ref
     state: State | None = None
@@ -228,6 +344,14 @@ class Actor(Item):
     `vehicle` takes models of the classes car, van, truck, bus and motorcycle.
     """
 
+    pattern: ClassVar[str] = "{kind} {name}: {model} [{state}] [{ ...body }]"
+    words: ClassVar[Words] = {
+        "vehicle": ("statement", "an actor: car, van, truck, bus or motorcycle", "vehicle runner: car.compact { ... }"),
+        "bicycle": ("statement", "an actor that rides a bicycle", "bicycle cyclist: bicycle.city { ... }"),
+        "pedestrian": ("statement", "an actor on foot", "pedestrian walker: pedestrian.adult { ... }"),
+        "obstacle": ("statement", "a thing that does not move", "obstacle box: obstacle.crate { ... }"),
+    }
+
     kind: Literal["vehicle", "bicycle", "pedestrian", "obstacle"]
     name: Name
     model: ModelName | Ref
@@ -241,6 +365,22 @@ class Traffic(Item):
     Background actors `others_01`, `others_02`, ...: vehicles and bicycles on random routes, pedestrian models on the
     sidewalks and crossings.
     """
+
+    pattern: ClassVar[str] = "traffic {name} { count; models; within {within} of ego.route; seed }"
+    words: ClassVar[Words] = {
+        "traffic": (
+            "statement",
+            "background actors, drawn from a seed",
+            "traffic others { count 16; models [car.compact]; within 120 m of ego.route; seed 7 }",
+        ),
+        "count": ("statement", "how many background actors", "count 16"),
+        "within": (
+            "statement",
+            "at most that far, or by that time: of traffic, of a condition, of an expectation",
+            "within 120 m of ego.route",
+        ),
+        "seed": ("statement", "where the draw begins; the same seed draws the same", "seed 7"),
+    }
 
     kind: Literal["traffic"] = "traffic"
     name: Name
@@ -259,6 +399,8 @@ class Meets(Item):
     The other counts as driving 3 m/s at least: one does not wait for somebody who waits.
     """
 
+    pattern: ClassVar[str] = "{actor} meets {other} at {junction} {order} {gap}"
+
     kind: Literal["meets"] = "meets"
     actor: Name
     other: Name
@@ -270,6 +412,8 @@ class Meets(Item):
 class Ignores(Item):
     """`runner ignores signals at j4`, `runner ignores priority at j4`."""
 
+    pattern: ClassVar[str] = "{actor} ignores {what} [at {junction}]"
+
     kind: Literal["does_ignore"] = "does_ignore"
     actor: Name
     what: Literal["signals", "priority"]
@@ -279,12 +423,22 @@ class Ignores(Item):
 class Starts(Item):
     """`walker starts`: an actor that any trigger starts stands still until then, or until it is told another speed."""
 
+    pattern: ClassVar[str] = "{actor} starts"
+    words: ClassVar[Words] = {
+        "starts": ("action", "an actor that waited moves off", "walker starts"),
+    }
+
     kind: Literal["starts"] = "starts"
     actor: Name
 
 
 class ChangesSpeed(Item):
     """`lead changes speed to 3 m/s over 2 s`: linear over the time; at its model's limits when no time is given."""
+
+    pattern: ClassVar[str] = "{actor} changes speed to {to} [over {over}]"
+    words: ClassVar[Words] = {
+        "changes": ("action", "its speed or its lane", "lead changes speed to 3 m/s over 2 s"),
+    }
 
     kind: Literal["changes_speed"] = "changes_speed"
     actor: Name
@@ -295,6 +449,11 @@ class ChangesSpeed(Item):
 class ChangesLane(Item):
     """`cutter changes lane left`."""
 
+    pattern: ClassVar[str] = "{actor} changes lane {side}"
+    words: ClassVar[Words] = {
+        "lane": ("action", "to the left or right neighbour", "cutter changes lane left"),
+    }
+
     kind: Literal["changes_lane"] = "changes_lane"
     actor: Name
     side: Literal["left", "right"] | Ref
@@ -303,6 +462,11 @@ class ChangesLane(Item):
 class Stops(Item):
     """`lead stops`, `lead stops for 4 s`: with comfortable braking."""
 
+    pattern: ClassVar[str] = "{actor} stops [for {duration}]"
+    words: ClassVar[Words] = {
+        "stops": ("action", "brakes and stands, for good or for a time", "lead stops for 4 s"),
+    }
+
     kind: Literal["stops"] = "stops"
     actor: Name
     duration: Time | None = None
@@ -310,6 +474,11 @@ class Stops(Item):
 
 class Wait(Item):
     """`wait 2 s`: nothing happens for that time; what comes `then` waits for it."""
+
+    pattern: ClassVar[str] = "wait {duration}"
+    words: ClassVar[Words] = {
+        "wait": ("action", "nothing happens for that time", "wait 2 s"),
+    }
 
     kind: Literal["wait"] = "wait"
     duration: Time
@@ -323,6 +492,11 @@ class Then(Item):
     lane` when it is in the lane (or cannot be), `stops for` when it goes on (`stops` alone never), `meets` when it is
     through the junction, `ignores` at once. An actor that has left the world holds nothing up.
     """
+
+    pattern: ClassVar[str] = "then [when {condition}] { ...actions }"
+    words: ClassVar[Words] = {
+        "then": ("action", "what comes once every action before it is complete", "then { walker starts }"),
+    }
 
     kind: Literal["then"] = "then"
     condition: Condition | None = None
@@ -344,6 +518,30 @@ class When(Item):
     does the same but not before the condition has been false once (clips say so of one that has just fired). A name
     before the condition, `when late: ...`, is what `extends` and messages call it by.
     """
+
+    pattern: ClassVar[str] = "when [{repeat}] [{name}:] {condition} { ...actions }"
+    words: ClassVar[Words] = {
+        "when": (
+            "statement",
+            "a trigger: actions for when a condition holds",
+            "when ego.eta(j4) < 4 s { runner stops }",
+        ),
+        "once": (
+            "condition",
+            "the trigger fires the first time only (as it does when nothing is said)",
+            "when once time > 1 s",
+        ),
+        "every": (
+            "condition",
+            "the trigger fires each time that its condition becomes true",
+            "when every ttc(ego, lead) < 2 s",
+        ),
+        "next": (
+            "condition",
+            "as `every`, but not before the condition has been false once",
+            "when next ttc(ego, lead) < 2 s",
+        ),
+    }
 
     kind: Literal["when"] = "when"
     repeat: Literal["once", "every", "next"] | None = None

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
+from foresee_dsl.language.model.item import ONE_OF, Item, Words
 from foresee_dsl.language.model.network import Doc
-from foresee_dsl.language.model.values import ONE_OF, FilePath, Id, Item, Name, Quantity, has_dimension
+from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
 
-Time = Annotated[Quantity, AfterValidator(has_dimension("time"))]
-Count = Annotated[Quantity, AfterValidator(has_dimension("count"))]
+_Time = Annotated[Quantity, OfDimension("time")]
+_Count = Annotated[Quantity, OfDimension("count")]
 """A campaign has no parameters, so its values are numbers."""
 
 
 class Seeds(Item):
     """`seeds "scenarios/**"`: test cases, by file, folder, pattern or address (`"runner.foresee::r01"`), from the
     campaign's folder; said again for more."""
+
+    pattern: ClassVar[str] = "seeds {path}"
+    words: ClassVar[Words] = {
+        "seeds": ("statement", "test cases of a campaign: a file, folder, pattern or address", 'seeds "scenarios/**"'),
+    }
 
     kind: Literal["seeds"] = "seeds"
     path: FilePath
@@ -25,12 +31,22 @@ class Seeds(Item):
 class Drivers(Item):
     """`drivers [pdm, "external:python3 mine.py"]`: who drives; everything is done with each (default: pdm)."""
 
+    pattern: ClassVar[str] = "drivers {names}"
+    words: ClassVar[Words] = {
+        "drivers": ("statement", "who drives in a campaign", "drivers [pdm, idm]"),
+    }
+
     kind: Literal["drivers"] = "drivers"
     names: tuple[Id, ...] = Field(min_length=1)
 
 
 class Rankers(Item):
     """`rankers [foresee, proximity]`: who picks the risky points; the clips of each are made (default: foresee)."""
+
+    pattern: ClassVar[str] = "rankers {names}"
+    words: ClassVar[Words] = {
+        "rankers": ("statement", "who picks the risky points of a campaign", "rankers [foresee]"),
+    }
 
     kind: Literal["rankers"] = "rankers"
     names: tuple[Id, ...] = Field(min_length=1)
@@ -39,6 +55,11 @@ class Rankers(Item):
 class Preset(Item):
     """`preset focused`: how clips are mutated."""
 
+    pattern: ClassVar[str] = "preset {name}"
+    words: ClassVar[Words] = {
+        "preset": ("setting", "how the clip was mutated", "preset focused"),
+    }
+
     kind: Literal["preset"] = "preset"
     name: Name
 
@@ -46,44 +67,68 @@ class Preset(Item):
 class ClipAround(Item):
     """`clip before 5 s after 5 s`: what is cut out around a risky point."""
 
+    pattern: ClassVar[str] = "clip before {before} after {after}"
+
     kind: Literal["clip_around"] = "clip_around"
-    before: Time
-    after: Time
+    before: _Time
+    after: _Time
 
 
 class RiskyPoints(Item):
     """`risky_points 4`: how many of a run, at most."""
 
+    pattern: ClassVar[str] = "risky_points {count}"
+    words: ClassVar[Words] = {
+        "risky_points": ("statement", "how many risky points of a run are clipped, at most", "risky_points 4"),
+    }
+
     kind: Literal["risky_points"] = "risky_points"
-    count: Count
+    count: _Count
 
 
 class Children(Item):
     """`children 4`: mutants of a clip."""
 
+    pattern: ClassVar[str] = "children {count}"
+    words: ClassVar[Words] = {
+        "children": ("statement", "how many mutants a clip gets", "children 4"),
+    }
+
     kind: Literal["children"] = "children"
-    count: Count
+    count: _Count
 
 
 class Repeat(Item):
     """`repeat 3`: clips are mutated anew so often, with the seeds that follow the first."""
 
+    pattern: ClassVar[str] = "repeat {times}"
+    words: ClassVar[Words] = {
+        "repeat": ("statement", "how often clips are mutated, each time with the next seed", "repeat 3"),
+    }
+
     kind: Literal["repeat"] = "repeat"
-    times: Count
+    times: _Count
 
 
 class FirstSeed(Item):
     """`seed 7`: what every lot that is drawn comes from."""
 
+    pattern: ClassVar[str] = "seed {seed}"
+
     kind: Literal["first_seed"] = "first_seed"
-    seed: Count
+    seed: _Count
 
 
 class Budget(Item):
     """`budget 30 min`: no new run begins later than that after the start."""
 
+    pattern: ClassVar[str] = "budget {time}"
+    words: ClassVar[Words] = {
+        "budget": ("statement", "no new run of a campaign begins later than that", "budget 30 min"),
+    }
+
     kind: Literal["budget"] = "budget"
-    time: Time
+    time: _Time
 
 
 CampaignItem = Annotated[
@@ -93,6 +138,15 @@ CampaignItem = Annotated[
 
 class Campaign(Item):
     """`campaign nightly { seeds "scenarios/**"; drivers [pdm]; budget 30 min }`: what `foresee campaign FILE` does."""
+
+    pattern: ClassVar[str] = "campaign {name} { ...body }"
+    words: ClassVar[Words] = {
+        "campaign": (
+            "definition",
+            "which test cases are run, clipped and mutated, and how",
+            "campaign nightly { ... }",
+        ),
+    }
 
     kind: Literal["campaign"] = "campaign"
     name: Name

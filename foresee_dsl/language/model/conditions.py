@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language.model.item import ONE_OF, Phrase, Words
 from foresee_dsl.language.model.values import (
-    ONE_OF,
     AlongEdge,
     AlongRoute,
     Id,
-    Item,
     Length,
     Name,
     PastJunction,
@@ -19,13 +18,14 @@ from foresee_dsl.language.model.values import (
     Ref,
     Time,
     Value,
+    Word,
 )
 
 SIGNAL_COLOURS = ("green", "amber", "red")
 """What a signal shows to one movement."""
 
 
-class Measure(Item):
+class Measure(Phrase):
     """A number that can be read off the running world.
 
     `time` (s since the start), `ego.speed` (m/s), `ego.acceleration` (m/s^2, along its heading), `ego.eta(j4)` (s until
@@ -35,15 +35,49 @@ class Measure(Item):
     speed, not under 1 m/s, for the distance between the two footprints).
     """
 
+    words: ClassVar[Words] = {
+        "time": ("condition", "seconds since the start", "when time > 5 s { walker starts }"),
+        "distance": (
+            "condition",
+            "metres between two footprints, or along the route to a junction",
+            "distance(ego, lead) < 10 m",
+        ),
+        "ttc": (
+            "condition",
+            "seconds until two footprints touch when both keep heading and speed",
+            "ttc(ego, lead) < 3 s",
+        ),
+        "headway": (
+            "condition",
+            "seconds that the first needs at its speed for the gap to the other",
+            "headway(ego, lead) < 2 s",
+        ),
+        "eta": ("constant", "seconds until an actor enters a junction", "ego.eta(j4) < 4 s"),
+    }
+
     kind: Literal["measure"] = "measure"
     what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
     actor: Name | None = None
     other: Id | Ref | None = None
     """The second actor or the junction."""
 
+    def own_pattern(self) -> str:
+        """Return `{actor}.speed`, `distance({actor}, {other})` or the like, by what it measures."""
+        match self.what:
+            case "time":
+                return self.what
+            case "speed" | "acceleration":
+                return f"{{actor}}.{self.what}"
+            case "eta":
+                return "{actor}.eta({other})"
+            case "distance" | "ttc" | "headway":
+                return f"{self.what}({{actor}}, {{other}})"
 
-class Comparison(Item):
+
+class Comparison(Phrase):
     """`ego.eta(j4) < 4 s`; in a `require`, the left side is a parameter: `gap < 2 s`."""
+
+    pattern: ClassVar[str] = "{left} {op} {right}"
 
     kind: Literal["comparison"] = "comparison"
     left: Measure | Ref
@@ -51,40 +85,58 @@ class Comparison(Item):
     right: Value
 
 
-class Equals(Item):
+class Equals(Phrase):
     """`approach is south`, in a `require`: a parameter that holds a word."""
+
+    pattern: ClassVar[str] = "{left} is {right}"
+    words: ClassVar[Words] = {
+        "is": ("condition", "a parameter has that value, or a signal shows that", "ego.signal(j4) is red"),
+    }
 
     kind: Literal["equals"] = "equals"
     left: Ref
-    right: Id
+    right: Word
 
 
-class Predicate(Item):
+class Predicate(Phrase):
     """`collision(ego)` (it touches anything), `arrived(ego)` (it has reached its goal)."""
+
+    pattern: ClassVar[str] = "{what}({actor})"
+    words: ClassVar[Words] = {
+        "collision": ("condition", "the actor touches anything", "expect never collision(ego)"),
+        "arrived": ("condition", "the actor has reached its goal", "expect eventually arrived(ego)"),
+    }
 
     kind: Literal["predicate"] = "predicate"
     what: Literal["collision", "arrived"]
     actor: Name
 
 
-class InJunction(Item):
+class InJunction(Phrase):
     """`ego in junction j4`: some part of its footprint is inside the junction's outline; without a name, of any."""
+
+    pattern: ClassVar[str] = "{actor} in junction [{junction}]"
+    never_bare: ClassVar[tuple[str, ...]] = ("and", "or", "for")
 
     kind: Literal["in_junction"] = "in_junction"
     actor: Name
     junction: Id | Ref | None = None
 
 
-class Named(Item):
+class Named(Phrase):
     """An actor or a junction, by its name."""
+
+    pattern: ClassVar[str] = "{name}"
 
     kind: Literal["named"] = "named"
     name: Id | Ref
 
 
-class Within(Item):
+class Within(Phrase):
     """`ego within 5 m of walker`, of a junction, or of a place: its footprint is no further from the other's footprint,
     the junction's outline or the point."""
+
+    pattern: ClassVar[str] = "{actor} within {distance} of {of}"
 
     kind: Literal["within"] = "within"
     actor: Name
@@ -92,9 +144,15 @@ class Within(Item):
     of: Annotated[Named | Point | AlongEdge | AlongRoute | PastJunction, ONE_OF]
 
 
-class Shows(Item):
+class Shows(Phrase):
     """`ego.signal(j4) is red`: what the signal shows to the actor's way over the junction: green, amber or red.
     `signal(j4) is ns_go`: the stage that the signal is in."""
+
+    pattern: ClassVar[str] = "[{actor}.]signal({junction}) is {state}"
+    words: ClassVar[Words] = {
+        "amber": ("constant", "what a signal shows", "ego.signal(j4) is amber"),
+        "red": ("constant", "what a signal shows", "ego.signal(j4) is red"),
+    }
 
     kind: Literal["shows"] = "shows"
     actor: Name | None = None
@@ -102,7 +160,7 @@ class Shows(Item):
     state: Id | Ref
 
 
-class Sustained(Item):
+class Sustained(Phrase):
     """`CONDITION for 2 s`: it has held at every frame of that time, without a break. Binds stronger than `not`.
 
     `CONDITION for 2 s since -1.30 s`: before the run it held since that time and not just before that; then the `for`
@@ -111,6 +169,16 @@ class Sustained(Item):
     write it.
     """
 
+    pattern: ClassVar[str] = "{condition} for {duration} [since {since}]"
+    in_brackets: ClassVar[tuple[str, ...]] = ("for", "not", "and", "or")
+    words: ClassVar[Words] = {
+        "since": (
+            "link",
+            "since when what a `for` is about had held before the beginning",
+            "when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }",
+        ),
+    }
+
     kind: Literal["for"] = "for"
     condition: Condition
     duration: Time
@@ -118,22 +186,40 @@ class Sustained(Item):
     """0 s or earlier; without it nobody knows what was before."""
 
 
-class Not(Item):
+class Not(Phrase):
     """`not CONDITION`."""
+
+    pattern: ClassVar[str] = "not {condition}"
+    in_brackets: ClassVar[tuple[str, ...]] = ("and", "or")
+    words: ClassVar[Words] = {
+        "not": ("condition", "it does not hold", "not ego.speed < 3 m/s"),
+    }
 
     kind: Literal["not"] = "not"
     condition: Condition
 
 
-class Both(Item):
+class Both(Phrase):
     """`A and B and C`."""
+
+    pattern: ClassVar[str] = "{conditions: and }"
+    in_brackets: ClassVar[tuple[str, ...]] = ("and", "or")
+    words: ClassVar[Words] = {
+        "and": ("condition", "both hold; binds stronger than `or`", "time > 1 s and ego.speed < 3 m/s"),
+    }
 
     kind: Literal["and"] = "and"
     conditions: tuple[Condition, ...] = Field(min_length=2)
 
 
-class Either(Item):
+class Either(Phrase):
     """`A or B or C`; binds weaker than `and`, brackets as usual."""
+
+    pattern: ClassVar[str] = "{conditions: or }"
+    in_brackets: ClassVar[tuple[str, ...]] = ("or",)
+    words: ClassVar[Words] = {
+        "or": ("condition", "one of them holds", "time > 9 s or ego.speed < 3 m/s"),
+    }
 
     kind: Literal["or"] = "or"
     conditions: tuple[Condition, ...] = Field(min_length=2)

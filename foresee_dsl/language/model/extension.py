@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from foresee_dsl.language.model.derived import Change
+from foresee_dsl.language.model.item import ONE_OF, Item, Words
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.scenario import Statement, Tags
-from foresee_dsl.language.model.values import ONE_OF, FilePath, Id, Item, Name
+from foresee_dsl.language.model.values import FilePath, Id, Name
 
 Droppable = Literal[
     "param",
@@ -29,6 +30,11 @@ Droppable = Literal[
 class Add(Item):
     """`add vehicle late: car.compact { ... }`: one statement more."""
 
+    pattern: ClassVar[str] = "add {item}"
+    words: ClassVar[Words] = {
+        "add": ("statement", "one statement more than in the extended scenario", "add weather rain 0.3"),
+    }
+
     kind: Literal["add"] = "add"
     item: Statement
 
@@ -39,12 +45,19 @@ class Replace(Item):
     What stands once at most (the ego, the network, `weather`, `end`) needs no name; a `when` or `expect` needs one.
     """
 
+    pattern: ClassVar[str] = "change {item}"
+
     kind: Literal["replace"] = "replace"
     item: Statement
 
 
 class Drop(Item):
     """`drop vehicle runner`, `drop when late`, `drop weather`, `drop cases` (the drawn ones)."""
+
+    pattern: ClassVar[str] = "drop {what} [{name}]"
+    words: ClassVar[Words] = {
+        "drop": ("statement", "a statement of the extended scenario that is not in this one", "drop vehicle runner"),
+    }
 
     kind: Literal["drop"] = "drop"
     what: Droppable
@@ -59,6 +72,15 @@ class Extension(Item):
 
     `doc` and `tags` are its own; tags that it does not give are the other's.
     """
+
+    pattern: ClassVar[str] = "scenario {name} extends {parent} { ...body }"
+    words: ClassVar[Words] = {
+        "extends": (
+            "link",
+            "the scenario is another one, with the differences that follow",
+            'wet extends "dry.foresee"',
+        ),
+    }
 
     kind: Literal["extension"] = "extension"
     name: Name

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, ClassVar, Literal, TypeVar
 
 from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Phrase, Words
 from foresee_dsl.language.model.network import Doc, Network
-from foresee_dsl.language.model.values import ONE_OF, FilePath, Id, Item, Name, Quantity, Ratio, Ref, Time
+from foresee_dsl.language.model.values import FilePath, Id, Name, Quantity, Ratio, Ref, Time, Word
 
 ParamType = Literal[
     "time",
@@ -26,12 +27,21 @@ ParamType = Literal[
     "stage",
     "side",
 ]
-ParamValue = Quantity | Id
+ParamValue = Quantity | Word
 """A quantity, or a word: a road (arm), a turn, a model's name, a junction, a stage, a side."""
 
 
 class Tags(Item):
     """`tags [scenario7, junction]`; the tag `scenarioN` is the family in the paper's table of scenarios."""
+
+    pattern: ClassVar[str] = "tags {names}"
+    words: ClassVar[Words] = {
+        "tags": (
+            "statement",
+            "words; `scenarioN` is the family in the paper's table of scenarios",
+            "tags [scenario7, junction]",
+        ),
+    }
 
     kind: Literal["tags"] = "tags"
     names: tuple[Name, ...]
@@ -40,6 +50,11 @@ class Tags(Item):
 class UseNetwork(Item):
     """`use network "networks/town.foresee"` (also `.net.xml`, `.xodr`), relative to the file that says it."""
 
+    pattern: ClassVar[str] = "use network {path}"
+    words: ClassVar[Words] = {
+        "use": ("statement", "a network, or models, from another file", 'use network "networks/town.foresee"'),
+    }
+
     kind: Literal["use_network"] = "use_network"
     path: FilePath
 
@@ -47,42 +62,69 @@ class UseNetwork(Item):
 class UseModels(Item):
     """`use models "models.foresee"`: a catalogue in addition to the bundled one; its entries win."""
 
+    pattern: ClassVar[str] = "use models {path}"
+
     kind: Literal["use_models"] = "use_models"
     path: FilePath
 
 
-class Range(Item):
+class Range(Phrase):
     """`0 s..4 s step 0.1 s`."""
+
+    pattern: ClassVar[str] = "{low}..{high} [step {step}]"
+    words: ClassVar[Words] = {
+        "step": ("link", "values lie on these steps from the range's low end", "in 0 s..4 s step 0.1 s"),
+    }
 
     low: Quantity
     high: Quantity
     step: Quantity | None = None
 
 
-class Uniform(Item):
+class Uniform(Phrase):
     """`as uniform`: every value of the range (every step, every option) is as likely; the default."""
+
+    pattern: ClassVar[str] = "uniform"
+    words: ClassVar[Words] = {
+        "uniform": ("link", "every value of the range is as likely", "as uniform"),
+    }
 
     kind: Literal["uniform"] = "uniform"
 
 
-class Normal(Item):
+class Normal(Phrase):
     """`as normal(1.5 s, 0.4 s)`: mean and standard deviation, cut off at the ends of the range."""
+
+    pattern: ClassVar[str] = "normal({mean}, {deviation})"
+    words: ClassVar[Words] = {
+        "normal": ("link", "mean and standard deviation, cut off at the range's ends", "as normal(1.5 s, 0.4 s)"),
+    }
 
     kind: Literal["normal"] = "normal"
     mean: Quantity
     deviation: Quantity
 
 
-class Choice(Item):
+class Choice(Phrase):
     """`as choice(3, 1)`: how often each option is drawn, relative to the others."""
+
+    pattern: ClassVar[str] = "choice({weights:, })"
+    words: ClassVar[Words] = {
+        "choice": ("link", "how often each option is drawn, relative to the others", "as choice(3, 1)"),
+    }
 
     kind: Literal["choice"] = "choice"
     weights: tuple[Quantity, ...] = Field(min_length=1)
 
 
-class Grid(Item):
+class Grid(Phrase):
     """`as grid`: nothing is drawn; the steps (or options) are taken in turn, so that every combination of all grids
     comes before one comes again."""
+
+    pattern: ClassVar[str] = "grid"
+    words: ClassVar[Words] = {
+        "grid": ("link", "values are taken in turn, every combination once", "as grid"),
+    }
 
     kind: Literal["grid"] = "grid"
 
@@ -93,6 +135,22 @@ Distribution = Annotated[Uniform | Normal | Choice | Grid, ONE_OF]
 class Param(Item):
     """`param gap: time = 1.5 s in 0 s..4 s step 0.1 s as normal(1.5 s, 0.4 s)`, `param approach: arm = south in [south,
     east]`."""
+
+    pattern: ClassVar[str] = "param {name}: {type} = {default} [in {range}] [in {options}] [as {distribution}]"
+    words: ClassVar[Words] = {
+        "param": (
+            "statement",
+            "a parameter: type, default, and the range that its values must lie in",
+            "param gap: time = 1.5 s in 0 s..4 s step 0.1 s",
+        ),
+        "in": ("link", "the range or options of a parameter; inside a junction", "in 0 s..4 s step 0.1 s"),
+        "as": ("link", "how a parameter's values are drawn", "as normal(1.5 s, 0.4 s)"),
+        "angle": ("type", "a parameter's type: a quantity in deg or rad", "param turn_in: angle = 10 deg"),
+        "ratio": ("type", "a parameter's type: a plain number", "param wet: ratio = 0.3"),
+        "arm": ("type", "a parameter's type: the name of a road", "param approach: arm = south in [south, east]"),
+        "turn": ("type", "a parameter's type: straight, left, right or back", "param way: turn = straight"),
+        "side": ("type", "a parameter's type: left or right", "param evades: side = left"),
+    }
 
     kind: Literal["param"] = "param"
     name: Name
@@ -107,12 +165,22 @@ class Param(Item):
 class Require(Item):
     """`require gap < 2 s or approach is south`: what the values of a case must satisfy, written and drawn ones."""
 
+    pattern: ClassVar[str] = "require {condition}"
+    words: ClassVar[Words] = {
+        "require": ("statement", "what the values of a case must satisfy", "require gap < 2 s"),
+    }
+
     kind: Literal["require"] = "require"
     condition: Condition
 
 
 class Cases(Item):
     """`cases 20 from seed 7`: so many cases with drawn values, called `seed7_01`, `seed7_02`, ..."""
+
+    pattern: ClassVar[str] = "cases {count} from seed {seed}"
+    words: ClassVar[Words] = {
+        "cases": ("statement", "cases with drawn values", "cases 20 from seed 7"),
+    }
 
     kind: Literal["cases"] = "cases"
     count: Quantity
@@ -122,16 +190,38 @@ class Cases(Item):
 class Weather(Item):
     """`weather rain 0.3, wetness 0.4`: ratios from 0 to 1. Wetness lowers the friction; the rest is for sensors."""
 
+    pattern: ClassVar[str] = "weather [rain {rain}], [fog {fog}], [wetness {wetness}], [sun {sun}]"
+    words: ClassVar[Words] = {
+        "weather": ("statement", "ratios from 0 to 1; wetness lowers the friction", "weather rain 0.3, wetness 0.4"),
+        "rain": ("setting", "0 to 1; for sensors", "weather rain 0.3"),
+        "fog": ("setting", "0 to 1; for sensors", "weather fog 0.1"),
+        "wetness": ("setting", "0 to 1; lowers the friction from 0.9 to 0.5", "weather wetness 0.4"),
+        "sun": ("setting", "0 to 1; for sensors", "weather sun 0.5"),
+    }
+
     kind: Literal["weather"] = "weather"
     rain: Ratio | None = None
     fog: Ratio | None = None
     wetness: Ratio | None = None
     sun: Ratio | None = None
 
+    def own_pattern(self) -> str:
+        """Return the pattern of the settings that are given, with commas between them."""
+        given = (name for name in ("rain", "fog", "wetness", "sun") if getattr(self, name) is not None)
+        return f"weather {', '.join(f'{name} {{{name}}}' for name in given)}"
+
 
 class Expect(Item):
     """`expect never collision(ego)`, `expect always ttc(ego, lead) > 1 s`, `expect eventually within 60 s
     arrived(ego)`."""
+
+    pattern: ClassVar[str] = "expect [{name}:] {mode} [within {within}] {condition}"
+    words: ClassVar[Words] = {
+        "expect": ("statement", "what should hold; reported beside the verdict", "expect never collision(ego)"),
+        "never": ("condition", "it holds at no frame", "expect never collision(ego)"),
+        "always": ("condition", "it holds at every frame", "expect always ttc(ego, lead) > 1 s"),
+        "eventually": ("condition", "it holds at one frame", "expect eventually within 60 s arrived(ego)"),
+    }
 
     kind: Literal["expect"] = "expect"
     name: Name | None = None
@@ -144,12 +234,19 @@ class Expect(Item):
 class End(Item):
     """`end after 60 s`."""
 
+    pattern: ClassVar[str] = "end after {after}"
+    words: ClassVar[Words] = {
+        "end": ("statement", "the run's limit; 60 s when absent", "end after 60 s"),
+    }
+
     kind: Literal["end"] = "end"
     after: Time
 
 
 class Assignment(Item):
     """`gap = 1.2 s` inside a case."""
+
+    pattern: ClassVar[str] = "{name} = {value}"
 
     name: Name
     value: ParamValue
@@ -158,9 +255,18 @@ class Assignment(Item):
 class Case(Item):
     """`case r01 { approach = south; gap = 1.2 s }`: one test case."""
 
+    pattern: ClassVar[str] = "case {name} [{ ...values }]"
+    words: ClassVar[Words] = {
+        "case": ("statement", "values for parameters: one test case", "case r01 { gap = 1.2 s }"),
+    }
+
     kind: Literal["case"] = "case"
     name: Name
     values: tuple[Assignment, ...] = ()
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether it has few values."""
+        return lines <= MOST_INLINE
 
 
 class SignalState(Item):
@@ -170,6 +276,16 @@ class SignalState(Item):
     (amber and all red follow the green and belong to the stage); for one of a SUMO net, the phase's index as `phase_N`,
     with time since it began.
     """
+
+    pattern: ClassVar[str] = "signal {junction} stage {stage} elapsed {elapsed}"
+    words: ClassVar[Words] = {
+        "signal": (
+            "statement",
+            "what a signal shows: at the beginning, or in a condition",
+            "signal j4 stage ns_go elapsed 11.35 s",
+        ),
+        "elapsed": ("link", "time since the stage began", "signal j4 stage ns_go elapsed 11.35 s"),
+    }
 
     kind: Literal["signal"] = "signal"
     junction: Id | Ref
@@ -204,6 +320,15 @@ _T = TypeVar("_T", bound=Item)
 
 class Scenario(Item):
     """`scenario red_light_runner { ... }`; the body keeps the author's order."""
+
+    pattern: ClassVar[str] = "scenario {name} { ...body }"
+    words: ClassVar[Words] = {
+        "scenario": (
+            "definition",
+            "a situation, with parameters and cases or without",
+            "scenario red_light_runner { ... }",
+        ),
+    }
 
     kind: Literal["scenario"] = "scenario"
     name: Name

@@ -2,72 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from decimal import Decimal
-from functools import cache
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapter
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from foresee_dsl.language.model.item import ONE_OF, Phrase, Words
+from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
 NAME_PATTERN = r"[a-z][a-z0-9_]*"
 """snake_case: what every name in a file looks like. Ids of imported networks are written as strings instead."""
 
 Name = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}$", max_length=80)]
-Id = Annotated[str, Field(min_length=1, max_length=200, pattern=r'^[^"\n\r\\]+$')]
+Id = Annotated[str, Field(min_length=1, max_length=200, pattern=r'^[^"\n\r\\]+$'), Form.ID]
 """A name, or the id of something in an imported network (printed as a string when it is no name)."""
-ModelName = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}\.{NAME_PATTERN}$", max_length=80)]
+Word = Annotated[Id, Form.WORD]
+"""An id, or the name of a model."""
+ModelName = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}\.{NAME_PATTERN}$", max_length=80), Form.MODEL]
 """`class.variant`, such as `car.compact`: an entry of a catalogue."""
-Text = Annotated[str, Field(max_length=2000, pattern=r'^[^"\n\r]*$')]
+Text = Annotated[str, Field(max_length=2000, pattern=r'^[^"\n\r]*$'), Form.TEXT]
 """A string on one line, without double quotes."""
-FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r]+$')]
-
-
-class Item(BaseModel):
-    """Base of everything that a file can say: immutable, compared by value, no unknown fields."""
-
-    # A class's validator is built at its first use: a file uses a third of the classes.
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
-
-
-class _OneOf:
-    """Marks a union of items, told apart by their `kind`, whose parts are built only when they are used.
-
-    Items are built bottom up, so that a part is nearly always an instance already, which was validated when it was
-    made. With pydantic's own union, every class that holds a statement would build the validators of all statements.
-    """
-
-    def __get_pydantic_core_schema__(self, union: Any, handler: object) -> CoreSchema:  # noqa: ANN401 - a type form
-        del handler
-        kinds = get_args(union)
-
-        @cache
-        def whole() -> TypeAdapter[Item]:
-            return TypeAdapter(Annotated[union, Field(discriminator="kind")])
-
-        def check(value: object) -> object:
-            return value if isinstance(value, kinds) else whole().validate_python(value)
-
-        return core_schema.no_info_plain_validator_function(
-            check, serialization=core_schema.plain_serializer_function_ser_schema(_dump, info_arg=True)
-        )
-
-
-def _dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
-    return item.model_dump(
-        mode=info.mode,
-        by_alias=info.by_alias,
-        exclude_unset=info.exclude_unset,
-        exclude_defaults=info.exclude_defaults,
-        exclude_none=info.exclude_none,
-        round_trip=info.round_trip,
-    )
-
-
-ONE_OF = _OneOf()
-"""`Annotated[A | B, ONE_OF]`: one of these items."""
+FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r]+$'), Form.TEXT]
 
 
 def _known_unit(word: str) -> str:
@@ -76,7 +34,7 @@ def _known_unit(word: str) -> str:
     return word
 
 
-class Quantity(Item):
+class Quantity(Phrase):
     """A number and its unit as the author wrote them: `50 km/h`, `1.50 s`, `0.31`.
 
     `value` is decimal, so that the author's digits come back when it is printed. `unit` is a word of
@@ -105,55 +63,69 @@ class Quantity(Item):
         return cls(value=abs(rounded) if rounded == 0 else rounded, unit=word)
 
 
-class Ref(Item):
+class Ref(Phrase):
     """The name of a parameter where a value may stand; gone once the scenario is concrete."""
+
+    pattern: ClassVar[str] = "{name}"
 
     name: Name
 
 
-def has_dimension(dimension: Dimension) -> Callable[[Quantity | Ref], Quantity | Ref]:
-    """Return a validator of values: they have this dimension, and a count is a whole number."""
+@dataclass(frozen=True)
+class OfDimension:
+    """Marks a type of values: they have this dimension, and a count is a whole number."""
 
-    def check(value: Quantity | Ref) -> Quantity | Ref:
+    dimension: Dimension
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def _check(self, value: Quantity | Ref) -> Quantity | Ref:
         if isinstance(value, Ref):
             return value
-        found = value.dimension
-        if found != dimension and not (dimension == "count" and found == "ratio"):
-            raise ValueError(f"needs {dimension}, but {value.value:f} {value.unit or '(no unit)'} is {found}")
-        if dimension == "count" and (value.value != value.value.to_integral_value() or value.value < 0):
+        found, needed = value.dimension, self.dimension
+        if found != needed and not (needed == "count" and found == "ratio"):
+            raise ValueError(f"needs {needed}, but {value.value:f} {value.unit or '(no unit)'} is {found}")
+        if needed == "count" and (value.value != value.value.to_integral_value() or value.value < 0):
             raise ValueError(f"needs a whole number, but {value.value:f} is none")
         return value
 
-    return check
-
 
 Value = Quantity | Ref
-Time = Annotated[Value, AfterValidator(has_dimension("time"))]
-Length = Annotated[Value, AfterValidator(has_dimension("length"))]
-Speed = Annotated[Value, AfterValidator(has_dimension("speed"))]
-Acceleration = Annotated[Value, AfterValidator(has_dimension("acceleration"))]
-Angle = Annotated[Value, AfterValidator(has_dimension("angle"))]
-AngularRate = Annotated[Value, AfterValidator(has_dimension("angular_rate"))]
-Mass = Annotated[Value, AfterValidator(has_dimension("mass"))]
-Ratio = Annotated[Value, AfterValidator(has_dimension("ratio"))]
-Count = Annotated[Value, AfterValidator(has_dimension("count"))]
+Time = Annotated[Value, OfDimension("time")]
+Length = Annotated[Value, OfDimension("length")]
+Speed = Annotated[Value, OfDimension("speed")]
+Acceleration = Annotated[Value, OfDimension("acceleration")]
+Angle = Annotated[Value, OfDimension("angle")]
+AngularRate = Annotated[Value, OfDimension("angular_rate")]
+Mass = Annotated[Value, OfDimension("mass")]
+Ratio = Annotated[Value, OfDimension("ratio")]
+Count = Annotated[Value, OfDimension("count")]
 
 Turn = Literal["straight", "left", "right", "back"]
 
 
-class Point(Item):
+class Point(Phrase):
     """`(61.90 m, 101.55 m)`: world coordinates, x east, y north."""
+
+    pattern: ClassVar[str] = "({x}, {y})"
 
     kind: Literal["point"] = "point"
     x: Length
     y: Length
 
 
-class AlongEdge(Item):
+class AlongEdge(Phrase):
     """`30 m along west offset 3.5 m`: a distance from an edge's start; a negative one counts back from its end.
 
     The offset is sideways from the centre of the edge's rightmost car lane, left positive.
     """
+
+    pattern: ClassVar[str] = "{at} along {edge} [offset {offset}]"
+    words: ClassVar[Words] = {
+        "along": ("link", "a distance on an edge or on an actor's route", "20 m along ego.route"),
+        "offset": ("link", "to the side, left positive", "30 m along west offset 1 m"),
+    }
 
     kind: Literal["along_edge"] = "along_edge"
     edge: Id | Ref
@@ -161,11 +133,13 @@ class AlongEdge(Item):
     offset: Length | None = None
 
 
-class AlongRoute(Item):
+class AlongRoute(Phrase):
     """`45 m along ego.route offset -4 m`: a distance along an actor's route, measured from where that actor starts.
 
     The offset is sideways from the route's centreline, left positive.
     """
+
+    pattern: ClassVar[str] = "{at} along {actor}.route [offset {offset}]"
 
     kind: Literal["along_route"] = "along_route"
     actor: Name
@@ -173,9 +147,15 @@ class AlongRoute(Item):
     offset: Length | None = None
 
 
-class PastJunction(Item):
+class PastJunction(Phrase):
     """`12 m past j4 on ego.route offset -1 m`, or `before`: along an actor's route, from where it leaves
     (`past`) or enters (`before`) the junction."""
+
+    pattern: ClassVar[str] = "{at} {side} {junction} on {actor}.route [offset {offset}]"
+    words: ClassVar[Words] = {
+        "past": ("link", "a distance behind a junction", "12 m past j4 on ego.route"),
+        "on": ("link", "on whose route", "12 m past j4 on ego.route"),
+    }
 
     kind: Literal["past_junction"] = "past_junction"
     actor: Name

@@ -19,8 +19,7 @@ from foresee_dsl.language.model import (
     Ref,
     Require,
 )
-from foresee_dsl.language.printing.phrases import condition as condition_text
-from foresee_dsl.language.printing.phrases import value as quantity_text
+from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.traversal import parts
 
 _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(
@@ -56,7 +55,7 @@ def holds(condition: Condition, values: Mapping[str, ParamValue]) -> bool | None
 
 def said(require: Require) -> str:
     """Return a requirement as it is written."""
-    return f"require {condition_text(require.condition)}"
+    return f"require {written(require.condition)}"
 
 
 def violation(require: Require, values: Mapping[str, ParamValue]) -> str:
@@ -87,4 +86,4 @@ def _si(value: object, values: Mapping[str, ParamValue] = MappingProxyType({})) 
 
 
 def _text(value: ParamValue) -> str:
-    return quantity_text(value) if isinstance(value, Quantity) else value
+    return written(value) if isinstance(value, Quantity) else value

@@ -11,8 +11,10 @@ from typing import Any
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 from lark.lexer import PatternStr
 
+from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.code import ACTION_USAGE, EXAMPLES, NOUNS, USAGE
 from foresee_dsl.language.messages.suggest import closest
+from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
 from foresee_dsl.language.syntax.grammar import STARTS, statement_parser
 from foresee_dsl.language.units import UNITS, Dimension
 
@@ -54,59 +56,6 @@ _ABOUT_HERE = (
     (re.compile(r"^when\s+(once\s+|every\s+|next\s+)?\w+\s+$"), "when late: ego.eta(j4) < 4 s { runner stops }"),
 )
 """What stands before the place, and how what it began is written."""
-
-_DIMENSIONS: MappingProxyType[str, Dimension] = MappingProxyType(
-    {
-        "after": "time",
-        "before": "time",
-        "elapsed": "time",
-        "for": "time",
-        "over": "time",
-        "delay": "time",
-        "line": "length",
-        "window": "time",
-        "from": "time",
-        "speed": "speed",
-        "max_speed": "speed",
-        "cruise_speed": "speed",
-        "to": "speed",
-        "heading": "angle",
-        "steer": "angle",
-        "max_steer": "angle",
-        "steer_rate": "angular_rate",
-        "acceleration": "acceleration",
-        "braking": "acceleration",
-        "emergency_braking": "acceleration",
-        "mass": "mass",
-        "offset": "length",
-        "moving": "length",
-        "recorded": "time",
-        "fidelity": "length",
-        "lane_width": "length",
-        "sidewalk": "length",
-        "median": "length",
-        "length": "length",
-        "width": "length",
-        "wheelbase": "length",
-        "front_overhang": "length",
-        "rear_overhang": "length",
-        "height": "length",
-        "within": "length",
-        "(": "length",
-        "lanes": "count",
-        "back": "count",
-        "count": "count",
-        "seed": "count",
-        "timing": "ratio",
-        "steers": "ratio",
-        "rain": "ratio",
-        "fog": "ratio",
-        "wetness": "ratio",
-        "sun": "ratio",
-    }
-)
-"""What kind of value follows a word; only for messages, the model decides."""
-
 
 _OFTEN = (
     (
@@ -310,7 +259,7 @@ class Refusal:
         if "LPAR" in self._accepted:
             return "a place such as `20 m along ego.route`"
         before = self._behind(_LAST_WORD)
-        dimension = _DIMENSIONS.get(before[1]) if before is not None else None
+        dimension = _dimensions().get(before[1]) if before is not None else None
         if before is not None and before[1] == "," and "(" in self._text:
             dimension = "length"
         return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`" if dimension else "a value such as `2.5 s`"
@@ -344,6 +293,18 @@ def _homes() -> Mapping[str, tuple[str, ...]]:
             if word is not None and word[0].isalpha():
                 found.setdefault(word, []).append(place)
     return {word: tuple(places) for word, places in found.items()}
+
+
+@cache
+def _dimensions() -> Mapping[str, Dimension]:
+    """What kind of value follows a word, by the patterns; only for messages, the model decides."""
+    found: dict[str, Dimension] = {"(": "length"}
+    for kind in m.ITEMS:
+        for word, field in words_before(read_pattern(kind.pattern)):
+            dimension = form_of(kind, field).dimension
+            if dimension is not None:
+                found.setdefault(word, dimension)
+    return found
 
 
 def _terminal(name: str) -> str | None:

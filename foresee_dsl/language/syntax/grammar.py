@@ -35,7 +35,7 @@ STARTS = (
     "clip",
     "mutant",
     "network",
-    "models",
+    "catalogue",
     "campaign",
 )
 """What can be parsed on its own, besides a file, to find further mistakes: one statement of a block."""
@@ -72,8 +72,13 @@ def statement_parser() -> Lark:
     return _cached(STARTS)
 
 
+def grammar_text() -> str:
+    """Return the grammar, as Lark reads it."""
+    return (data_folder("grammars") / "foresee.lark").read_text(encoding="utf-8")
+
+
 def _cached(starts: tuple[str, ...]) -> Lark:
-    grammar = (data_folder("grammars") / "foresee.lark").read_text(encoding="utf-8")
+    grammar = grammar_text()
     made_of = (grammar, repr(starts), lark.__version__, sys.version)
     key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:16]
     try:

@@ -6,18 +6,21 @@ Only files with a mistake come here; a good file is parsed once, as a whole.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import get_args
 
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
 from foresee_dsl.errors import Span
+from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.code import USAGE
 from foresee_dsl.language.keywords import TAKEN
 from foresee_dsl.language.messages.suggest import closest
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import PLACES, Refusal
-from foresee_dsl.language.syntax.grammar import parse_tree
+from foresee_dsl.language.syntax.grammar import grammar_text, parse_tree
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH, Mistake
 from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 
@@ -26,16 +29,22 @@ _EXTENDS = re.compile(r"\bextends\b")
 _LABEL = re.compile(r"(?:add\s+|change\s+)?(?:when|expect)\s+(?:(?:once|every|next)\s+)?([a-z]+)\s*:")
 _NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remove the braces"
 
-_DEFINITIONS = ("scenario", "clip", "mutant", "network", "models", "campaign")
-_ACTORS = ("ego", "vehicle", "bicycle", "pedestrian", "obstacle")
+_DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.Definition) if kind is not m.Extension}
+"""The rule of each definition, by its first word."""
 _HOLDERS = ("add", "change")
 """Words in front of a whole statement, in a scenario that extends another."""
-_BLOCKS = MappingProxyType(
-    {word: f"{word}_item" for word in (*_DEFINITIONS, "traffic", "junction", "road", "model", "origin")}
-    | dict.fromkeys(_ACTORS, "actor_item")
-    | {"when": "action", "then": "action", "case": "assignment"}
-)
-"""The rule of the statements inside the braces of a statement, by its first word."""
+
+
+@cache
+def _blocks() -> Mapping[str, str]:
+    """The rule of the statements inside the braces of a statement, by its first word; read off the grammar."""
+    found = dict.fromkeys(form_of(m.Actor, "kind").words, "actor_item")
+    for line in grammar_text().split("\n"):
+        inner = re.search(r"block\{(\w+)\}", line)
+        word = re.search(r'[:|] "(\w+)"', line)
+        if inner is not None and word is not None:
+            found.setdefault(word[1], inner[1])
+    return found
 
 
 def recover(text: str) -> tuple[_Tree, list[Mistake]]:
@@ -104,12 +113,13 @@ class _Recovery:
             self._misspelt(raw, word, meant)
             return None
         extends = meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end)
-        return self._statement(raw, "extension", "extension_item") if extends else self._statement(raw, meant)
+        rule, inner = ("extension", "extension_item") if extends else (_DEFINITIONS[meant], None)
+        return self._statement(raw, rule, inner)
 
     def _misspelt(self, raw: Raw, word: str, meant: str) -> None:
         at = self._lines.span(raw.start, raw.start + len(word))
         self._mistakes.append(Mistake("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
-        self._block(raw, f"{meant}_item")
+        self._block(raw, _blocks()[meant])
 
     def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
         """Parse one statement; its block's statements (of the rule `inner`) one by one."""
@@ -139,8 +149,8 @@ class _Recovery:
             word = self._word(raw, 1)
         if rule == "action" and word != "then":
             return None
-        near = closest(word, _BLOCKS) if word not in _BLOCKS and raw.block is not None else word
-        return _BLOCKS.get(near or "")
+        near = closest(word, _blocks()) if word not in _blocks() and raw.block is not None else word
+        return _blocks().get(near or "")
 
     def _block(self, raw: Raw, rule: str) -> list[_Tree]:
         if self._depth > MAX_DEPTH:

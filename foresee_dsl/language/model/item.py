@@ -1,0 +1,104 @@
+"""What every class of the model is: immutable, compared by value, and with the pattern that it is written by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapter
+from pydantic_core import CoreSchema, core_schema
+
+Group = Literal["definition", "statement", "setting", "action", "condition", "link", "type", "constant"]
+"""What a word of the language is.
+
+definition: what a file holds. statement: the first word of a statement. setting: a line of a block, or a part of one,
+that gives one value. action: what an actor does in a trigger. condition: what is measured, asked or combined. link: a
+word inside a statement. type: of a parameter. constant: one of a fixed set of values (a turn, a control, a property);
+it is no word of the grammar and may be a name elsewhere.
+"""
+Words = Mapping[str, tuple[Group, str, str]]
+"""By word: its group, its meaning (no full stop), and an example of a line with it."""
+
+MOST_INLINE = 4
+"""A road or a case with at most so many settings is one line (ours; by number, not width, so that an edit of a value
+never rewraps)."""
+
+
+class Item(BaseModel):
+    """Base of everything that a file can state: immutable, compared by value, no unknown fields.
+
+    A class is made by the grammar's rule of the same name in small letters (`StartAt` by `start_at`).
+
+    Attributes:
+        pattern: how it is written (`model.pattern` explains the notation): nodes, printed text, and the dimensions
+            that messages name derive from it.
+        words: the words of the language that this class brings in; each word of a pattern is explained by one class
+            (or in `language.keywords`, where several share it).
+        in_brackets: the kinds of condition that need brackets as a part of this one.
+        never_bare: names that are written in quotes here, because the statement would seem to continue with them.
+    """
+
+    # A class's validator is built at its first use: a file uses a third of the classes.
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+
+    pattern: ClassVar[str] = ""
+    words: ClassVar[Words] = {}
+    in_brackets: ClassVar[tuple[str, ...]] = ()
+    never_bare: ClassVar[tuple[str, ...]] = ()
+
+    def own_pattern(self) -> str:
+        """Return the pattern of this one item, in classes that are written in several ways."""
+        return self.pattern
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether a block with so many lines is written on the line of its head."""
+        del lines
+        return False
+
+
+class Phrase(Item):
+    """Base of the parts of statements: values, places, conditions."""
+
+
+def rule_of(kind: type[Item]) -> str:
+    """Return the name of the grammar's rule that makes a class: `start_at` for `StartAt`."""
+    return "".join(f"_{c.lower()}" if c.isupper() else c for c in kind.__name__).lstrip("_")
+
+
+class _OneOf:
+    """Marks a union of items, told apart by their `kind`, whose parts are built only when they are used.
+
+    Items are built bottom up, so that a part is nearly always an instance already, which was validated when it was
+    made. With pydantic's own union, every class that holds a statement would build the validators of all statements.
+    """
+
+    def __get_pydantic_core_schema__(self, union: Any, handler: object) -> CoreSchema:  # noqa: ANN401 - a type form
+        del handler
+        kinds = get_args(union)
+
+        @cache
+        def whole() -> TypeAdapter[Item]:
+            return TypeAdapter(Annotated[union, Field(discriminator="kind")])
+
+        def check(value: object) -> object:
+            return value if isinstance(value, kinds) else whole().validate_python(value)
+
+        return core_schema.no_info_plain_validator_function(
+            check, serialization=core_schema.plain_serializer_function_ser_schema(_dump, info_arg=True)
+        )
+
+
+def _dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
+    return item.model_dump(
+        mode=info.mode,
+        by_alias=info.by_alias,
+        exclude_unset=info.exclude_unset,
+        exclude_defaults=info.exclude_defaults,
+        exclude_none=info.exclude_none,
+        round_trip=info.round_trip,
+    )
+
+
+ONE_OF = _OneOf()
+"""`Annotated[A | B, ONE_OF]`: one of these items."""

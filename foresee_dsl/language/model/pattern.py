@@ -1,0 +1,180 @@
+"""The notation of `Item.pattern`, and what it tells of a class: which fields in which order, and what is around them.
+
+    delay {time}                       a word and a field
+    steers {value} [from {start}]      what stands in [ ] is written when all its fields are given
+    route from {start} {legs: }        a field of several parts, with what stands between them; without a colon [a, b]
+    when {condition} { ...actions }    a block of statements, which the field `actions` holds
+    road {name} [{ lanes; via {via} }]     a block of settings, each when it is given; `lanes` is short for
+                                       `lanes {lanes}`; a block in [ ] is left out when nothing is in it
+
+A `[` that is meant as itself is written `\\[`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+from functools import cache
+from itertools import pairwise
+from typing import Any, Literal, get_args, get_origin
+
+from foresee_dsl.language.model.item import Item
+from foresee_dsl.language.units import Dimension
+
+_BLOCK = re.compile(r"(?P<head>.*?)(?P<optional> \[)? ?\{ (?P<lines>.*) \}\]?")
+_TOKEN = re.compile(
+    r"(?P<group> ?\[(?:\\.|[^\[\]\\])*\])"
+    r"|\{(?P<slot>\w+)(?::(?P<between>[^}]*))?\}"
+    r"|(?P<text>\\.|[^\[{\\])"
+)
+
+
+class Form(Enum):
+    """How a text in a field is written."""
+
+    NAME = auto()
+    """As it is."""
+    MODEL = auto()
+    """As it is; where a parameter may stand, a name without a dot is one."""
+    ID = auto()
+    """As a name, or in quotes when it is none."""
+    WORD = auto()
+    """As an id, or as the name of a model."""
+    TEXT = auto()
+    """In quotes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A field in a pattern; `between` is what stands between its parts, None for a list in brackets."""
+
+    field: str
+    between: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Optional:
+    """A part of a pattern that is written when all its fields are given."""
+
+    parts: tuple[str | Slot, ...]
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The names of its fields."""
+        return tuple(part.field for part in self.parts if isinstance(part, Slot))
+
+
+Parts = Sequence[str | Slot | Optional]
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A pattern, taken apart.
+
+    Attributes:
+        head: what stands before the braces.
+        settings: the lines in the braces that are fields of the item.
+        body: the field that holds the statements in the braces; "" for none.
+        braces: the braces are written: always, never, or when something is in them.
+    """
+
+    head: Parts
+    settings: tuple[Parts, ...] = ()
+    body: str = ""
+    braces: Literal["always", "never", "filled"] = "never"
+
+    @property
+    def slots(self) -> tuple[Slot, ...]:
+        """The fields before the braces, in the order in which they are written."""
+        return tuple(_slots(self.head))
+
+
+@cache
+def read_pattern(text: str) -> Pattern:
+    """Take a pattern apart."""
+    block = _BLOCK.fullmatch(text)
+    if block is None:
+        return Pattern(_parts(text))
+    lines = block["lines"].split("; ")
+    body = next((line.removeprefix("...") for line in lines if line.startswith("...")), "")
+    settings = (_parts(f"{line} {{{line}}}" if line.isidentifier() else line) for line in lines if line[0] != ".")
+    return Pattern(_parts(block["head"]), tuple(settings), body, "filled" if block["optional"] else "always")
+
+
+def _parts(text: str) -> tuple[str | Slot | Optional, ...]:
+    found: list[str | Slot | Optional] = []
+    for token in _TOKEN.finditer(text):
+        if token["group"]:
+            space, _, inner = token["group"][:-1].partition("[")
+            found.append(Optional(tuple(part for part in _parts(space + inner) if not isinstance(part, Optional))))
+        elif token["slot"]:
+            found.append(Slot(token["slot"], token["between"]))
+        elif found and isinstance(found[-1], str):
+            found[-1] += token["text"].removeprefix("\\")
+        else:
+            found.append(token["text"].removeprefix("\\"))
+    return tuple(found)
+
+
+def _slots(parts: Parts) -> Iterator[Slot]:
+    for part in parts:
+        if isinstance(part, Slot):
+            yield part
+        elif isinstance(part, Optional):
+            yield from _slots(part.parts)
+
+
+def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:
+    """Return each field that stands right behind a word of the language, with that word."""
+    for parts in (pattern.head, *pattern.settings):
+        flat = [p for part in parts for p in (part.parts if isinstance(part, Optional) else (part,))]
+        for before, part in pairwise(flat):
+            word = re.search(r"(\w+) $", before) if isinstance(before, str) else None
+            if word is not None and isinstance(part, Slot):
+                yield word[1], part.field
+
+
+# ---- fields, by their annotations -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FieldForm:
+    """What a field takes, read off its annotation.
+
+    Attributes:
+        form: how a text in it is written.
+        parameter: the name of a parameter may stand for its text.
+        dimension: of its quantity; None for none, or where several are possible.
+        words: the fixed words that it takes.
+    """
+
+    form: Form
+    parameter: bool
+    dimension: Dimension | None
+    words: tuple[str, ...]
+
+
+@cache
+def form_of(kind: type[Item], field: str) -> FieldForm:
+    """Return what a field of a class takes; a field that the class does not have takes nothing."""
+    found = kind.model_fields.get(field)
+    leaves = [*_leaves(found.annotation), *found.metadata] if found is not None else []
+    form = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME)  # the last: `Word` is an `Id`
+    parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
+    dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
+    return FieldForm(form, parameter, dimension, tuple(leaf for leaf in leaves if isinstance(leaf, str)))
+
+
+def _leaves(annotation: Any) -> Iterator[Any]:  # noqa: ANN401 - a type form
+    """The types, fixed words and metadata in an annotation."""
+    yield from getattr(annotation, "__metadata__", ())
+    parts = get_args(annotation)
+    if get_origin(annotation) is Literal or not parts:
+        yield from parts or (annotation,)
+    elif hasattr(annotation, "__metadata__"):
+        yield from _leaves(parts[0])
+    else:
+        for part in parts:
+            yield from _leaves(part)
