@@ -131,6 +131,7 @@ class NodeMaker:
         """Make a node of a tree's class; None among the children is a field that is not given."""
         node = Node(_KINDS[tree.data], span_of(tree))
         slots = read_pattern(node.kind.pattern).slots
+        node.fields |= {slot.field: () for slot in slots[len(children) :] if slot.between is not None}
         for k, child in enumerate(children):
             if isinstance(child, Tree) and child.data == "block":
                 self._put_block(node, child)
