@@ -12,16 +12,30 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.figures import Figure, peak_mb
-from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
-from foresee_dsl.campaign.execution.events import Silent
+from foresee_dsl.campaign.driving import relative_path
+from foresee_dsl.campaign.execution.engine import Listener, run_campaign
+from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.execution.pool import Task, WorkerPool
-from foresee_dsl.campaign.results import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.records import (
+    ChildOutcome,
+    ClipOutcome,
+    Draft,
+    Forecast,
+    MutantDraft,
+    Mutants,
+    Record,
+    SeedOutcome,
+)
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps import relative_path
-from foresee_dsl.campaign.storage.attachments import load_case
-from foresee_dsl.campaign.storage.records import Draft, Forecast, Made, MutantDraft, Mutants
+from foresee_dsl.campaign.stages import AnyStep
+from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.clip import ClipStep
+from foresee_dsl.campaign.steps.forecast import ForecastStep
+from foresee_dsl.campaign.steps.inputs import load_case
+from foresee_dsl.campaign.steps.mutants import MutantsStep
+from foresee_dsl.campaign.steps.seed import SeedStep
+from foresee_dsl.campaign.steps.step import Made, Work
 from foresee_dsl.campaign.storage.store import Store
-from foresee_dsl.campaign.work import ChildWork, ClipWork, SeedWork
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -81,7 +95,7 @@ def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
     began = time.perf_counter()
     with Store(out / "store") as store:
         result = run_campaign(
-            load_test_cases([file]), settings, out=out, store=store, listener=Silent(), options=options
+            load_test_cases([file]), settings, out=out, store=store, listener=Listener(), options=options
         )
     took_s = time.perf_counter() - began
     runs = len(result.seeds) + len(result.clips) + result.row().children
@@ -90,42 +104,43 @@ def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
     return took_s, runs
 
 
-def made_up(work: SeedWork | ClipWork | ChildWork) -> Iterator[Made]:
+def made_up(work: Work) -> Iterator[Made]:
     """Give what a worker would, without doing anything for it."""
-    if isinstance(work, SeedWork):
-        yield Made(work.key, "seed", work.name, _seed(load_case(work.case).id), TRACE + work.key.encode())
-        yield Made(work.forecast, "forecast", work.name, Forecast(9, tuple(_draft(work, rank) for rank in range(1, 5))))
-    elif isinstance(work, ClipWork):
-        yield Made(work.key, "clip", work.draft.name, _clip(work.draft), TRACE + work.key.encode())
-        for key, seed in work.mutants:
-            again = f"_s{seed}" if seed else ""
-            drafts = (_mutant(work.draft.name, again, number) for number in range(1, 5))
-            yield Made(key, "mutants", work.draft.name, Mutants(tuple(drafts)))
-    else:
-        fails = work.name.endswith("1")
-        outcome = ChildOutcome(
-            work.name, (work.folder / f"{work.name}.foresee").as_posix(), work.mutant.text, ("timing",),
-            Verdict.F4 if fails else Verdict.PASS, "other", "made up", 5.0, 10.0, "sha256:0123456789abcdef",
-        )  # fmt: skip
-        yield Made(work.key, "child", work.name, outcome, TRACE + work.key.encode() if fails else None)
+    for step in work.steps:
+        record, trace = _result(step, work)
+        yield Made(step.key, step.kind, step.name, record, TRACE + step.key.encode() if trace else None)
 
 
-def _seed(id: str) -> SeedOutcome:
-    return SeedOutcome(id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0)
+def _result(step: AnyStep, work: Work) -> tuple[Record, bool]:
+    """Return the result of a step, and whether it has a trace."""
+    match step:
+        case SeedStep():
+            return SeedOutcome(load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0), True
+        case ForecastStep():
+            return Forecast(9, tuple(_draft(step, work, rank) for rank in range(1, 5))), False
+        case ClipStep():
+            return ClipOutcome(
+                seed="", family="", name=step.name, file="", text=step.draft.text, rank=step.rank, verdict=Verdict.PASS,
+                reason="made up", duration_s=10.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0,
+                others_m=(0.0,) * 20,
+            ), True  # fmt: skip
+        case MutantsStep():
+            again = f"_s{step.seed}" if step.seed else ""
+            return Mutants(tuple(_mutant(step.name, again, number) for number in range(1, 5))), False
+        case ChildStep():
+            fails = step.name.endswith("1")
+            return ChildOutcome(
+                step.name, (work.folder / f"{step.name}.foresee").as_posix(), step.mutant.text, ("timing",),
+                Verdict.F4 if fails else Verdict.PASS, "other", "made up", 5.0, 10.0, "sha256:0123456789abcdef",
+            ), fails  # fmt: skip
+    raise TypeError(f"no result is made up for a {step.kind}")
 
 
-def _draft(work: SeedWork, rank: int) -> Draft:
-    name, case = f"{work.name}_p{rank}", work.name.rpartition("_")[2]
+def _draft(step: ForecastStep, work: Work, rank: int) -> Draft:
+    name, case = f"{step.name}_p{rank}", step.name.rpartition("_")[2]
     parent = relative_path(work.folder.parents[2] / "made_up.foresee", work.folder)
     text = _TEXT.format(kind="clip", name=name, parent=parent, case=f" case {case}")
-    return Draft(rank, text, name, parent, case, f"sha256:{work.key[:11]}{rank}", "")
-
-
-def _clip(draft: Draft) -> ClipOutcome:
-    return ClipOutcome(
-        seed="", family="", name=draft.name, file="", text=draft.text, rank=draft.rank, verdict=Verdict.PASS,
-        reason="made up", duration_s=10.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0, others_m=(0.0,) * 20,
-    )  # fmt: skip
+    return Draft(rank, text, name, parent, case, f"sha256:{step.key[:11]}{rank}", "")
 
 
 def _mutant(clip: str, again: str, number: int) -> MutantDraft:

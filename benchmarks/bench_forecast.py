@@ -8,8 +8,9 @@ from pathlib import Path
 
 from benchmarks.figures import Figure, costs, cpu_of
 from benchmarks.library import cases
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps import clip_around, run_test_case
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.printer import print_model

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.steps import clip_around, measure_clip
+from foresee_dsl.campaign.steps.clip import measure_clip
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.cli import COMMANDS, app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.nets.network_builder import build_network

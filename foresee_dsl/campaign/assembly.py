@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import assert_never
 
-from foresee_dsl.campaign.results import ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
+from foresee_dsl.campaign.driving import relative_path
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Forecast, Mutants, Record, SeedOutcome, decode
+from foresee_dsl.campaign.results import sorted_outcomes
 from foresee_dsl.campaign.stages import Node, Stages
-from foresee_dsl.campaign.steps import relative_path
-from foresee_dsl.campaign.storage.records import Forecast, decode
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import parse
@@ -46,39 +47,45 @@ def assemble(stages: Stages, out: Path) -> Assembly:
     for node, row in stages.walk():
         if row is None:
             found.missing.append(node)
-        elif node.kind == "seed":
-            seeds[node] = _seed(node, row, found)
-        elif node.kind == "forecast":
-            points = decode(row.record, "forecast", Forecast).points
-            seeds[node.over("seed")] = replace(seeds[node.over("seed")], risky_points=points)
-        elif node.kind == "clip":
-            clips[node] = replace(
-                decode(row.record, "clip", ClipOutcome),
-                seed=node.case.id,
-                family=node.case.family,
-                name=node.name,
-                file=node.file,
-                rank=node.draft.rank if node.draft else 0,
-            )
-            children[node] = []
-        elif node.kind == "child":
-            children[node.over("clip")].append(_child(node, row, found, out))
+            continue
+        record: Record = decode(row.record, node.step.record)
+        match record:
+            case SeedOutcome():
+                seeds[node] = _seed(node, record, row, found)
+            case Forecast():
+                seed = node.over("seed")
+                seeds[seed] = replace(seeds[seed], risky_points=record.points)
+            case ClipOutcome():
+                clips[node] = replace(
+                    record,
+                    seed=node.case.id,
+                    family=node.case.family,
+                    name=node.name,
+                    file=node.file,
+                    rank=node.step.rank,
+                )
+                children[node] = []
+            case Mutants():
+                pass  # their children are steps of their own
+            case ChildOutcome():
+                children[node.over("clip")].append(_child(node, record, row, found, out))
+            case _:
+                assert_never(record)
     whole = (replace(clip, children=tuple(children[node])) for node, clip in clips.items())
     named = (_headed(clip, node, out) for clip, node in zip(whole, clips, strict=True))
     found.seeds, found.clips = sorted_outcomes(seeds.values(), named)
     return found
 
 
-def _seed(node: Node, row: Row, found: Assembly) -> SeedOutcome:
-    case, made = node.case, decode(row.record, "seed", SeedOutcome)
+def _seed(node: Node, made: SeedOutcome, row: Row, found: Assembly) -> SeedOutcome:
+    case = node.case
     trace = f"traces/{node.name}.npz" if row.trace else ""
     if trace:
         found.traces[trace] = (row.trace, case.id if made.id != case.id else "")
     return replace(made, id=case.id, family=case.family, scenario=case.scenario.name, trace=trace)
 
 
-def _child(node: Node, row: Row, found: Assembly, out: Path) -> ChildOutcome:
-    made = decode(row.record, "child", ChildOutcome)
+def _child(node: Node, made: ChildOutcome, row: Row, found: Assembly, out: Path) -> ChildOutcome:
     if row.trace:
         file = (out / node.file).as_posix()
         found.traces[f"traces/{node.name}.npz"] = (row.trace, file if made.file != file else "")

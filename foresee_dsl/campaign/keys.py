@@ -1,7 +1,7 @@
-"""What a result stands on, as a key: two steps with the same key give the same result, so one of them is enough.
+"""What a result depends on, as a key: two steps with the same key give the same result, so one of them is enough.
 
 A key is a hash over everything that the result can depend on, and over nothing else: the meaning of what is run, the
-driver with its code and weights, the settings of that step alone, the code of this package that the step goes through.
+driver with its code and weights, the settings of that step alone, the code of this package that the step runs.
 Names of files, the number of workers, and settings of later steps are in none.
 """
 
@@ -15,55 +15,34 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from foresee_dsl import __version__
+from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of
+from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import GROUP as OPERATORS
 from foresee_dsl.drivers.registry import DRIVERS, load_driver
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import RANKERS
 
-KEY_DIGITS = 40
-"""Hexadecimal digits of a key. Ours: 160 bits; two of a billion keys are the same with a chance below 1e-30."""
-_LANGUAGE = (
-    "language",
-    "errors.py",
-    "files.py",
-    "plugins.py",
-    *(f"campaign/{name}.py" for name in ("storage/records", "results", "steps", "work")),
-)
-_RUN = (*_LANGUAGE, "compile", "drivers", "kernels", "simulate")
-CODE = {
-    "seed": _RUN,
-    "forecast": (*_LANGUAGE, "kernels", "simulate/trace.py", "forecast", "derive"),
-    "clip": (*_RUN, "derive"),
-    "mutants": (*_LANGUAGE, "compile", "kernels", "simulate", "derive"),
-    "child": (*_RUN, "derive"),
-}
-"""Which parts of this package a step goes through: an edit of one of them makes its results new ones."""
 
-
-def key(kind: str, **parts: str | float | None) -> str:
-    """Return the key of a step of a kind (one of `CODE`) that stands on these parts."""
-    said = {"kind": kind, "tool": __version__, "code": code_of(kind), **parts}
-    text = json.dumps(said, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:KEY_DIGITS]
+def key(step: type[Step[Any, Any]], **parts: str | float | None) -> str:
+    """Return the key of a step of this class that depends on these parts, and on the code that its module imports."""
+    everything = {"kind": step.kind, "tool": __version__, "code": step_code(step.__module__), **parts}
+    text = json.dumps(everything, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
 
 @cache
-def code_of(kind: str) -> str:
-    """Return a hash over the code of this package that a kind of step goes through, and over SUMO's version.
-
-    It is the same for a checkout and for a wheel that was built from it.
-    """
-    package = Path(__file__).resolve().parents[1]
-    parts = [_digest(package / part) for part in CODE[kind]]
-    parts += [_digest(data_folder(name)) for name in ("grammars", "templates")]
+def step_code(module: str) -> str:
+    """Return a hash over the code that a module imports, the data files of this package, and SUMO's version."""
+    parts = [code_of(module), *(_digest(data_folder(name)) for name in ("grammars", "templates"))]
     parts += [_version("libsumo"), _version("eclipse-sumo")]
-    return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:KEY_DIGITS]
+    return hashlib.sha256(" ".join(parts).encode()).hexdigest()[:DIGITS]
 
 
 def driver_identity(address: str) -> str:
-    """Return what stands for a driver: its address, version, weights, and a hash of its package's code.
+    """Return what stands for a driver: its address, version, weights, and a hash of its code.
 
     A driver may name its weights' hash in an attribute `weights_hash`. Of a program (`external:python3 mine.py`) the
     files that its command line names are hashed.
@@ -78,7 +57,7 @@ def driver_identity(address: str) -> str:
 
 
 def ranker_identity(name: str) -> str:
-    """Return what stands for a ranker: its name and a hash of its package's code."""
+    """Return what stands for a ranker: its name and a hash of its code."""
     return json.dumps([name, _plugin(RANKERS.name, name)])
 
 
@@ -90,24 +69,32 @@ def operators_identity() -> str:
 
 
 def _plugin(group: str, name: str) -> str:
-    """Return package, version and code of what an entry point names; our own code is in every key anyway."""
+    """Return package, version and code of what an entry point names."""
     for entry in entry_points(group=group, name=name):
         top = entry.module.partition(".")[0]
         if top == "foresee_dsl":
-            return ""
+            return code_of(entry.module)
         package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else ""
-        return f"{package} {_module_digest(top)}"
+        return f"{package} {_package_digest(top)}"
     return ""
 
 
-def _module_digest(top: str) -> str:
+def _package_digest(top: str) -> str:
+    """Return a hash over another package's files, and over the code of ours that it imports."""
     with suppress(ImportError, ValueError):
         spec = find_spec(top)
-        if spec is not None and spec.submodule_search_locations:
-            return _digest(Path(next(iter(spec.submodule_search_locations))))
-        if spec is not None and spec.origin is not None:
-            return _digest(Path(spec.origin))
+        folders = (spec.submodule_search_locations if spec is not None else None) or ()
+        place = next(iter(folders), spec.origin if spec is not None else None)
+        if place is not None:
+            sources = [file for file in _files(Path(place)) if file.suffix == ".py"]
+            return f"{_digest(Path(place))} {code_of(*sorted({m for file in sources for m in _imports(file)}))}"
     return ""
+
+
+def _imports(file: Path) -> set[str]:
+    with suppress(SyntaxError, ValueError):  # what is no source of this version of Python imports nothing
+        return set(imports_of(file.read_bytes()))
+    return set()
 
 
 def _files_named(argument: str) -> str:
@@ -120,15 +107,12 @@ def _files_named(argument: str) -> str:
 
 def _digest(place: Path) -> str:
     """Return a hash over a file, or over the names and files of a folder without what Python leaves there."""
-    digest = hashlib.sha256()
-    for file in _sources(place):
-        data = file.read_bytes()
-        digest.update(f"{file.relative_to(place).as_posix()} {len(data)}\n".encode())
-        digest.update(data)
-    return digest.hexdigest()[:KEY_DIGITS]
+    lines = (f"{file.relative_to(place).as_posix()} {hashlib.sha256(file.read_bytes()).hexdigest()}\n"
+             for file in _files(place))  # fmt: skip
+    return hashlib.sha256("".join(lines).encode()).hexdigest()[:DIGITS]
 
 
-def _sources(place: Path) -> list[Path]:
+def _files(place: Path) -> list[Path]:
     if place.is_file():
         return [place]
     found = (f for f in place.rglob("*") if f.is_file() and "__pycache__" not in f.parts and f.suffix != ".pyc")

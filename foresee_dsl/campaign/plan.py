@@ -3,36 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import networkx as nx
 
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import Node, Stages
-from foresee_dsl.campaign.storage.records import KINDS, RUNS, Kind
+from foresee_dsl.campaign.stages import STEPS, AnyStep, Node, Stages
 from foresee_dsl.campaign.storage.store import Store
-
-TITLES: Mapping[Kind, str] = {
-    "seed": "test cases",
-    "forecast": "forecasts",
-    "clip": "clips",
-    "mutants": "mutations",
-    "child": "children",
-}
-USUAL_S: Mapping[Kind, float] = {"seed": 0.6, "forecast": 0.03, "clip": 0.2, "mutants": 0.05, "child": 0.12}
-"""Wall time of a step where the store has none of its kind. Ours: the bundled scenarios with `pdm`."""
 
 
 @dataclass(frozen=True)
 class StagePlan:
-    """One stage.
+    """All steps of one class.
 
     `done`: in the store. `to_run`: known of and not done. `at_most`: that may follow from what was not
     run yet. `each_s`: wall time of one; `measured`: whether the store says so."""
 
-    kind: Kind
+    step: type[AnyStep]
     done: int
     to_run: int
     at_most: int
@@ -66,7 +54,7 @@ class CampaignPlan:
     @property
     def runs_to_do(self) -> tuple[int, int]:
         """How many runs are known to be missing, and how many more may follow."""
-        stages = [stage for stage in self.stages if stage.kind in RUNS]
+        stages = [stage for stage in self.stages if stage.step.drives]
         return sum(s.to_run for s in stages), sum(s.at_most for s in stages)
 
     def as_dict(self) -> dict[str, Any]:
@@ -75,7 +63,7 @@ class CampaignPlan:
         return {
             "schema": 1,
             "stages": [
-                {"stage": s.kind, "done": s.done, "to_run": s.to_run, "at_most_more": s.at_most,
+                {"stage": s.step.kind, "done": s.done, "to_run": s.to_run, "at_most_more": s.at_most,
                  "each_s": round(s.each_s, 3), "measured": s.measured}
                 for s in self.stages
             ],
@@ -90,9 +78,10 @@ class CampaignPlan:
         """Return the graph for Graphviz: done steps green, missing ones white, what may follow dashed."""
         looks = {"done": 'style=filled fillcolor="#c7e9c0"', "to_run": "style=solid", "at_most": "style=dashed"}
         lines = ["digraph campaign {", "  rankdir=LR", "  node [shape=box fontsize=10]"]
+        titles = {step.kind: step.title for step in STEPS}
         for name, data in self.graph.nodes(data=True):
-            said = f"at most {data['count']} {TITLES[data['kind']]}"
-            label = said if data["state"] == "at_most" else f"{data['kind']}\\n{data['name']}"
+            more = f"at most {data['count']} {titles[data['kind']]}"
+            label = more if data["state"] == "at_most" else f"{data['kind']}\\n{data['name']}"
             lines.append(f'  "{name}" [label="{label}" {looks[data["state"]]}]')
         lines += [f'  "{above}" -> "{below}"' for above, below in self.graph.edges]
         return "\n".join((*lines, "}"))
@@ -116,24 +105,17 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
 
 
 def _name(node: Node) -> str:
-    return f"{node.kind} {node.name}" + (f" seed {node.seed}" if node.kind == "mutants" else "")
+    return f"{node.kind} {node.name}" + (f" seed {node.step.seed}" if node.kind == "mutants" else "")
 
 
 def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings) -> None:
     """Add what may follow from a step that has not been run: a node a stage, which stands for that many."""
-    clips = settings.risky_points if node.kind in ("seed", "forecast") else 1
-    mutations = settings.repeat if settings.children else 0
-    counts = {
-        "forecast": 1,
-        "clip": clips,
-        "mutants": clips * mutations,
-        "child": clips * settings.children * (mutations if node.kind != "mutants" else 1),
-    }
-    above = _name(node)
-    for kind in KINDS[KINDS.index(node.kind) + 1 :]:
-        if counts[kind]:
-            below = f"{kind} of {_name(node)}"
-            graph.add_node(below, kind=kind, name="", key="", state="at_most", count=counts[kind])
+    above, count = _name(node), 1
+    for step in STEPS[STEPS.index(type(node.step)) + 1 :]:
+        count *= step.at_most(settings)
+        if count:
+            below = f"{step.kind} of {_name(node)}"
+            graph.add_node(below, kind=step.kind, name="", key="", state="at_most", count=count)
             graph.add_edge(above, below)
             above = below
 
@@ -149,12 +131,12 @@ def _stage_plans(graph: nx.DiGraph[str], store: Store | None, settings: Campaign
     measured = store.mean_wall_s(settings.driver) if store is not None else {}
     return tuple(
         StagePlan(
-            kind,
-            done=counts[kind, "done"],
-            to_run=counts[kind, "to_run"],
-            at_most=counts[kind, "at_most"],
-            each_s=measured.get(kind, USUAL_S[kind]),
-            measured=kind in measured,
+            step,
+            done=counts[step.kind, "done"],
+            to_run=counts[step.kind, "to_run"],
+            at_most=counts[step.kind, "at_most"],
+            each_s=measured.get(step.kind, step.usual_s),
+            measured=step.kind in measured,
         )
-        for kind in KINDS
+        for step in STEPS
     )

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
-from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.project.document import TestCase

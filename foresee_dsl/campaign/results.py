@@ -1,4 +1,4 @@
-"""What a campaign found, as immutable records and as JSON."""
+"""What a campaign found: its figures, and as JSON."""
 
 from __future__ import annotations
 
@@ -9,88 +9,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventability, Preventable
-from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.results.verdict import Verdict
 
 FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.STUCK)
 """The kinds that are counted, in the order of the tables."""
-
-
-@dataclass(frozen=True)
-class SeedOutcome:
-    """One test case as it was run, unmutated. `preventability`: of a failure."""
-
-    id: str
-    family: str
-    scenario: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    wall_s: float
-    trace: str = ""
-    risky_points: int = 0
-    impact: Impact | None = None
-    near: NearMisses | None = None
-    preventability: Preventability | None = None
-
-
-@dataclass(frozen=True)
-class ChildOutcome:
-    """One mutant as it was run; `text` already holds what was found. `preventability`: of a failure."""
-
-    name: str
-    file: str
-    text: str
-    operators: tuple[str, ...]
-    verdict: Verdict
-    with_: str
-    reason: str
-    time_s: float
-    duration_s: float
-    digest: str
-    preventability: Preventability | None = None
-    impact: Impact | None = None
-    near: NearMisses | None = None
-
-    @property
-    def preventable(self) -> Preventable | None:
-        """Whether a careful driver would have avoided it; None where it was no failure, or was not looked at."""
-        return self.preventability.verdict if self.preventability else None
-
-
-@dataclass(frozen=True)
-class ClipOutcome:
-    """One clip as it was run unmutated, and its children.
-
-    `largest_m`: the largest deviation of any actor from the parent's window. `median_m`: the median over the other
-    actors. `within`: the share of the other actors that stay within 0.1 m. `others_m`: the largest deviation of each of
-    them. `ego_m`: the ego's.
-    """
-
-    seed: str
-    family: str
-    name: str
-    file: str
-    text: str
-    rank: int
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    wall_s: float
-    largest_m: float
-    median_m: float
-    within: float
-    children: tuple[ChildOutcome, ...] = ()
-    others_m: tuple[float, ...] = ()
-    ego_m: float = 0.0
-
-    @property
-    def failing(self) -> tuple[ChildOutcome, ...]:
-        """The children that failed."""
-        return tuple(c for c in self.children if c.verdict.is_failure)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
-from foresee_dsl.campaign.steps import run_test_case
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.model import Mutant, Origin

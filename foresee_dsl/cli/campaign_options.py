@@ -1,4 +1,4 @@
-"""The options that the commands about campaigns share, and what is made of them."""
+"""The options that `campaign` and `plan` share, and what follows from them."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ from foresee_dsl.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.execution.engine import RunOptions
-    from foresee_dsl.campaign.execution.executors import Executor
+    from foresee_dsl.campaign.execution.executors import Executor, RunOptions
     from foresee_dsl.campaign.settings import CampaignSettings, Shard
 
 CPUS = os.cpu_count() or 1
@@ -39,7 +38,7 @@ Paths = Annotated[
 
 @dataclass(frozen=True)
 class Flags:
-    """The options that all commands about campaigns have, in the order of their help."""
+    """The options of `campaign` and `plan`, in the order of their help."""
 
     driver: DriverOption = "pdm"
     ranker: RankerOption = "foresee"
@@ -50,15 +49,16 @@ class Flags:
     children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4
     handover: HandoverOption = 0.0
     repeat: Annotated[
-        int, typer.Option(min=1, max=10_000, help="Mutate the clips so often, each time with another seed.")
+        int, typer.Option(min=1, max=10_000, help="How many times each clip is mutated, each time with another seed.")
     ] = 1
     jobs: Jobs = CPUS
     seed: SeedOption = 0
     out: OutOption = Path("out")
     store: Annotated[
-        Path | None, typer.Option("--store", help="Where results are kept and looked up; OUT/store unless you say.")
+        Path | None,
+        typer.Option("--store", help="Folder in which results are stored; by default OUT/store."),
     ] = None
-    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Only part K of N, for job arrays.")] = ""
+    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = ""
     allow_outside: AllowOutsideOption = False
 
     @property
@@ -93,7 +93,7 @@ def _option(name: str, kind: object, default: object) -> inspect.Parameter:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What a command line, and the campaign's file that it names, ask for.
 
     Attributes:
@@ -105,19 +105,19 @@ class Asked:
     budget_min: float | None = None
 
     def folder(self, settings: CampaignSettings, out: Path) -> Path:
-        """Return where a campaign's results go: `out`, or a folder in it for each driver and ranker."""
+        """Return where a campaign's results are written: `out`, or a folder in it for each driver and ranker."""
         if len(self.settings) == 1:
             return out
         return out / re.sub(r"[^\w.-]+", "_", f"{settings.driver}_{settings.ranker}").strip("_")
 
 
-def asked(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | None = None) -> Asked:
-    """Return what to do, checked: unknown names are said before anything runs.
+def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | None = None) -> Request:
+    """Return what to do, checked: unknown names are reported before anything runs.
 
-    A campaign's file stands for its settings; what is given on the command line goes before it.
+    A campaign's file gives settings; those that the command line gives take precedence.
 
     Args:
-        ctx: tells which options were given. paths: the arguments. flags: the options. budget: minutes, or None.
+        ctx: knows which options were given. paths: the arguments. flags: the options. budget: minutes, or None.
     """
     from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
     from foresee_dsl.errors import ForeseeError
@@ -127,9 +127,10 @@ def asked(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | No
     values = asdict(flags)
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
-            raise ForeseeError("a campaign's file says itself which test cases it runs: name it alone")
+            raise ForeseeError("a campaign's file names its own test cases: give it alone")
         file = read_campaign(Path(paths[0]))
-        given = {name for name in (*values, "budget") if _is_given(ctx, name)}
+        sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
+        given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
         paths = list(file.paths)
         drivers = file.drivers if file.drivers and "driver" not in given else drivers
         rankers = file.rankers if file.rankers and "ranker" not in given else rankers
@@ -137,40 +138,26 @@ def asked(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | No
         if "budget" not in given and file.budget_s is not None:
             budget = file.budget_s / 60
     made = tuple(_settings(values, driver, ranker) for driver in drivers for ranker in rankers)
-    return Asked(paths, made, budget)
+    return Request(paths, made, budget)
 
 
-def _is_given(ctx: typer.Context, name: str) -> bool:
-    source = ctx.get_parameter_source(name)
-    return source is not None and source.name == "COMMANDLINE"
-
-
-def _settings(flags: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
+def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.forecast.registry import load_ranker
 
-    before, handover = flags["before"], flags["handover"]
-    if handover > max(before - DRIVES_S, 0.0):
-        message = f"it has to end {DRIVES_S:g} s before the risky point, so {before - DRIVES_S:g} s is the longest here"
+    longest_s = values["before"] - DRIVES_S
+    if values["handover"] > max(longest_s, 0.0):
+        message = f"it has to end {DRIVES_S:g} s before the risky point, so {longest_s:g} s is the longest here"
         raise typer.BadParameter(message, param_hint="--handover")
     load_driver(driver)
     load_ranker(ranker)
-    load_preset(flags["preset"])
-    return CampaignSettings(
-        driver=driver,
-        ranker=ranker,
-        preset=flags["preset"],
-        before_s=before,
-        after_s=flags["after"],
-        risky_points=flags["risky_points"],
-        children=flags["children"],
-        seed=flags["seed"],
-        handover_s=handover,
-        repeat=flags["repeat"],
-    )
+    load_preset(values["preset"])
+    by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
+    chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
+    return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker})
 
 
 def shard_of(text: str) -> Shard:
@@ -184,10 +171,10 @@ def shard_of(text: str) -> Shard:
 
 
 def of_other_versions(store: Path, count: int) -> str:
-    """Return what is said of results that other versions of this tool made."""
+    """Return the message about results that other versions of this tool computed."""
     return (
-        f"{counted(count, 'result')} in {store} {'is' if count == 1 else 'are'} of another version of foresee-dsl, "
-        f"which could give others: not taken (foresee store gc {store} --older throws them away)"
+        f"{counted(count, 'result')} in {store} {'is' if count == 1 else 'are'} of another version of foresee-dsl and "
+        f"may differ: not used (foresee store gc {store} --older deletes them)"
     )
 
 

@@ -1,8 +1,12 @@
-"""Commands for whole folders: campaign and verify."""
+"""Commands over many test cases: campaign, plan, assess, verify."""
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,17 +16,18 @@ from foresee_dsl.cli.campaign_options import (
     Flags,
     Jobs,
     Paths,
-    asked,
     executor_of,
     of_other_versions,
+    requested,
     shard_of,
     with_flags,
 )
-from foresee_dsl.cli.common import FAILED, OK, JsonOption, console, print_json
+from foresee_dsl.cli.common import FAILED, OK, AllowOutsideOption, JsonOption, SeedOption, console, print_json
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from foresee_dsl.campaign.plan import CampaignPlan
     from foresee_dsl.campaign.results import CampaignResult
 
 
@@ -31,13 +36,15 @@ def campaign(
     ctx: typer.Context,
     paths: Paths,
     flags: Flags,
-    executor: Annotated[str, typer.Option(help="Who runs it: local (processes here), dask (a cluster).")] = "local",
-    scheduler: Annotated[str, typer.Option(help="The Dask scheduler's address; a cluster here unless you say.")] = "",
+    executor: Annotated[str, typer.Option(help="What runs it: local (processes here), dask (a cluster).")] = "local",
+    scheduler: Annotated[
+        str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
+    ] = "",
     deadline: Annotated[
         float | None, typer.Option(min=0.1, help="Wall time in seconds that a run may take; it ends as `timeout`.")
     ] = None,
     memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
-    budget: Annotated[float | None, typer.Option(min=0, help="Begin nothing more after so many minutes.")] = None,
+    budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
     retry: Annotated[
         bool, typer.Option("--retry", help="Run again what crashed or hung in an earlier campaign.")
     ] = False,
@@ -50,7 +57,7 @@ def campaign(
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
-    What was run before is taken from the store. A campaign that was stopped, by whatever, goes on where it was.
+    Results that are in the store are not computed again, so a campaign that was stopped continues where it was.
 
     [dim]foresee campaign scenarios --jobs 2 --out out
     foresee campaign scenarios/scenario7.foresee::r02
@@ -58,10 +65,10 @@ def campaign(
     """
     from contextlib import ExitStack
 
-    from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
+    from foresee_dsl.campaign.execution.engine import run_campaign
+    from foresee_dsl.campaign.execution.executors import RunOptions
     from foresee_dsl.campaign.settings import Limits
     from foresee_dsl.campaign.storage.store import Store
-    from foresee_dsl.cli.stopping import Stopping
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
@@ -69,48 +76,50 @@ def campaign(
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
-    wanted = asked(ctx, paths, flags, budget)
-    stop = Stopping()
+    request = requested(ctx, paths, flags, budget)
+    stop = StopSignal()
     options = RunOptions(
         jobs=flags.jobs,
-        limits=Limits(deadline, memory, None if wanted.budget_min is None else wanted.budget_min * 60),
+        limits=Limits(deadline, memory, None if request.budget_min is None else request.budget_min * 60),
         shard=shard_of(flags.shard),
         retry=retry,
         executor=executor_of(executor, scheduler),
         stop=stop,
     )
-    cases = load_test_cases(wanted.paths, allow_outside=flags.allow_outside)
+    cases = load_test_cases(request.paths, allow_outside=flags.allow_outside)
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)  # before there is a store
     with ExitStack() as stack:
-        opened = stack.enter_context(Store(flags.store_folder))
-        told, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
-        stack.enter_context(stop)
+        store = stack.enter_context(Store(flags.store_folder))
+        listener, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
+        stack.enter_context(stop.listening())
         results = []
-        for settings in wanted.settings:
+        for settings in request.settings:
             if log is not None:
-                log.begin(test_cases=len(cases), settings=settings.as_dict(), jobs=flags.jobs, store=str(opened.folder))
-            folder = wanted.folder(settings, flags.out)
-            result = run_campaign(cases, settings, out=folder, store=opened, listener=told, options=options)
+                log.write("begin", test_cases=len(cases), settings=settings.as_dict(), jobs=flags.jobs,
+                          store=str(store.folder))  # fmt: skip
+            folder = request.folder(settings, flags.out)
+            result = run_campaign(cases, settings, out=folder, store=store, listener=listener, options=options)
             results.append((folder, result))
             if log is not None:
-                log.end(interrupted=result.interrupted, broken=len(result.broken), wall_s=round(result.wall_s, 2))
+                log.write("end", interrupted=result.interrupted, broken=len(result.broken),
+                          wall_s=round(result.wall_s, 2))  # fmt: skip
             if result.interrupted:
                 break
-        others = opened.of_other_versions()
+        others = store.of_other_versions()
     screen = console(error=json)
     _report(screen, results, report, json=json)
     if others:
         screen.print(of_other_versions(flags.store_folder, others))
     if results[-1][1].interrupted:
-        screen.print("The same command goes on from there." if stop() else "The time is up: the same command goes on.")
+        screen.print(f"{'' if stop() else 'The time is up. '}The same command continues from there.")
         raise typer.Exit(stop.exit_code if stop() else OK)
     if any(result.broken for _, result in results):
         raise typer.Exit(FAILED)
 
 
 def _report(screen: Console, results: list[tuple[Path, CampaignResult]], file: Path | None, *, json: bool) -> None:
-    """Say what each campaign found, with its folder: on the screen or as JSON, and in a file."""
+    """Print what each campaign found, with its folder: on the screen or as JSON, and in a file."""
     from foresee_dsl.campaign.folder import as_text
     from foresee_dsl.report.terminal import print_campaign, save_campaign
 
@@ -121,6 +130,142 @@ def _report(screen: Console, results: list[tuple[Path, CampaignResult]], file: P
             print_campaign(screen, result, folder)
         if file is not None:
             save_campaign(file, result, folder)
+
+
+class StopSignal:
+    """Ctrl-C and SIGTERM while a campaign runs: the first asks it to stop, a second Ctrl-C ends it at once."""
+
+    def __init__(self) -> None:
+        self.number = 0
+
+    def __call__(self) -> bool:
+        """Say whether there was one."""
+        return self.number != 0
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of a process that was stopped: 130 after Ctrl-C, 143 after SIGTERM."""
+        return 128 + self.number
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Remember signals, within it, instead of ending the process."""
+        before = {number: signal.signal(number, self._receive) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        if self.number and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        if not self.number:
+            self.number = number
+            typer.echo("stopping: finished results are kept (again to end at once)", err=True)
+
+
+@with_flags
+def plan(
+    ctx: typer.Context,
+    paths: Paths,
+    flags: Flags,
+    format: Annotated[str, typer.Option("--format", help="text, dot (for Graphviz), or json.")] = "text",
+) -> None:
+    """Show what a campaign with the same options would run, what is done already, and how long it takes.
+
+    [dim]foresee plan scenarios
+    foresee plan scenarios --format dot | dot -Tsvg > plan.svg[/dim]
+    """
+    from contextlib import nullcontext
+
+    from foresee_dsl.campaign.plan import plan_campaign
+    from foresee_dsl.campaign.stages import Stages
+    from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.language.project.loading import load_test_cases
+
+    if format not in ("text", "dot", "json"):
+        raise typer.BadParameter(f"{format!r} is none: text, dot, json", param_hint="--format")
+    request = requested(ctx, paths, flags)
+    cases = load_test_cases(request.paths, allow_outside=flags.allow_outside)
+    folder, part = flags.store_folder, shard_of(flags.shard)
+    stored = (folder / "runs.sqlite").is_file()
+    with Store(folder, write=False) if stored else nullcontext() as store:
+        plans = [
+            plan_campaign(
+                Stages(cases, settings, store, request.folder(settings, flags.out), part), store, jobs=flags.jobs
+            )
+            for settings in request.settings
+        ]
+        others = store.of_other_versions() if store is not None else 0
+    for settings, found in zip(request.settings, plans, strict=True):
+        if format == "json":
+            print_json(found.as_dict())
+        elif format == "dot":
+            typer.echo(found.as_dot())
+        else:
+            if len(plans) > 1:
+                console().print(f"{settings.driver}, {settings.ranker}", style="bold")
+            _print_plan(found, folder, stored=stored)
+    if format == "text" and others:
+        console().print(of_other_versions(folder, others))
+
+
+def _print_plan(found: CampaignPlan, folder: Path, *, stored: bool) -> None:
+    from foresee_dsl.report.terminal import duration, plain_table
+
+    screen = console()
+    rows = [
+        (stage.step.title, stage.done, stage.to_run, stage.at_most,
+         f"{stage.each_s:.2f} s" + ("" if stage.measured else " (usual)"))
+        for stage in found.stages
+    ]  # fmt: skip
+    screen.print(plain_table(("stage", "done", "to run", "at most more", "each"), rows))
+    to_run, more = found.runs_to_do
+    if not to_run + more:
+        screen.print(f"Everything is in {folder}: nothing has to be run.")
+        return
+    screen.print(f"{to_run} runs" + (f", and at most {more} that follow from them" if more else ""))
+    means = "by the times in the store" if found.measured else "by usual times, as the store has none of some stages"
+    screen.print(f"at most {duration(found.longest_s)} on {found.jobs} workers, {means}")
+    if not stored:
+        screen.print(f"There is no store in {folder} yet.")
+
+
+def assess(
+    paths: Annotated[
+        list[str], typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).")
+    ],
+    driver: Annotated[list[str] | None, typer.Option("--driver", help="A driver; may be given several times.")] = None,
+    jobs: Jobs = CPUS,
+    seed: SeedOption = 0,
+    show: Annotated[bool, typer.Option("--failures", help="Also list the runs that did not arrive.")] = False,
+    json: JsonOption = False,
+    allow_outside: AllowOutsideOption = False,
+) -> None:
+    """Run test cases with one or several drivers and compare: who arrives, who fails and how, how they drive.
+
+    [dim]foresee assess scenarios --driver pdm --driver idm[/dim]
+    """
+    from foresee_dsl.campaign.assessment import assess_drivers
+    from foresee_dsl.drivers.registry import load_driver
+    from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_dsl.report.drivers import as_dict, print_assessment, runs_progress
+
+    drivers = list(dict.fromkeys(driver or ["pdm"]))
+    for name in drivers:
+        load_driver(name)  # an unknown name is reported before anything runs
+    cases = load_test_cases(paths, allow_outside=allow_outside)
+    screen = console(error=json)
+    with runs_progress(screen, len(cases) * len(drivers)) as done:
+        runs, broken = assess_drivers(cases, drivers, jobs=jobs, seed=seed, told=done)
+    if json:
+        print_json(as_dict(runs, broken, seed))
+    else:
+        print_assessment(screen, runs, broken, failures=show)
+    if broken:
+        raise typer.Exit(FAILED)
 
 
 def verify(
@@ -136,7 +281,7 @@ def verify(
 ) -> None:
     """Run recorded failures again: reproduced, fixed, changed, or stale (the parent was edited)?
 
-    Exit code 1 when a failure is stale or changed: it no longer says what it said.
+    Exit code 1 when a failure is stale or changed: it is no longer what its file records.
 
     [dim]foresee verify out/children
     foresee verify regressions --driver mine[/dim]

@@ -30,15 +30,15 @@ HandoverOption = Annotated[
     ),
 ]
 RankerOption = Annotated[
-    str, typer.Option("--ranker", help="Who picks the risky points: foresee, proximity, random, exhaustive.")
+    str, typer.Option("--ranker", help="What picks the risky points: foresee, proximity, random, exhaustive.")
 ]
 AllowOutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Every lot that is drawn comes from it.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of all random choices.")]
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
 PresetOption = Annotated[
-    str, typer.Option("--preset", help="How clips are mutated: focused (ours), or paper (to the letter).")
+    str, typer.Option("--preset", help="How clips are mutated: focused (ours), or paper (exactly as in the paper).")
 ]
 
 
@@ -60,7 +60,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
-    """Print mistakes on standard error: place, line, underline, what to write instead."""
+    """Print diagnostics on standard error: place, line, underline, what to write instead."""
     from foresee_dsl.language.messages.diagnostics import render_all
 
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
@@ -72,7 +72,7 @@ def print_diagnostics(diagnostics: tuple[Diagnostic, ...]) -> None:
 
 
 def explain_error(error: Exception) -> int:
-    """Say on standard error what went wrong, and return the exit code."""
+    """Print on standard error what went wrong, and return the exit code."""
     if isinstance(error, InputError):
         print_diagnostics(error.diagnostics)
         return FAILED

@@ -117,7 +117,7 @@ def _drivers() -> str:
 
 
 def _whole_line() -> str:
-    from foresee_dsl.campaign.steps import run_test_case
+    from foresee_dsl.campaign.driving import run_test_case
     from foresee_dsl.files import data_folder
     from foresee_dsl.language.project.loading import load_test_cases
 

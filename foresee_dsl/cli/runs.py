@@ -47,7 +47,7 @@ def run(
     """
     from dataclasses import asdict
 
-    from foresee_dsl.campaign.steps import case_name, run_test_case
+    from foresee_dsl.campaign.driving import case_name, run_test_case
     from foresee_dsl.language.project.loading import load_test_case
     from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -126,7 +126,9 @@ def clip(
 
     [dim]foresee clip runs/red_light_runner_r01.npz --rank 2 --out clips[/dim]
     """
-    from foresee_dsl.campaign.steps import case_name, clip_around, measure_clip
+    from foresee_dsl.campaign.driving import case_name
+    from foresee_dsl.campaign.steps.clip import measure_clip
+    from foresee_dsl.campaign.steps.forecast import clip_around
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.files import write_whole
     from foresee_dsl.language.printer import print_model
@@ -167,7 +169,7 @@ def mutate(
 
     [dim]foresee mutate clips/red_light_runner_r01_p1.foresee --children 8[/dim]
     """
-    from foresee_dsl.campaign.steps import mutate_file
+    from foresee_dsl.campaign.mutate_file import mutate_file
     from foresee_dsl.files import write_whole
 
     outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed, allow_outside=allow_outside)

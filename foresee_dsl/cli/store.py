@@ -45,7 +45,7 @@ def store(
         if into is None or not folders:
             raise typer.BadParameter("merge needs stores, and --into DIR", param_hint="--into")
         new, known = merge(folders, into)
-        _say({"new": new, "known": known}, f"{into}: {new} new results, {known} known ones", json=json)
+        _print({"new": new, "known": known}, f"{into}: {new} new results, {known} known ones", json=json)
         return
     if len(named) != 1:
         raise typer.BadParameter(f"{action} looks at one store", param_hint="STORE")
@@ -62,17 +62,17 @@ def store(
             pass  # a mistyped folder must not become a store
         with Store(folder) as opened:
             swept = sweep(opened, older=older, damaged=damaged)
-        text = f"{folder}: {swept.rows} results and {swept.files} files thrown away, {swept.size / 1e6:.1f} MB"
-        _say(vars(swept), text, json=json)
+        text = f"{folder}: {swept.rows} results and {swept.files} files deleted, {swept.size / 1e6:.1f} MB"
+        _print(vars(swept), text, json=json)
     else:
         if to is None:
             raise typer.BadParameter("export needs --to FILE.parquet or --to FILE.csv", param_hint="--to")
         with Store(folder, write=False) as opened:
             count = export(opened, to)
-        _say({"rows": count, "file": str(to)}, f"{to}: {count} rows", json=json)
+        _print({"rows": count, "file": str(to)}, f"{to}: {count} rows", json=json)
 
 
-def _say(data: dict[str, object], text: str, *, json: bool) -> None:
+def _print(data: dict[str, object], text: str, *, json: bool) -> None:
     if json:
         print_json({"schema": 1, **data})
     else:
@@ -80,21 +80,16 @@ def _say(data: dict[str, object], text: str, *, json: bool) -> None:
 
 
 def _print_statistics(folder: Path, found: Statistics) -> None:
-    from rich.table import Table
-
-    from foresee_dsl.campaign.plan import TITLES
-    from foresee_dsl.report.terminal import duration
+    from foresee_dsl.campaign.stages import STEPS
+    from foresee_dsl.report.terminal import duration, plain_table
 
     screen = console()
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("results")
-    table.add_column("number", justify="right")
-    table.add_column("verdicts")
-    for kind, title in TITLES.items():
-        verdicts = found.kinds.get(kind, {})
-        said = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items() if verdict)
-        table.add_row(title, str(sum(verdicts.values())), said)
-    screen.print(table)
+    kinds = [(step.title, found.kinds.get(step.kind, {})) for step in STEPS]
+    rows = (
+        (title, sum(verdicts.values()), ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items() if verdict))
+        for title, verdicts in kinds
+    )
+    screen.print(plain_table(("results", "number", "verdicts"), rows, align="<><"))
     if found.broken:
         screen.print(f"{found.broken} crashed or hung; `foresee campaign --retry` runs them again")
     screen.print(f"simulated {duration(found.simulated_s)} in {duration(found.wall_s)} of wall time")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
-from types import TracebackType
 from typing import Any
 
 from rich.console import Console
@@ -13,43 +13,28 @@ from rich.table import Table
 from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
+from foresee_dsl.report.terminal import COLLISIONS, plain_table
 from foresee_dsl.simulate.results.verdict import Verdict
 
-_KINDS = tuple(verdict for verdict in Verdict if verdict.is_collision)
-_REST = (Verdict.CRASH, Verdict.INVALID)
 
-
-class RunsProgress:
-    """A progress bar on a terminal; silent elsewhere."""
-
-    def __init__(self, console: Console, total: int) -> None:
-        self._progress = Progress(
-            TextColumn("runs"),
-            BarColumn(bar_width=None),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-            transient=True,
-            expand=True,
-        )
-        self._task = self._progress.add_task("runs", total=total)
-
-    def __enter__(self) -> RunsProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
-
-    def done(self, run: DriverRun) -> None:
-        """One more."""
-        del run
-        self._progress.advance(self._task)
+@contextmanager
+def runs_progress(console: Console, total: int) -> Iterator[Callable[[DriverRun], None]]:
+    """Show a progress bar on a terminal, nothing elsewhere; yield what is told of each run that is done."""
+    progress = Progress(
+        TextColumn("runs"),
+        BarColumn(bar_width=None),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+        transient=True,
+        expand=True,
+    )
+    with progress:
+        task = progress.add_task("runs", total=total)
+        yield lambda _: progress.advance(task)
 
 
 def print_assessment(
@@ -63,7 +48,7 @@ def print_assessment(
         console.print(_table("\nBy scenario family", "driver, family", named))
     console.print(
         Text(
-            "F1 object or off road, F2 pedestrian, F3 frontal, F4 lateral, F5 rear: share of the cases;\n"
+            f"{', '.join(f'{kind.value} {name}' for kind, name in COLLISIONS.items())}: share of the cases;\n"
             "brake: brakings over 3 m/s^2 a kilometre; ms: the driver's own time a step",
             style="dim",
         )
@@ -102,36 +87,29 @@ def _row_dict(row: DriverRow) -> dict[str, Any]:
 
 
 def _table(title: str, first: str, rows: Sequence[tuple[str, DriverRow]]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column(first, overflow="fold")
-    columns = (
-        "cases",
-        "arrive",
-        "fail",
-        *(kind.value for kind in _KINDS),
-        "stuck",
-        "late",
-        "other",
-        "km/h",
-        "brake",
-        "ms",
+    kinds = tuple(kind.value for kind in COLLISIONS)
+    table = plain_table(
+        (first, "cases", "arrive", "fail", *kinds, "stuck", "late", "other", "km/h", "brake", "ms"),
+        (
+            (
+                label,
+                row.cases,
+                f"[bold]{row.share(Verdict.PASS):.0%}[/bold]",
+                f"[bold]{row.failed:.0%}[/bold]",
+                *(_share(row, kind) for kind in COLLISIONS),
+                _share(row, Verdict.STUCK),
+                _share(row, Verdict.TIMEOUT),
+                _share(row, Verdict.CRASH, Verdict.INVALID),
+                f"{row.mean_mps * 3.6:.0f}",
+                f"{row.hard_brakings_per_km:.1f}",
+                f"{row.step_ms:.2f}",
+            )
+            for label, row in rows
+        ),
+        title=title,
+        gap=1,
     )
-    for name in columns:
-        table.add_column(name, justify="right", no_wrap=True)
-    for label, row in rows:
-        table.add_row(
-            label,
-            str(row.cases),
-            f"[bold]{row.share(Verdict.PASS):.0%}[/bold]",
-            f"[bold]{row.failed:.0%}[/bold]",
-            *(_share(row, kind) for kind in _KINDS),
-            _share(row, Verdict.STUCK),
-            _share(row, Verdict.TIMEOUT),
-            _share(row, *_REST),
-            f"{row.mean_mps * 3.6:.0f}",
-            f"{row.hard_brakings_per_km:.1f}",
-            f"{row.step_ms:.2f}",
-        )
+    table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
     return table
 
 

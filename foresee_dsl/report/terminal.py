@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.console import Console, Group
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -27,6 +27,14 @@ FAMILY_TITLES = {
     "9": "right turn into traffic",
 }
 """The paper's five scenarios in a few words (table of scenarios)."""
+COLLISIONS = {
+    Verdict.F1: "object or off road",
+    Verdict.F2: "pedestrian",
+    Verdict.F3: "frontal",
+    Verdict.F4: "lateral",
+    Verdict.F5: "rear",
+}
+"""The kinds of failure of the paper in a few words."""
 
 
 def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
@@ -45,20 +53,42 @@ def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
     write_whole(file, texts.get(file.suffix, console.export_text)())
 
 
+def plain_table(
+    headings: Sequence[str], rows: Iterable[Sequence[object]], *, align: str = "", title: str = "", gap: int = 2
+) -> Table:
+    """Return a table without lines.
+
+    Args:
+        headings: of the columns. rows: their cells. title: above the table.
+        align: a sign for each column, `<` or `>`; by default the first is left-aligned, the others right-aligned.
+        gap: spaces between columns.
+    """
+    table = Table(
+        title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, gap, 0, 0)
+    )
+    for k, heading in enumerate(headings):
+        left = align[k] == "<" if align else k == 0
+        table.add_column(heading, justify="left" if left else "right", no_wrap=bool(title))
+    for row in rows:
+        table.add_row(*map(str, row))
+    return table
+
+
 def campaign_report(result: CampaignResult, out: Path) -> Group:
     """Return the report: headline, a table a family, fidelity, and the files to open first."""
     total = result.row()
-    parts: list[Text | Table | Padding] = [_headline(result, total)]
-    rows = [result.row(family) for family in result.families]
-    parts.append(_counts_table(rows, total))
-    parts.append(_failures_table(rows, total))
-    if total.failed:
-        parts.append(_avoidable_table(result))
-    kinds = ", ".join(f"{k.value} {_SHORT[k]}" for k in FAILURES if k in _SHORT)
-    parts.append(Text(f"{kinds};\nper risky point that was clipped, per simulated hour", style="dim"))
-    parts.append(_fidelity_line(result))
-    parts.extend(_set_aside(result))
-    parts.extend(_open_first(result, out))
+    rows = [*(result.row(family) for family in result.families), total]
+    kinds = ", ".join(f"{kind.value} {name}" for kind, name in COLLISIONS.items())
+    parts: list[Text | Table] = [
+        _headline(result, total),
+        _counts_table(rows),
+        _failures_table(rows),
+        *([_avoidable_table(result)] if total.failed else []),
+        Text(f"{kinds};\nper risky point that was clipped, per simulated hour", style="dim"),
+        _fidelity_line(result),
+        *_failing_test_cases(result),
+        *_open_first(result, out),
+    ]
     if result.interrupted:
         parts.append(Text(f"\nInterrupted: what was finished is kept in {out}.", style="yellow"))
     return Group(*parts)
@@ -72,8 +102,8 @@ def _headline(result: CampaignResult, total: FamilyRow) -> Text:
     text.append(f", in {duration(result.wall_s)}")
     if total.failed:
         avoidable = result.avoidable()
-        said = ", ".join(f"{count} {answer.value}" for answer, count in avoidable.items())
-        text.append(f"\n{said}", style="bold red" if avoidable[Preventable.YES] else "bold")
+        counts = ", ".join(f"{count} {answer.value}" for answer, count in avoidable.items())
+        text.append(f"\n{counts}", style="bold red" if avoidable[Preventable.YES] else "bold")
         text.append(" for a careful driver who brakes")
     length = settings.before_s + settings.after_s
     text.append(
@@ -84,77 +114,49 @@ def _headline(result: CampaignResult, total: FamilyRow) -> Text:
     return text
 
 
-def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 1, 0, 0))
-
-
 def _family(row: FamilyRow) -> str:
     if row.family == "all":
         return "all"
-    title = FAMILY_TITLES.get(row.family, "")
-    return f"{row.family} {title}".strip() or "(no family)"
+    return f"{row.family} {FAMILY_TITLES.get(row.family, '')}".strip() or "(no family)"
 
 
-def _counts_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
-    table = _table("What was run (times in minutes:seconds)")
-    table.add_column("scenario family", no_wrap=True)
-    for name in ("cases", "failed", "points", "clips", "children", "simulated", "time"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for row in (*rows, total):
-        table.add_row(
-            _family(row),
-            str(row.cases),
-            str(row.cases_failed),
-            str(row.risky_points),
-            str(row.clips),
-            str(row.children),
-            duration(row.simulated_s),
-            duration(row.wall_s),
-            style="bold" if row is total else "",
-        )
+def _counts_table(rows: Sequence[FamilyRow]) -> Table:
+    table = plain_table(
+        ("scenario family", "cases", "failed", "points", "clips", "children", "simulated", "time"),
+        ((_family(r), r.cases, r.cases_failed, r.risky_points, r.clips, r.children, duration(r.simulated_s),
+          duration(r.wall_s)) for r in rows),
+        title="What was run (times in minutes:seconds)",
+        gap=1,
+    )  # fmt: skip
+    table.rows[-1].style = "bold"
     return table
 
 
-def _failures_table(rows: list[FamilyRow], total: FamilyRow) -> Table:
-    table = _table("\nFailures of children")
-    table.add_column("scenario family", no_wrap=True)
-    for kind in FAILURES:
-        table.add_column(kind.value, justify="right", no_wrap=True)
-    for name in ("all", "per point", "per hour"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for row in (*rows, total):
-        counts = [str(row.failures[k.value]) if row.failures[k.value] else "[dim]0[/dim]" for k in FAILURES]
-        table.add_row(
-            _family(row),
-            *counts,
-            f"[bold]{row.failed}[/bold]",
-            f"{row.per_risky_point:.2f}",
-            f"{row.per_simulated_hour:.0f}",
-            style="bold" if row is total else "",
-        )
+def _failures_table(rows: Sequence[FamilyRow]) -> Table:
+    table = plain_table(
+        ("scenario family", *(kind.value for kind in FAILURES), "all", "per point", "per hour"),
+        ((_family(r), *(_dim_zero(r.failures[kind.value]) for kind in FAILURES), f"[bold]{r.failed}[/bold]",
+          f"{r.per_risky_point:.2f}", f"{r.per_simulated_hour:.0f}") for r in rows),
+        title="\nFailures of children",
+        gap=1,
+    )  # fmt: skip
+    table.rows[-1].style = "bold"
     return table
 
 
 def _avoidable_table(result: CampaignResult) -> Table:
-    table = _table("\nFor a careful driver who brakes")
-    table.add_column("", no_wrap=True)
-    for name in (*(kind.value for kind in FAILURES), "all"):
-        table.add_column(name, justify="right", no_wrap=True)
-    by_kind = [result.avoidable(kind) for kind in FAILURES]
-    everything = result.avoidable()
-    for answer in Preventable:
-        counts = [str(found[answer]) if found[answer] else "[dim]0[/dim]" for found in by_kind]
-        table.add_row(answer.value, *counts, f"[bold]{everything[answer]}[/bold]")
-    return table
+    by_kind, everything = [result.avoidable(kind) for kind in FAILURES], result.avoidable()
+    return plain_table(
+        ("", *(kind.value for kind in FAILURES), "all"),
+        ((answer.value, *(_dim_zero(found[answer]) for found in by_kind), f"[bold]{everything[answer]}[/bold]")
+         for answer in Preventable),
+        title="\nFor a careful driver who brakes",
+        gap=1,
+    )  # fmt: skip
 
 
-_SHORT = {
-    Verdict.F1: "object or off road",
-    Verdict.F2: "pedestrian",
-    Verdict.F3: "frontal",
-    Verdict.F4: "lateral",
-    Verdict.F5: "rear",
-}
+def _dim_zero(count: int) -> str:
+    return str(count) if count else "[dim]0[/dim]"
 
 
 def _fidelity_line(result: CampaignResult) -> Text:
@@ -162,20 +164,18 @@ def _fidelity_line(result: CampaignResult) -> Text:
     if not clips:
         return Text("\nNo clips.")
     found = result.fidelity
-    kept = sum(bool(c.children) for c in clips)
+    mutated = sum(bool(c.children) for c in clips)
     return Text(
         f"\nFidelity of the {len(clips)} unmutated clips with {result.settings.driver}, largest deviation from the "
         f"parent's run:\n  other actors: {found.others_median_m:.2f} m in the median, {found.others_within:.1%} within "
         f"0.1 m, {found.others_max_m:.2f} m at most\n  the ego: {found.ego_median_m:.2f} m in the median, "
-        f"{found.ego_max_m:.2f} m at most\n{kept} of {len(clips)} clips were mutated.",
+        f"{found.ego_max_m:.2f} m at most\n{mutated} of {len(clips)} clips were mutated.",
     )
 
 
-def _set_aside(result: CampaignResult) -> list[Text]:
+def _failing_test_cases(result: CampaignResult) -> list[Text]:
     failed = [s for s in result.seeds if s.verdict is not Verdict.PASS]
-    if not failed:
-        return []
-    lines = [Text("\nSet aside (the test case itself did not pass):", style="bold")]
+    lines = [Text("\nNot usable (the test case already fails without mutation):", style="bold")] if failed else []
     for seed in failed:
         lines.append(Text(f"  {seed.id}: {seed.reason}"))
         if seed.preventability:
@@ -185,9 +185,7 @@ def _set_aside(result: CampaignResult) -> list[Text]:
 
 def _open_first(result: CampaignResult, out: Path) -> list[Text]:
     children = result.to_open_first()
-    if not children:
-        return []
-    lines = [Text("\nOpen these first:", style="bold")]
+    lines = [Text("\nOpen these first:", style="bold")] if children else []
     for child in children:
         line = Text("  ")
         line.append(str(out / child.file), style="cyan")
@@ -212,8 +210,8 @@ def print_run(console: Console, name: str, result: RunResult, trace: Path | None
     line.append(result.verdict.value, style=style)
     line.append(f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)")
     console.print(line)
-    for said in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
-        console.print(said, style="dim", highlight=False)
+    for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
+        console.print(detail, style="dim", highlight=False)
     for expectation in result.expectations:
         console.print(_expectation_line(expectation))
     if trace is not None:
@@ -224,12 +222,12 @@ def _impact_lines(impact: Impact | None) -> list[str]:
     if impact is None:
         return []
     along = f"{abs(impact.ahead_m):.1f} m {'ahead of' if impact.ahead_m >= 0 else 'behind'} the ego's centre"
-    aside = f"{abs(impact.left_m):.1f} m to the {'left' if impact.left_m >= 0 else 'right'}"
+    across = f"{abs(impact.left_m):.1f} m to the {'left' if impact.left_m >= 0 else 'right'}"
     return [
         f"  impact    {impact.relative_mps:.1f} m/s ({impact.closing_mps:.1f} m/s onto each other), the ego's speed "
         f"{impact.ego_mps:.1f} m/s",
         f"            {impact.struck}; headings {abs(math.degrees(impact.turned_rad)):.0f} deg apart",
-        f"            at the ego's {impact.side} ({along}, {aside}), the other's {impact.other_side}",
+        f"            at the ego's {impact.side} ({along}, {across}), the other's {impact.other_side}",
     ]
 
 
@@ -267,15 +265,10 @@ def _expectation_line(expectation: ExpectationResult) -> Text:
 def print_points(console: Console, points: tuple[RiskyPoint, ...]) -> None:
     """Print a ranked list of risky points."""
     if not points:
-        console.print("no risky points: nobody came near the ego")
+        console.print("no risky points: no actor came near the ego")
         return
-    table = Table(box=None, pad_edge=False)
-    for heading in ("rank", "time", "frame"):
-        table.add_column(heading, justify="right")
-    table.add_column("why")
-    for p in points:
-        table.add_row(str(p.rank), f"{p.time_s:.2f} s", str(p.frame), p.why)
-    console.print(table)
+    rows = ((p.rank, f"{p.time_s:.2f} s", p.frame, p.why) for p in points)
+    console.print(plain_table(("rank", "time", "frame", "why"), rows, align=">>><"))
 
 
 _STATUS_STYLE = {

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.steps import clip_around, measure_clip, run_test_case
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.steps.clip import measure_clip
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.clipping.fidelity import WITHIN_M, Deviation
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.model import Actor, Clip, EdgeRoute, Ego, MeetsState, When

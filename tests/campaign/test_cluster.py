@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from foresee_dsl.campaign.execution.cluster import ClusterError, DaskExecutor, dask
-from foresee_dsl.campaign.execution.engine import RunOptions
+from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.execution.pool import Broken, Task
 from foresee_dsl.campaign.storage.store import Row
 from tests.support.small_campaign import Heard, campaign, published, write_project

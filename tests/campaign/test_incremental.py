@@ -1,4 +1,4 @@
-"""What is run again, and what is not: a result stands on what its key says, and on nothing else."""
+"""What is run again, and what is not: a result depends on what its key contains, and on nothing else."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.execution.engine import RunOptions
+from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import Limits, Shard
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.clip import ClipStep
+from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.storage.maintenance import merge
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.language.project.loading import load_test_cases
@@ -169,16 +171,16 @@ def test_the_plan_knows_what_is_done_and_what_may_follow(again: tuple[Path, Path
     assert plan.as_dict()["runs"] == {"to_run": 1, "at_most_more": 10}
 
 
-def test_keys_say_what_a_result_stands_on(tmp_path: Path) -> None:
+def test_keys_contain_what_a_result_depends_on(tmp_path: Path) -> None:
     keys = {
-        key("seed", meaning="a", driver="d", seed=0),
-        key("seed", meaning="b", driver="d", seed=0),
-        key("seed", meaning="a", driver="e", seed=0),
-        key("seed", meaning="a", driver="d", seed=1),
-        key("clip", meaning="a", driver="d", seed=0),
+        key(SeedStep, meaning="a", driver="d", seed=0),
+        key(SeedStep, meaning="b", driver="d", seed=0),
+        key(SeedStep, meaning="a", driver="e", seed=0),
+        key(SeedStep, meaning="a", driver="d", seed=1),
+        key(ClipStep, meaning="a", driver="d", seed=0),
     }
     assert len(keys) == 5
-    assert key("seed", meaning="a", driver="d", seed=0) in keys
+    assert key(SeedStep, meaning="a", driver="d", seed=0) in keys
     program = tmp_path / "mine.py"
     program.write_text("print(1)")
     address = f"external:python3 {program}"

@@ -41,7 +41,7 @@ def test_a_line_every_few_seconds() -> None:
     ]
 
 
-def test_what_is_set_aside_or_broken_is_said_at_once() -> None:
+def test_what_is_not_usable_or_broken_is_said_at_once() -> None:
     said: list[str] = []
     shown = PlainProgress(said.append, Clock())
     shown.finished(row("seed", "F2", "runner"))
@@ -49,7 +49,7 @@ def test_what_is_set_aside_or_broken_is_said_at_once() -> None:
     shown.finished(row("child", "F2"))
     shown.broken("forecast r01: no idea")
     assert said == [
-        "set aside: runner: it was F2",
+        "not usable: runner: it was F2",
         "broke: m1: it was crash",
         "could not be done: forecast r01: no idea",
     ]
@@ -58,11 +58,11 @@ def test_what_is_set_aside_or_broken_is_said_at_once() -> None:
 def test_a_log_of_every_event() -> None:
     file, clock = io.StringIO(), Clock()
     log = JsonLog(file, clock)
-    log.begin(test_cases=3)
+    log.write("begin", test_cases=3)
     log.planned("clip", 1)
     log.finished(row("clip"))
     log.known(row("forecast", ""))
-    log.end(interrupted=False)
+    log.write("end", interrupted=False)
     events = [json.loads(line) for line in file.getvalue().splitlines()]
     assert [event["event"] for event in events] == ["begin", "planned", "done", "known", "end"]
     assert events[2]["verdict"] == "pass" and events[2]["stage"] == "clip" and events[2]["time"] == 100.0

@@ -8,9 +8,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome
+from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.steps import clip_around, measure_clip, run_child, run_test_case
+from foresee_dsl.campaign.steps.child import run_child
+from foresee_dsl.campaign.steps.clip import measure_clip
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.campaign.verify import Status, VerifyTask, recheck
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.preventability import Preventability, Preventable
@@ -75,7 +79,7 @@ def test_a_failing_child_says_it_in_its_file_and_is_still_reproduced(scenarios: 
     found = []
     for mutant in mutate(clip_case, model, ran.trace, preset="focused", count=4, seed=0):
         at = tmp_path / f"{mutant.name}.foresee"
-        outcome, result = run_child(mutant, clip_case, at, str(at), driver="pdm", seed=0)
+        outcome, result = run_child(mutant, clip_case, at, driver="pdm", seed=0)
         written = parse(outcome.text, str(at)).model
         assert isinstance(written, Mutant)
         assert written.origin is not None

@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome, sorted_outcomes
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.report.terminal import save_campaign

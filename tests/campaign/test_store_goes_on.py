@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign import keys
-from foresee_dsl.campaign.execution.engine import RunOptions
+from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.execution.pool import Task, WorkerPool
 from foresee_dsl.campaign.settings import Limits
 from foresee_dsl.campaign.storage.maintenance import sweep

@@ -20,7 +20,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from foresee_dsl.campaign.steps import clip_around, measure_clip, mutate_file, run_test_case
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.mutate_file import mutate_file
+from foresee_dsl.campaign.steps.clip import measure_clip
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.campaign.verify import Status, verify_files
 from foresee_dsl.drivers.external import ExternalDriver
 from foresee_dsl.drivers.external.messages import plain, read_control, read_ready, reset_line, step_line

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.exchange.openscenario.reading import importer as openscenario_import

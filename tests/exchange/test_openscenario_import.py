@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.errors import ForeseeError

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.foreign.networks import foreign_net

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.execution.engine import RunOptions, run_campaign
-from foresee_dsl.campaign.execution.events import Silent
+from foresee_dsl.campaign.execution.engine import Listener, run_campaign
+from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row, Store
@@ -67,7 +67,7 @@ def write_project(folder: Path) -> Path:
     return file
 
 
-class Heard(Silent):
+class Heard(Listener):
     """Remembers which steps were done, and which were known."""
 
     def __init__(self) -> None:

@@ -19,13 +19,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
+from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Task, Update
 from foresee_dsl.errors import ForeseeError
-
-if TYPE_CHECKING:
-    from foresee_dsl.campaign.execution.engine import RunOptions
 
 _TICK_S = 0.2
 """How often `stop` is asked."""
@@ -99,7 +97,7 @@ class DaskExecutor:
             threads = max(1, sum(self._client.nthreads().values()))
         except Exception as err:  # Dask's are of many kinds; all of them mean that nobody answers
             raise ClusterError(f"the Dask scheduler is gone ({err}): what was finished is kept, and the same command "
-                               "goes on from there") from err  # fmt: skip
+                               "continues from there") from err  # fmt: skip
         while self._queue and len(self._batches) < 2 * threads:
             size = max(1, min(BATCH, len(self._queue) // (2 * threads)))
             numbers = [heapq.heappop(self._queue)[1] for _ in range(min(size, len(self._queue)))]
@@ -212,7 +210,7 @@ def read(stream: IO[bytes]) -> bytes | None:
 
 
 def _inlined(task: Task) -> Task:
-    """Return a task that stands on no file here."""
+    """Return a task that needs no file of this machine."""
     argument = task.argument
     if not is_dataclass(argument) or isinstance(argument, type):
         return task

@@ -8,47 +8,42 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from foresee_dsl.campaign.assembly import Assembly, assemble
-from foresee_dsl.campaign.execution.broken_runs import broken_row
-from foresee_dsl.campaign.execution.events import Listener
-from foresee_dsl.campaign.execution.executors import Executor, local
+from foresee_dsl.campaign.assembly import assemble
+from foresee_dsl.campaign.execution.executors import Executor, RunOptions
 from foresee_dsl.campaign.execution.pool import Broken, Part, Update
 from foresee_dsl.campaign.folder import CampaignFolder
-from foresee_dsl.campaign.results import CampaignResult, ChildOutcome, ClipOutcome, SeedOutcome
-from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome, encode
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import Node, Stages
-from foresee_dsl.campaign.storage.attachments import CaseFiles
-from foresee_dsl.campaign.storage.records import Made, encode
+from foresee_dsl.campaign.steps.step import Made
+from foresee_dsl.campaign.storage.case_files import CaseFiles
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import Verdict
 
-ORDER = {"seed": 0, "forecast": 0, "clip": 1, "mutants": 1, "child": 2}
-"""Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their children
-before those of second rank: where time runs out, the best points were studied."""
+_LONGEST_REASON = 1000
+"""Characters of the reason of a run that broke: as of a driver that raises (`simulate.runner`)."""
 
 
-@dataclass(frozen=True)
-class RunOptions:
-    """How a campaign is done; none of it changes a result.
+class Listener:
+    """Is told while a campaign runs (a progress bar, a log); this one does nothing."""
 
-    Attributes:
-        jobs: worker processes here. limits: what a run may take. shard: the part of the campaign.
-        retry: run again what broke in an earlier campaign (died, hung, raised).
-        executor: makes what runs the tasks, other than processes here.
-        stop: asked ten times a second whether to stop.
-    """
+    def planned(self, kind: str, count: int) -> None:
+        """So many more steps of a kind are known of."""
 
-    jobs: int = 1
-    limits: Limits = field(default_factory=Limits)
-    shard: Shard = field(default_factory=Shard)
-    retry: bool = False
-    executor: Callable[[RunOptions], Executor] | None = None
-    stop: Callable[[], bool] = lambda: False
+    def known(self, row: Row) -> None:
+        """One of them was in the store."""
+
+    def finished(self, row: Row) -> None:
+        """One of them was done, and is in the store."""
+
+    def broken(self, what: str) -> None:
+        """One of them cannot be done."""
 
 
 def run_campaign(
@@ -58,7 +53,7 @@ def run_campaign(
     out: Path,
     store: Store,
     listener: Listener,
-    options: RunOptions = RunOptions(),
+    options: RunOptions = RunOptions(),  # noqa: B008 - immutable
 ) -> CampaignResult:
     """Run a whole campaign and write its folder.
 
@@ -86,15 +81,10 @@ def run_campaign(
     with folder.working() as work:
         broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listener, options).go(started)
         found = assemble(stages, out)
-        result = _result(settings, found, broken, time.monotonic() - started, stopped)
+        wall_s = time.monotonic() - started
+        result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
         folder.publish(result, found.traces, store.blobs)
     return result
-
-
-def _result(
-    settings: CampaignSettings, found: Assembly, broken: Sequence[str], wall_s: float, stopped: bool
-) -> CampaignResult:
-    return CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
 
 
 class _Run:
@@ -156,24 +146,26 @@ class _Run:
             return  # a task that is under way gives it
         task = self._stages.task(node, self._files, self._options.limits)
         self._nodes[node.key] = node
-        for key in self._stages.expected(node):
-            self._expected[key] = self._expected.get(key, 0) + 1
+        for step in self._stages.task_steps(node):
+            self._expected[step.key] = self._expected.get(step.key, 0) + 1
         if self._executor is None:
-            self._executor = (self._options.executor or local)(self._options)
-        self._executor.add([task], (ORDER[node.kind] > 0, node.draft.rank if node.draft else 0, ORDER[node.kind]))
+            self._executor = self._options.executor(self._options)
+        # Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their
+        # children before those of second rank: where time runs out, the best points were studied.
+        self._executor.add([task], (node.step.turn > 0, node.step.rank, node.step.turn))
 
     def _take(self, update: Update, stop: Callable[[], bool]) -> None:
         if isinstance(update.value, Part):
             self._keep(update.value.value, stop)
             return
         node = self._nodes.pop(update.task.key)
-        keys = self._stages.expected(node)
+        keys = [step.key for step in self._stages.task_steps(node)]
         for key in keys:
             self._expected[key] -= 1
         if isinstance(update.value, Broken):
             # The part that it was at is the first that it has not given.
             key = next((k for k in keys if not self._store.has(k)), node.key)
-            row = broken_row(key, node, update.value)
+            row = _broken_row(node, update.value) if key == node.key else None
             if row is not None:
                 self._add(row, None, stop)
             else:
@@ -187,7 +179,7 @@ class _Run:
             key=made.key,
             kind=made.kind,
             name=made.name,
-            record=encode(made.record, made.kind),
+            record=encode(made.record),
             driver=made.driver,
             verdict=run.verdict.value if run else "",
             reason=run.reason if run else "",
@@ -205,3 +197,26 @@ class _Run:
             else:
                 self._listener.known(row)
             self._meet(self._stages.after(node, row), stop)
+
+
+def _broken_row(node: Node, broken: Broken) -> Row | None:
+    """Return the row of a run that gave no result; None where no run broke, but a forecast or a mutation."""
+    verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
+    how = {"raised": f"the run raised {broken.reason}", "crash": broken.reason}.get(
+        broken.how, f"the run {broken.reason}"
+    )
+    # A reason is one line, and goes into texts between double quotes.
+    reason = " ".join(how.split()).replace('"', "'")[:_LONGEST_REASON]
+    record = node.step.broken(node.case, node.file, verdict, reason)
+    if record is None:
+        return None
+    return Row(
+        key=node.key,
+        kind=node.kind,
+        name=node.name,
+        record=encode(record),
+        verdict=verdict.value,
+        reason=reason,
+        broken=True,
+        wall_s=(broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0,
+    )

@@ -1,14 +1,13 @@
-"""Who runs a campaign's tasks: processes here, or the workers of a Dask cluster."""
+"""What a campaign is run with: its options, and what runs its tasks (processes here, or a Dask cluster's workers)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass, field
+from typing import Protocol
 
 from foresee_dsl.campaign.execution.pool import Task, Update, WorkerPool
-
-if TYPE_CHECKING:
-    from foresee_dsl.campaign.execution.engine import RunOptions
+from foresee_dsl.campaign.settings import Limits, Shard
 
 
 class Executor(Protocol):
@@ -27,3 +26,21 @@ class Executor(Protocol):
 def local(options: RunOptions) -> Executor:
     """Return the executor that runs tasks in processes here."""
     return WorkerPool(options.jobs, memory_mb=options.limits.memory_mb)
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a campaign is done; none of it changes a result.
+
+    Attributes:
+        jobs: worker processes here. limits: what a run may take. shard: the part of the campaign.
+        retry: run again what broke in an earlier campaign (died, hung, raised).
+        executor: makes what runs the tasks. stop: asked ten times a second whether to stop.
+    """
+
+    jobs: int = 1
+    limits: Limits = field(default_factory=Limits)
+    shard: Shard = field(default_factory=Shard)
+    retry: bool = False
+    executor: Callable[[RunOptions], Executor] = local
+    stop: Callable[[], bool] = lambda: False

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import pkgutil
 from contextlib import suppress
 from importlib import import_module
 
+from foresee_dsl.campaign import steps
+
 MODULES = (
-    "foresee_dsl.campaign.work",
+    *(f"{steps.__name__}.{found.name}" for found in pkgutil.iter_modules(steps.__path__)),
     "foresee_dsl.forecast.foresee",
     "foresee_dsl.drivers.idm",
     "foresee_dsl.drivers.pdm",
 )
 
 for _name in MODULES:
-    with suppress(Exception):  # whoever needs it is told why it does not load; nobody else has to care
+    with suppress(Exception):  # the task that needs it reports why it does not load
         import_module(_name)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.storage.records import KINDS
+from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.storage.store import Row, Store, StoreError
 from foresee_dsl.campaign.storage.traces import name_of
 
@@ -62,7 +62,8 @@ def statistics(store: Store) -> Statistics:
     """Count what is in a store."""
     kinds: dict[str, dict[str, int]] = {}
     found = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
-    for kind, verdict, count in sorted(found, key=lambda f: KINDS.index(f[0])):
+    order = [step.kind for step in STEPS]
+    for kind, verdict, count in sorted(found, key=lambda row: order.index(row[0])):
         kinds.setdefault(kind, {})[verdict] = count
     sizes = [file.stat().st_size for name, file in store.blobs.files() if name]
     ((broken, simulated_s, wall_s),) = store.execute(

@@ -243,7 +243,7 @@ def _check_schema(schema: int, folder: Path) -> None:
 
 def _explained(folder: Path, err: Exception) -> str:
     said = str(getattr(err, "strerror", None) or err)
-    kept = "what was finished before is kept, and the same command goes on from there"
+    kept = "what was finished before is kept, and the same command continues from there"
     if "not a database" in said or "malformed" in said:
         return f"the store {folder} is damaged ({said}): move the folder away, or name another with --store"
     if "readonly" in said or "read-only" in said.lower() or "unable to open" in said:

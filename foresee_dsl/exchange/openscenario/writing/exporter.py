@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.steps import case_name, run_test_case
+from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.registry import recorded_address

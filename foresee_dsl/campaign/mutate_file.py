@@ -1,0 +1,34 @@
+"""A clip's file, mutated, and its children run: what `foresee mutate` does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.records import ChildOutcome
+from foresee_dsl.campaign.steps.child import run_child
+from foresee_dsl.campaign.steps.mutants import driver_of
+from foresee_dsl.derive.mutate import mutate
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.project.loading import load_test_case
+
+
+def mutate_file(
+    file: Path, *, preset: str, count: int, driver: str, seed: int, allow_outside: bool = True
+) -> tuple[ChildOutcome, ...]:
+    """Mutate a clip's file and run the children, whose files belong beside it.
+
+    Raises:
+        ForeseeError: the file is no clip.
+    """
+    clip_case = load_test_case(str(file), allow_outside=allow_outside)
+    model = clip_case.clip
+    if model is None or clip_case.mutant is not None:
+        raise ForeseeError(f"{file} is no clip: `foresee clip` writes them")
+    result = run_test_case(clip_case, driver, seed)
+    drove = driver_of(result.trace, driver)
+    mutants = mutate(clip_case, model, result.trace, preset=preset, count=count, seed=seed, driver=drove)
+    return tuple(
+        run_child(mutant, clip_case, file.parent / f"{mutant.name}.foresee", driver=driver, seed=seed)[0]
+        for mutant in mutants
+    )

@@ -1,0 +1,104 @@
+"""The last step: a mutant is run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
+from foresee_dsl.campaign.steps.clip_text import clip_case
+from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.derive.preventability import Preventability, assess
+from foresee_dsl.language.model import Mutant, Origin
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_mutant
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.campaign.steps.mutants import MutantsStep
+
+
+@dataclass(frozen=True, eq=False)
+class ChildStep(ClipPart["MutantsStep", Mutants]):
+    """Run a mutant of a clip; of a failure, ask whether a careful driver would have avoided it."""
+
+    kind = "child"
+    title = "children"
+    follows = "mutants"
+    record = ChildOutcome
+    turn = 2
+    usual_s = 0.12
+
+    mutant: MutantDraft
+
+    @classmethod
+    def following(cls, above: MutantsStep, result: Mutants | None, campaign: Campaign) -> Iterator[Self]:
+        """Yield a child for each mutant."""
+        again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
+        for mutant in result.drafts if result is not None else ():
+            key = campaign.key(
+                cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver, seed=above.seed
+            )
+            yield cls(key, f"{above.name}{again}_m{mutant.number}", above.seed, above.draft, mutant)
+
+    @staticmethod
+    def at_most(settings: CampaignSettings) -> int:
+        """The children of a clip."""
+        return settings.children
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ChildOutcome, Trace | None]:  # noqa: ARG002
+        """Run the mutant; the traces of failures are stored."""
+        parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
+        file = work.folder / f"{self.name}.foresee"
+        mutant = parse(self.mutant.text, "a mutant of this campaign").model
+        if not isinstance(mutant, Mutant):
+            raise TypeError(f"{mutant.name} was printed from a mutant and is now a {mutant.kind}")
+        mutant = mutant.model_copy(update={"name": self.name})
+        outcome, result = run_child(mutant, parent, file, driver=work.settings.driver, seed=self.seed)
+        return outcome, result.trace if result.verdict.is_failure else None
+
+    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
+        """Return the child with how its run broke."""
+        return ChildOutcome(self.name, file, self.mutant.text, (), verdict, "", reason, 0.0, 0.0, "")
+
+
+def run_child(
+    mutant: Mutant, clip_case: TestCase, file: Path, *, driver: str, seed: int
+) -> tuple[ChildOutcome, RunResult]:
+    """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it."""
+    case = expand_mutant(mutant, clip_case, source=file)
+    result = run_test_case(case, driver, seed)
+    avoided = assess(case, result) if result.verdict.is_failure else None
+    mutant = with_found(mutant, result.reason, avoided)
+    outcome = ChildOutcome(
+        name=mutant.name,
+        file=file.as_posix(),
+        text=print_model(mutant),
+        operators=mutant.origin.operator if mutant.origin else (),
+        verdict=result.verdict,
+        with_=result.with_,
+        reason=result.reason,
+        time_s=result.time_s,
+        duration_s=result.duration_s,
+        digest=result.trace.digest,
+        preventability=avoided,
+        impact=result.impact,
+        near=result.near_misses,
+    )
+    return outcome, result
+
+
+def with_found(mutant: Mutant, found: str, avoided: Preventability | None = None) -> Mutant:
+    """Return the mutant with what its run found in its origin block, and whether that was preventable."""
+    told = {"found": found, "preventable": avoided.verdict.origin if avoided else None}
+    body = tuple(item.model_copy(update=told) if isinstance(item, Origin) else item for item in mutant.body)
+    return mutant.model_copy(update={"body": body})

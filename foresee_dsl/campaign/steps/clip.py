@@ -1,0 +1,101 @@
+"""The step after a forecast: a clip is run unmutated, and compared with the run that it was cut from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.records import ClipOutcome, Forecast
+from foresee_dsl.campaign.steps.clip_text import clip_of
+from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
+from foresee_dsl.language.model import Clip
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.campaign.steps.forecast import ForecastStep
+
+
+@dataclass(frozen=True, eq=False)
+class ClipStep(ClipPart["ForecastStep", Forecast]):
+    """Run a clip unmutated and measure how far it strays from its parent's run."""
+
+    kind = "clip"
+    title = "clips"
+    follows = "forecast"
+    record = ClipOutcome
+    reads = "seed"
+    turn = 1
+    usual_s = 0.2
+
+    @classmethod
+    def following(cls, above: ForecastStep, result: Forecast | None, campaign: Campaign) -> Iterator[Self]:
+        """Yield a clip for each risky point that is studied."""
+        for draft in result.drafts if result is not None else ():
+            key = campaign.key(cls, seed=above.run_key, pin=draft.pin)
+            yield cls(key, f"{above.name}_p{draft.rank}", above.seed, draft)
+
+    @staticmethod
+    def at_most(settings: CampaignSettings) -> int:
+        """The risky points that are studied."""
+        return settings.risky_points
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ClipOutcome, Trace]:
+        """Run the clip and compare it."""
+        if trace is None:
+            raise ValueError(f"clip {self.draft.name} has no parent's trace to be compared with")
+        started = time.perf_counter()
+        file = work.folder / f"{self.draft.name}.foresee"
+        model, _, result, found = measure_clip(
+            clip_of(self.draft.text), case, trace, file, driver=work.settings.driver, seed=self.seed
+        )
+        outcome = ClipOutcome(
+            seed=case.id,
+            family=case.family,
+            name=self.draft.name,
+            file=file.name,
+            text=print_model(model),
+            rank=self.draft.rank,
+            verdict=result.verdict,
+            reason=result.reason,
+            duration_s=result.duration_s,
+            wall_s=time.perf_counter() - started,
+            largest_m=found.largest_m,
+            median_m=found.median_others_m,
+            within=found.share_others_within,
+            others_m=found.others_m,
+            ego_m=found.ego_m,
+        )
+        return outcome, result.trace
+
+    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ClipOutcome:
+        """Return the clip with how its run broke."""
+        return ClipOutcome(
+            seed=case.id, family=case.family, name=self.name, file=file, text=self.draft.text, rank=self.draft.rank,
+            verdict=verdict, reason=reason, duration_s=0.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0,
+        )  # fmt: skip
+
+
+def measure_clip(
+    model: Clip, parent: TestCase, parent_trace: Trace, file: Path, *, driver: str, seed: int
+) -> tuple[Clip, TestCase, RunResult, Deviation]:
+    """Run a clip unmutated and write into it how far it strays from its parent.
+
+    Returns:
+        The clip with its `fidelity` line, its test case, the run, and the deviation.
+    """
+    clip_case = expand_clip(model, parent, source=file)
+    result = run_test_case(clip_case, driver, seed)
+    found = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
+    return with_fidelity(model, found), clip_case, result, found

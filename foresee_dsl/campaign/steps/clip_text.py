@@ -1,0 +1,26 @@
+"""A clip's text in a worker, and the test case that it makes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from foresee_dsl.campaign.steps.inputs import CaseRef, load_case
+from foresee_dsl.language.model import Clip
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip
+
+
+@lru_cache(maxsize=16)
+def clip_case(text: str, parent: CaseRef, file: Path) -> TestCase:
+    """Return the test case of a clip's text; a process keeps the last few, as many children share them."""
+    return expand_clip(clip_of(text), load_case(parent), source=file)
+
+
+def clip_of(text: str) -> Clip:
+    """Return the model of a clip's text."""
+    model = parse(text, "a clip of this campaign").model
+    if not isinstance(model, Clip):
+        raise TypeError(f"{model.name} was printed from a clip and is now a {model.kind}")
+    return model

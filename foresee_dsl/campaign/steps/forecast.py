@@ -1,0 +1,123 @@
+"""The step after a run that passed: its risky points are ranked, and clips are cut around the first of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.campaign.driving import longest_s, relative_path
+from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
+from foresee_dsl.campaign.steps.step import Campaign, Step, Work
+from foresee_dsl.derive.clipping.clip import clip as make_clip
+from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.language.meaning import clip_pin
+from foresee_dsl.language.model import Clip
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.campaign.steps.seed import SeedStep
+    from foresee_dsl.forecast.protocol import RiskyPoint
+
+
+@dataclass(frozen=True, eq=False)
+class ForecastStep(Step["SeedStep", SeedOutcome]):
+    """Rank the risky points of a run, and cut the clips around the first of them. `run_key`: the run's key."""
+
+    kind = "forecast"
+    title = "forecasts"
+    follows = "seed"
+    record = Forecast
+    drives = False
+    reads = "seed"
+    same_task = True
+    turn = 0
+    usual_s = 0.03
+
+    run_key: str
+
+    @classmethod
+    def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
+        """Yield the one forecast of a run."""
+        s = campaign.settings
+        key = campaign.key(cls, seed=above.key, ranker=campaign.ranker, before_s=s.before_s, after_s=s.after_s,
+                           handover_s=s.handover_s, count=s.risky_points, lots=above.seed)  # fmt: skip
+        yield cls(key, above.name, above.seed, above.key)
+
+    @staticmethod
+    def wanted(result: SeedOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
+        """Only a run that passed is studied."""
+        return result.verdict is Verdict.PASS
+
+    @staticmethod
+    def at_most(settings: CampaignSettings) -> int:  # noqa: ARG004
+        """One."""
+        return 1
+
+    @staticmethod
+    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004
+        """It may take as long as its run."""
+        return longest_s(case)
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Forecast, None]:
+        """Rank, and cut the clips."""
+        if trace is None:
+            raise ValueError(f"the forecast of {self.name} has no trace")
+        s = work.settings
+        points = load_ranker(s.ranker).rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
+        drafts = []
+        for point in points[: s.risky_points]:
+            file = work.folder / f"{self.name}_p{point.rank}.foresee"
+            clip = clip_around(
+                case, trace, point, file, before_s=s.before_s, after_s=s.after_s, handover_s=s.handover_s
+            )
+            drafts.append(_draft(clip, point.rank))
+        return Forecast(len(points), tuple(drafts)), None
+
+
+def clip_around(
+    case: TestCase,
+    trace: Trace,
+    point: RiskyPoint,
+    file: Path,
+    *,
+    before_s: float,
+    after_s: float,
+    handover_s: float = 0.0,
+) -> Clip:
+    """Cut the seconds around a risky point out of a run; `file` is where the clip will be written.
+
+    Raises:
+        ValueError: the hand-over is too long (see `derive.clipping.clip`).
+    """
+    return make_clip(
+        case,
+        trace,
+        point,
+        before_s=before_s,
+        after_s=after_s,
+        name=file.stem,
+        parent=relative_path(case.source, file.parent),
+        handover_s=handover_s,
+    )
+
+
+def _draft(clip: Clip, rank: int) -> Draft:
+    risk = clip.risk.model_dump_json() if clip.risk is not None else ""
+    return Draft(
+        rank=rank,
+        text=print_model(clip),
+        name=clip.name,
+        parent=clip.parent,
+        case=clip.case or "",
+        pin=clip_pin(clip, clip.pin),
+        risk=hashlib.sha256(risk.encode()).hexdigest()[:12],
+    )

@@ -1,0 +1,77 @@
+"""What a step needs beside its few words: test cases and traces, as files for processes here or as bytes for others."""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from foresee_dsl.language.model import Network, VehicleModel
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.trace import Trace
+
+
+@dataclass(frozen=True)
+class Ref:
+    """Some bytes: where they are, or themselves for a process that may be on another machine. `name` is their hash."""
+
+    name: str
+    path: Path
+    data: bytes | None = None
+
+    def read(self) -> bytes:
+        """Return the bytes.
+
+        Raises:
+            OSError: the file is gone.
+        """
+        return self.path.read_bytes() if self.data is None else self.data
+
+    def inline(self) -> Ref:
+        """Return it with its bytes."""
+        return replace(self, data=self.read())
+
+
+@dataclass(frozen=True)
+class CaseRef:
+    """A test case: what is its own, and the network and models that it shares with many."""
+
+    own: Ref
+    shared: Ref
+
+    def inline(self) -> CaseRef:
+        """Return it with its bytes."""
+        return CaseRef(self.own.inline(), self.shared.inline())
+
+
+def load_case(ref: CaseRef) -> TestCase:
+    """Return a test case; a process keeps those that it had lately."""
+    network, models = _loaded_shared(ref.shared)
+    return replace(_loaded(ref.own), network=network, models=models)
+
+
+def load_trace(ref: Ref) -> Trace:
+    """Return a trace of the store.
+
+    Raises:
+        OSError: its file is gone.
+        ValueError: its file is no trace.
+    """
+    return Trace.load(io.BytesIO(ref.read()))
+
+
+@lru_cache(maxsize=256)
+def _loaded(ref: Ref) -> TestCase:
+    case = pickle.loads(ref.read())  # noqa: S301 - of this campaign
+    if not isinstance(case, TestCase):
+        raise TypeError(f"{ref.path} holds no test case")
+    return case
+
+
+@lru_cache(maxsize=16)
+def _loaded_shared(ref: Ref) -> tuple[Network | Path, Mapping[str, VehicleModel]]:
+    shared: tuple[Network | Path, Mapping[str, VehicleModel]] = pickle.loads(ref.read())  # noqa: S301 - as above
+    return shared

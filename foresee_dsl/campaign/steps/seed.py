@@ -1,0 +1,82 @@
+"""The first step: a test case is run, unmutated."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.records import SeedOutcome
+from foresee_dsl.campaign.steps.step import Campaign, Step, Work
+from foresee_dsl.derive.preventability import assess
+from foresee_dsl.language.meaning import clip_pin
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from foresee_dsl.campaign.settings import CampaignSettings
+
+
+@dataclass(frozen=True, eq=False)
+class SeedStep(Step[None, None]):
+    """Run a test case; of a failure, ask whether a careful driver would have avoided it."""
+
+    kind = "seed"
+    title = "test cases"
+    follows = ""
+    record = SeedOutcome
+    turn = 0
+    usual_s = 0.6
+
+    @classmethod
+    def of_case(cls, case: TestCase, name: str, campaign: Campaign) -> Self:
+        """Return the step of a test case, whose files get this name."""
+        # A clip's window is in no scenario, and decides which noise its sensors have.
+        window = clip_pin(case.clip, case.clip.pin) if case.clip is not None else ""
+        seed = campaign.settings.seed
+        return cls(
+            campaign.key(cls, meaning=case.meaning, window=window, driver=campaign.driver, seed=seed), name, seed
+        )
+
+    @classmethod
+    def following(cls, above: None, result: None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
+        """Nothing: test cases are given."""
+        yield from ()
+
+    @staticmethod
+    def at_most(settings: CampaignSettings) -> int:  # noqa: ARG004
+        """It follows from no step."""
+        return 0
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[SeedOutcome, Trace]:  # noqa: ARG002
+        """Run the test case."""
+        started = time.perf_counter()
+        result = run_test_case(case, work.settings.driver, self.seed)
+        avoided = assess(case, result) if result.verdict.is_failure else None
+        outcome = SeedOutcome(
+            id=case.id,
+            family=case.family,
+            scenario=case.scenario.name,
+            verdict=result.verdict,
+            reason=result.reason,
+            duration_s=result.duration_s,
+            wall_s=time.perf_counter() - started,
+            impact=result.impact,
+            near=result.near_misses,
+            preventability=avoided,
+        )
+        return outcome, result.trace
+
+    @staticmethod
+    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004
+        """Return what the scenario says."""
+        return longest_s(case)
+
+    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> SeedOutcome:  # noqa: ARG002
+        """Return the test case with how its run broke."""
+        return SeedOutcome(case.id, case.family, case.scenario.name, verdict, reason, 0.0, 0.0)
