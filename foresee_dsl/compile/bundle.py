@@ -11,7 +11,8 @@ from foresee_dsl.compile.roads.polyline import XY, Points
 from foresee_dsl.language.model import Expect, MeetsState, Place, When
 
 if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.network import RoadNetwork, RouteLine
+    from foresee_dsl.compile.roads.network import RoadNetwork
+    from foresee_dsl.compile.roads.route_line import RouteLine
 
 ActorKind = Literal["car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"]
 

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.roads.network import RoadNetwork, RouteError
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import EdgeRoute, Leg, Route

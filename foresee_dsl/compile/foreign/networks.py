@@ -11,10 +11,11 @@ from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossing
 from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
-from foresee_dsl.compile.nets.net_reader import NetParts, read_net
+from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
 from foresee_dsl.compile.nets.safe_xml import check_size, parse_net, parse_xml
 from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
@@ -111,7 +112,7 @@ def _copy_net(path: Path, data: bytes, out: Path) -> None:
         raise CompileError(f"{path} is no sound SUMO network: {said}") from err
 
 
-def _check_sound(parts: NetParts) -> None:
+def _check_sound(parts: Topology) -> None:
     """Raise a `ValueError` for what no network has: edges without lanes, lanes without a place."""
     for edge in parts.edges.values():
         if not edge.lanes or [lane.index for lane in edge.lanes] != list(range(len(edge.lanes))):

@@ -11,8 +11,9 @@ from typing import cast
 
 from foresee_dsl import disk_cache
 from foresee_dsl.compile.bundle import Signal
-from foresee_dsl.compile.nets.net_reader import NetParts, read_net
+from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import tool_version
+from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import template_sources
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import cache_folder
@@ -68,7 +69,7 @@ def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) 
     return entry / NET
 
 
-def read_net_once(net_file: Path, network: Network | None) -> tuple[NetParts, Mapping[str, Signal]]:
+def read_net_once(net_file: Path, network: Network | None) -> tuple[Topology, Mapping[str, Signal]]:
     """Return the parts and signals of a net in the cache, as `read_net` and `read_signals` give them.
 
     They are kept as a pickle: reading the XML again takes longer than placing a scenario's actors.
@@ -87,7 +88,7 @@ def read_net_once(net_file: Path, network: Network | None) -> tuple[NetParts, Ma
 
         known = read_net(net_file), read_signals(net_file, network)
         disk_cache.store(place, known)
-    return cast(tuple[NetParts, Mapping[str, Signal]], known)
+    return cast(tuple[Topology, Mapping[str, Signal]], known)
 
 
 def _put(fresh: Path, entry: Path) -> None:

@@ -1,15 +1,14 @@
-"""Turns SUMO's `.net.xml` into the parts of a road network."""
+"""Reads SUMO's `.net.xml` into a `Topology`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.polyline import Points
-from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
+from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, Topology, WalkingArea
 from foresee_dsl.language.model import Turn
 
 if TYPE_CHECKING:
@@ -29,21 +28,7 @@ _TURNS: dict[str, Turn] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class NetParts:
-    """Everything that we read from a net file; dictionaries are in the file's order."""
-
-    lanes: dict[str, Lane]
-    edges: dict[str, Edge]
-    junctions: dict[str, Junction]
-    movements: tuple[Movement, ...]
-    crossings: dict[str, Crossing]
-    walking_areas: dict[str, WalkingArea]
-    footways: tuple[tuple[str, str], ...]
-    """Pairs of edge or lane ids that people walk between: sidewalk lane, crossing lane or walking area."""
-
-
-def read_net(net_file: Path) -> NetParts:
+def read_net(net_file: Path) -> Topology:
     """Read a SUMO network.
 
     Raises:
@@ -62,7 +47,7 @@ def read_net(net_file: Path) -> NetParts:
             edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
     junctions, rows = _junctions(root)
     connections = [element.attrib for element in root.iterfind("connection")]
-    return NetParts(
+    return Topology(
         lanes=lanes,
         edges=edges,
         junctions=junctions,

@@ -7,8 +7,9 @@ from typing import Protocol
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.compile.roads.routing import RouteError, check_junction, text
+from foresee_dsl.compile.roads.routing import RouteError, check_junction
 from foresee_dsl.language.model import AlongEdge, AlongRoute, PastJunction, Place, Point, Quantity, Ref
+from foresee_dsl.language.traversal import si_of, word_of
 
 _SLACK_M = 1e-3
 """A place may lie this much beyond an end (roundings of files)."""
@@ -50,16 +51,8 @@ class Lines(Protocol):
 
 
 def si(value: Quantity | Ref | None, default: float = 0.0) -> float:
-    """Return a value in SI.
-
-    Raises:
-        RouteError: it is a parameter's name (a concrete scenario has none).
-    """
-    if value is None:
-        return default
-    if isinstance(value, Ref):
-        raise RouteError(f"the parameter {value.name} has no value here")
-    return value.si
+    """Return a value of a concrete scenario in SI units, or the default for None."""
+    return default if value is None else si_of(value)
 
 
 def spot(place: Place, network: RoadNetwork, lines: Lines) -> Spot:
@@ -71,7 +64,7 @@ def spot(place: Place, network: RoadNetwork, lines: Lines) -> Spot:
     if isinstance(place, Point):
         return Spot(si(place.x), si(place.y))
     if isinstance(place, AlongEdge):
-        return Spot(*network.locate(text(place.edge), si(place.at), si(place.offset)))
+        return Spot(*network.locate(word_of(place.edge), si(place.at), si(place.offset)))
     if isinstance(place, AlongRoute):
         line = lines.line_of(place.actor)
         return _on(line, lines.start_of(place.actor) + si(place.at), si(place.offset), place)
@@ -79,7 +72,7 @@ def spot(place: Place, network: RoadNetwork, lines: Lines) -> Spot:
 
 
 def _at_junction(place: PastJunction, network: RoadNetwork, lines: Lines) -> Spot:
-    junction = text(place.junction)
+    junction = word_of(place.junction)
     check_junction(network, junction)
     line = lines.line_of(place.actor)
     passage = line.passage(junction)

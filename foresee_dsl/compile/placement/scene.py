@@ -14,7 +14,7 @@ from foresee_dsl.compile.placement.name_checks import Said
 from foresee_dsl.compile.placement.places import si
 from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.routing import RouteError, text
+from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.walkways import Walk, walkways
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
@@ -46,7 +46,7 @@ from foresee_dsl.language.model import (
     Starts as StartsAction,
 )
 from foresee_dsl.language.project.document import PlacementError, Problem, TestCase
-from foresee_dsl.language.traversal import all_actions
+from foresee_dsl.language.traversal import all_actions, word_of
 
 DEFAULT_END_S = 60.0
 """Ours: a route of 180 m, the longest of CARLA's on Town10HD, at 20 km/h with a red light on the way."""
@@ -160,7 +160,7 @@ class _Builder:
             end_s=self._end_s,
             whens=scenario.all(When),
             expects=scenario.all(Expect),
-            signals=tuple((text(s.junction), text(s.stage), si(s.elapsed)) for s in scenario.all(SignalState)),
+            signals=tuple((word_of(s.junction), word_of(s.stage), si(s.elapsed)) for s in scenario.all(SignalState)),
             friction=friction_of(si(weather.wetness)) if weather is not None else DRY_FRICTION,
             rain=si(weather.rain) if weather is not None else 0.0,
             fog=si(weather.fog) if weather is not None else 0.0,
@@ -296,7 +296,7 @@ class _Builder:
             recorded=tuple(_recorded(i) for i in items(actor, Recorded)) if placed.control == "ego" else (),
             steering=_steering(item(actor, Steers)),
             ignores=tuple(
-                (i.what, None if i.junction is None else text(i.junction)) for i in items(actor, IgnoresRule)
+                (i.what, None if i.junction is None else word_of(i.junction)) for i in items(actor, IgnoresRule)
             ),
             meets=items(actor, MeetsState),
         )

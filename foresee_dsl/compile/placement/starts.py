@@ -13,7 +13,7 @@ from foresee_dsl.compile.placement.places import Spot, si, spot
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points, distance, distinct, line_of, whole_millimetres, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.compile.roads.routing import RouteError, text
+from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import (
@@ -32,6 +32,7 @@ from foresee_dsl.language.model import (
     State,
     Walked,
 )
+from foresee_dsl.language.traversal import word_of
 
 EGO_BEHIND_M = 10.0
 """The ego's line begins this much before its first edge: its rear may still be there (ours: a rigid truck's length)."""
@@ -220,7 +221,7 @@ class Starts:
         near = edges[:2] if actor.state is not None and not ego else edges
         start = item(actor, StartAt)
         if actor.state is None and start is not None and isinstance(start.place, AlongEdge):
-            edge = text(start.place.edge)
+            edge = word_of(start.place.edge)
             if edge not in edges:
                 raise RouteError(f"{name} starts on {edge}, off its route", f"its route is {', '.join(edges)}")
         match = self._match(near, kind, x, y, heading)

@@ -10,10 +10,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline, distinct
 from foresee_dsl.compile.roads.route_line import approach
-from foresee_dsl.compile.roads.topology import LaneKind, Movement
+from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
 
 HALF_WIDTH_M = 1.0
 """Two movements conflict where bands of this half width around their centrelines overlap: a car's body, not its
@@ -44,7 +43,7 @@ class Conflict:
 
 
 @lru_cache(maxsize=4096)
-def conflicts_of(network: RoadNetwork, movement: Movement) -> tuple[Conflict, ...]:
+def conflicts_of(network: Topology, movement: Movement) -> tuple[Conflict, ...]:
     """Return everything that conflicts with a movement: from the right-of-way matrix and the shapes of the lanes."""
     junction = network.junctions[movement.junction]
     own = _way(network, movement)
@@ -83,7 +82,7 @@ def conflicts_of(network: RoadNetwork, movement: Movement) -> tuple[Conflict, ..
     return (*found, *_crossings(network, movement, own))
 
 
-def _crossings(network: RoadNetwork, movement: Movement, own: Polyline) -> list[Conflict]:
+def _crossings(network: Topology, movement: Movement, own: Polyline) -> list[Conflict]:
     junction = network.junctions[movement.junction]
     found = []
     for crossing in network.crossings_at(junction.id):
@@ -106,7 +105,7 @@ def _crossings(network: RoadNetwork, movement: Movement, own: Polyline) -> list[
     return found
 
 
-def _way(network: RoadNetwork, movement: Movement) -> Polyline | None:
+def _way(network: Topology, movement: Movement) -> Polyline | None:
     """The way through the junction; None where the net has no lanes inside junctions."""
     if not movement.via:
         return None

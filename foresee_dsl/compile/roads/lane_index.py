@@ -1,22 +1,21 @@
-"""Which lanes are near a point: a grid over their centrelines, in plain numbers (see `polyline`)."""
+"""Finds the lanes near a point with a grid over their centrelines, without numpy or shapely (see `polyline`)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
 
-from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.polyline import distance_to
 from foresee_dsl.compile.roads.topology import Lane
 
 _CELL_M = 50.0
 """Ours: a town's lanes are 50 to 150 m long, so that each is in a few cells and a cell holds a junction's lanes."""
 _REACHES_M = (10.0, 100.0, 1000.0)
-"""How far the nearest lane is sought before all are looked at."""
+"""Radii, m, in which the nearest lane is sought before all lanes are compared (ours)."""
 
 
 class LaneIndex:
-    """Lanes by the cells of a grid that their centrelines (as SUMO has them) may touch."""
+    """Lanes by the cells of a grid that the bounding box of their centreline touches."""
 
     def __init__(self, lanes: Iterable[Lane]) -> None:
         """Take the lanes; answers keep their order."""
@@ -59,17 +58,6 @@ class LaneIndex:
             found = [(distance_to(x, y, lane.shape), lane) for lane in self._lanes]
         away = min((away for away, _ in found), default=math.inf)
         return away, tuple(lane for at, lane in found if at == away)
-
-
-def distance_to(x: float, y: float, points: Points) -> float:
-    """Return the distance of a point to a polyline, m."""
-    best = math.inf
-    for (x0, y0), (x1, y1) in pairwise(points):
-        dx, dy, px, py = x1 - x0, y1 - y0, x - x0, y - y0
-        squared = dx * dx + dy * dy
-        share = min(max((px * dx + py * dy) / squared, 0.0), 1.0) if squared > 0 else 0.0
-        best = min(best, math.hypot(px - share * dx, py - share * dy))
-    return best
 
 
 def _cells(low_x: float, low_y: float, high_x: float, high_y: float) -> list[tuple[int, int]]:

@@ -1,39 +1,36 @@
-"""The road network as the compiler and the simulator see it: names, ways, lines, and where the road ends."""
+"""The road network as the compiler and the simulator see it: routes, lines, the nearest lane, where the road ends."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.nets.net_reader import NetParts, read_net
-from foresee_dsl.compile.roads import route_line, routing
+from foresee_dsl.compile.nets.net_reader import read_net
+from foresee_dsl.compile.roads import routing
 from foresee_dsl.compile.roads.lane_index import LaneIndex
 from foresee_dsl.compile.roads.polyline import XY, Points, crosses, inside, wrap
-from foresee_dsl.compile.roads.route_line import Passage, RouteLine
-from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, WalkingArea
-from foresee_dsl.language.model import Building, EdgeRoute, Network, Route
+from foresee_dsl.compile.roads.route_line import RouteLine, build_line
+from foresee_dsl.compile.roads.topology import Lane, LaneKind, Topology
+from foresee_dsl.language.model import Building, Network
 from foresee_dsl.language.traversal import si_of
 
 if TYPE_CHECKING:
-    import networkx as nx
     from shapely.geometry.base import BaseGeometry
 
     from foresee_dsl.compile.roads.polyline import FloatArray
 
-__all__ = ["NearLane", "Passage", "RoadNetwork", "RouteError", "RouteLine", "buildings_of"]
-
-_SAME_WAY_RAD = math.radians(60)
+_SAME_DIRECTION_RAD = math.radians(60)
 """A lane whose direction differs by more is not the one that a vehicle drives on (measured on CARLA's towns: with 60
 degrees all 612 waypoints find their lane)."""
 _HEADING_WEIGHT_M = 1.0
 """Inside junctions lanes overlap: a radian off in direction counts like a metre off sideways (ours)."""
 _CLOSE_GAPS_M = 0.3
-"""Slits up to twice this between lanes are road (ours: roundings and corners of maps, no median is so narrow)."""
+"""Gaps between lanes of up to twice this width are road (ours: roundings and corners of maps; no median is so
+narrow)."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +43,13 @@ class NearLane:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RoadNetwork:
-    """A road network; compared by identity, so that results can be kept per network."""
+class RoadNetwork(Topology):
+    """A road network; compared by identity, so that results can be cached per network.
 
-    lanes: Mapping[str, Lane]
-    edges: Mapping[str, Edge]
-    junctions: Mapping[str, Junction]
-    movements: tuple[Movement, ...]
-    crossings: Mapping[str, Crossing]
-    walking_areas: Mapping[str, WalkingArea]
-    footways: tuple[tuple[str, str], ...]
+    `buildings`: outlines of what hides things; the net file has none.
+    """
+
     buildings: tuple[Points, ...] = ()
-    """Outlines of what hides things; the net file knows nothing of them."""
 
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
@@ -69,73 +61,12 @@ class RoadNetwork:
         return cls.of(read_net(net_file), buildings)
 
     @classmethod
-    def of(cls, parts: NetParts, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
+    def of(cls, topology: Topology, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
         """Make one from what was read, and the outlines of its buildings."""
-        return cls(
-            lanes=parts.lanes,
-            edges=parts.edges,
-            junctions=parts.junctions,
-            movements=parts.movements,
-            crossings=parts.crossings,
-            walking_areas=parts.walking_areas,
-            footways=parts.footways,
-            buildings=buildings,
-        )
+        return cls(**{f.name: getattr(topology, f.name) for f in fields(Topology)}, buildings=buildings)
 
-    def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
-        """Return the movements that leave an edge and are open to a kind."""
-        return tuple(m for m in self._from_edge.get(edge, ()) if kind in m.kinds)
-
-    def movements_into(self, lane: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
-        """Return the movements that end on a lane and are open to a kind."""
-        return tuple(m for m in self._into_lane.get(lane, ()) if kind in m.kinds)
-
-    def movements_through(self, lane: str) -> Sequence[Movement]:
-        """Return the movements that a lane inside a junction is part of; none for other lanes."""
-        return self._through_lane.get(lane, ())
-
-    def movements_at(self, junction: str) -> tuple[Movement, ...]:
-        """Return all movements through a junction."""
-        return tuple(m for m in self.movements if m.junction == junction)
-
-    def crossings_at(self, junction: str) -> tuple[Crossing, ...]:
-        """Return the pedestrian crossings of a junction."""
-        return tuple(c for c in self.crossings.values() if c.junction == junction)
-
-    def graph(self, kind: LaneKind = "car") -> nx.DiGraph[str]:
-        """Return the graph of edges open to a kind; the weight `length` is that of the edge that is entered."""
-        if kind not in self._graphs:
-            import networkx as nx  # here: it takes long to import, and few need it
-
-            graph: nx.DiGraph[str] = nx.DiGraph()
-            for edge in self.edges.values():
-                if edge.for_kind(kind):
-                    graph.add_node(edge.id)
-            for m in self.movements:
-                if kind in m.kinds:
-                    graph.add_edge(m.from_edge, m.to_edge, length=self.lanes[m.to_lane].length_m)
-            self._graphs[kind] = graph
-        return self._graphs[kind]
-
-    def route_edges(self, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:
-        """Return the edges of a route statement.
-
-        A `Route` starts on a road in the direction of its first junction; its turns are looked up in the junctions'
-        movements; junctions without a choice on the way need not be named. An `EdgeRoute` is checked, and filled
-        with the shortest way where it says so.
-
-        Raises:
-            RouteError: an unknown name, a turn that is not possible, edges that do not touch.
-        """
-        return routing.route_edges(self, route, kind)
-
-    def shortest_route(self, start: str, end: str, kind: LaneKind = "car") -> tuple[str, ...]:
-        """Return the shortest way between two edges, both included.
-
-        Raises:
-            RouteError: an edge does not exist, or there is no way.
-        """
-        return routing.shortest_route(self, start, end, kind)
+    route_edges = routing.route_edges
+    shortest_route = routing.shortest_route
 
     def line(
         self,
@@ -161,9 +92,7 @@ class RoadNetwork:
         Raises:
             RouteError: no lane of an edge leads to the next for this kind.
         """
-        return route_line.build_line(
-            self, edges, start_lane=start_lane, after_m=after_m, behind_m=behind_m, beyond_m=beyond_m, kind=kind
-        )
+        return build_line(self, edges, start_lane, after_m, behind_m, beyond_m, kind)
 
     def nearest_lane(
         self,
@@ -188,7 +117,7 @@ class RoadNetwork:
             cost = math.hypot(s - within, lateral)
             if heading_rad is not None:
                 off = abs(wrap(lane.line.at(within)[2] - heading_rad))
-                if off > _SAME_WAY_RAD:
+                if off > _SAME_DIRECTION_RAD:
                     continue
                 cost += _HEADING_WEIGHT_M * off
             if best is None or cost < best[0] - 1e-9:
@@ -230,7 +159,7 @@ class RoadNetwork:
         line = self.edges[edge].drivable[0].line
         if abs(at_m) > line.length_m + 1e-6:
             message = f"{edge} is only {line.length_m:.1f} m long, there is no {at_m:g} m along it"
-            raise RouteError(message, f"use at most {math.floor(line.length_m)} m")
+            raise routing.RouteError(message, f"use at most {math.floor(line.length_m)} m")
         return line.at(at_m if at_m >= 0 else line.length_m + at_m, offset_m)
 
     @cached_property
@@ -267,32 +196,6 @@ class RoadNetwork:
         """Left, bottom, right and top of each building."""
         corners = (tuple(zip(*outline, strict=True)) for outline in self.buildings)
         return tuple((min(xs), min(ys), max(xs), max(ys)) for xs, ys in corners)
-
-    @cached_property
-    def _from_edge(self) -> dict[str, list[Movement]]:
-        found: dict[str, list[Movement]] = {}
-        for m in self.movements:
-            found.setdefault(m.from_edge, []).append(m)
-        return found
-
-    @cached_property
-    def _into_lane(self) -> dict[str, list[Movement]]:
-        found: dict[str, list[Movement]] = {}
-        for m in self.movements:
-            found.setdefault(m.to_lane, []).append(m)
-        return found
-
-    @cached_property
-    def _through_lane(self) -> dict[str, list[Movement]]:
-        found: dict[str, list[Movement]] = {}
-        for m in self.movements:
-            for via in m.via:
-                found.setdefault(via, []).append(m)
-        return found
-
-    @cached_property
-    def _graphs(self) -> dict[LaneKind, nx.DiGraph[str]]:
-        return {}
 
     @cached_property
     def _indices(self) -> dict[LaneKind, LaneIndex]:

@@ -1,7 +1,7 @@
 """Polylines with a length along them: the arithmetic under lanes and routes.
 
-Plain numbers, no numpy: `foresee check` places every actor with it, and importing numpy alone would take a third of the
-time that a check may have. Who computes with whole arrays (drivers, the simulator) asks for `points`, `s`, `heading`.
+Plain numbers instead of numpy: `foresee check` places every actor with it, and importing numpy would take a third of
+the time that a check may take. Drivers and the simulator, which compute with arrays, use `points`, `s` and `heading`.
 """
 
 from __future__ import annotations
@@ -26,22 +26,26 @@ Points = tuple[XY, ...]
 """Points of a line or an outline, m."""
 
 STEP_M = 1.0
-"""Largest distance of neighbouring points (the driver protocol asks for it)."""
+"""Largest distance between neighbouring points, m (the driver protocol promises it)."""
 MERGE_M = 0.05
-"""Points nearer than this are one: netconvert rounds to 1 cm, and the direction of a 1 cm segment means nothing."""
+"""Points nearer than this, m, are one: netconvert 1.28 rounds to 1 cm by default, and the direction of a segment of
+1 cm means nothing."""
 SPIKE_M = 0.5
-"""A turn back by less than this is a slip of a map where two lanes were joined (CARLA's Town01 has six, of 0.2 m)."""
+"""A turn back by less than this, m, is a fault of a map where two lanes join (CARLA's Town01 has six of 0.2 m)."""
 CURVATURE_SPAN_M = 5.0
 """Curvature is the change of heading over this length (ours: netconvert's turns have corners every 2 to 4 m)."""
 _WINDOW_M = 12.0
-"""How far around a hint the nearest point is sought (ours: a vehicle moves 3 m a step at most)."""
-
-
-_EVERY, _FAR_M2, _SURE_M = 16, 4.0, 1e-6
-"""At each 16th segment it is looked how far a point is from a line; from so much further (m^2) on it is worth while to
-work out what need not be looked at; and, m, what covers the roundings of that. Ours."""
-_QUICK_M, _ON_LINE_M = 2.0, 0.5
-"""The same for a point so near to the line. Ours: two steps of a vehicle at 70 km/h; lines turn with 3 m at least."""
+"""How far before and after a hint the nearest point is sought, m (ours: a vehicle moves 3 m a step at most)."""
+_SAMPLE_EVERY = 16
+"""Every 16th segment gives a first bound of a point's distance to the line (ours, measured)."""
+_SKIP_BEYOND_M2 = 4.0
+"""Segments are skipped only where a point is farther away than that bound by this much, m^2: below, computing how many
+to skip costs more than it saves (ours, measured)."""
+_ROUNDING_M = 1e-6
+"""Added to the bound, so that no rounding skips the nearest segment."""
+_NARROW_WINDOW_M, _ON_LINE_M = 2.0, 0.5
+"""For a point within 0.5 m of the line, 2 m before and after the hint are enough: two steps of a vehicle at 70 km/h;
+lines turn with a radius of 3 m at least (ours)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +106,7 @@ class Polyline:
         return np.asarray(turned / np.maximum(ahead - behind, 1e-6), dtype=np.float64)
 
     def at(self, s: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """Return x, y and heading (-pi..pi) at a length; beyond the ends it goes on straight.
+        """Return x, y and heading (-pi..pi) at a length; beyond the ends the line is extended straight.
 
         Args:
             s: m along the line.
@@ -128,36 +132,35 @@ class Polyline:
     ) -> tuple[float, float] | tuple[FloatArray, FloatArray]:
         """Return the length along the line nearest to a point, and the distance sideways (left positive).
 
-        Before the beginning and after the end the length goes on (negative, or over `length_m`).
+        Before the beginning the length is negative, after the end it exceeds `length_m`.
 
         Args:
             x: m, a number or [K]. y: likewise.
-            near_s: look only within 12 m of this length, which is faster and keeps to the right branch where the
-                line passes twice; everywhere when the point is not found there.
+            near_s: search only within 12 m of this length, which is faster and finds the right pass where the line
+                comes by twice; if the nearest point is not there, search the whole line.
         """
         if getattr(x, "ndim", 0):
             return self._project_many(x, y)  # type: ignore[arg-type]  # an array, as the overload says
         last = len(self._segments)
         px, py = float(x), float(y)
         if near_s is not None:
-            quick = self._beside(px, py, near_s)
-            if quick is not None:
-                return self._result(*quick, px, py)
+            if (found := self._on_line(px, py, near_s)) is not None:
+                return self._result(*found, px, py)
             low = min(max(bisect_right(self.marks, near_s - _WINDOW_M) - 1, 0), last - 1)
             high = min(max(bisect_right(self.marks, near_s + _WINDOW_M), low + 1), last)
             k, t = self._nearest(px, py, low, high)
-            # at an end of the window, not of the line, something nearer may lie beyond
+            # where the window ends before the line does, something nearer may lie beyond
             if not (k == low and t < 0.0 and low > 0) and not (k == high - 1 and t > 1.0 and high < last):
                 return self._result(k, t, px, py)
         return self._result(*self._nearest(px, py, 0, last), px, py)
 
-    def _beside(self, x: float, y: float, near_s: float) -> tuple[int, float] | None:
-        """Return the nearest segment, and the share of it, of a point that lies nearly on the line and near a length.
+    def _on_line(self, x: float, y: float, near_s: float) -> tuple[int, float] | None:
+        """Return the nearest segment, and the share of it, for a point almost on the line close to a length.
 
-        Nothing within 12 m can be nearer then: no line bends so sharply. None of other points.
+        Nothing else within 12 m can be nearer then, as no line bends so sharply. None for other points.
         """
-        low = max(bisect_right(self.marks, near_s - _QUICK_M) - 1, 0)
-        high = min(bisect_right(self.marks, near_s + _QUICK_M), len(self._segments))
+        low = max(bisect_right(self.marks, near_s - _NARROW_WINDOW_M) - 1, 0)
+        high = min(bisect_right(self.marks, near_s + _NARROW_WINDOW_M), len(self._segments))
         if low >= high:
             return None
         k, t = self._nearest(x, y, low, high)
@@ -176,23 +179,26 @@ class Polyline:
         )
 
     def _nearest(self, x: float, y: float, low: int, high: int) -> tuple[int, float]:
-        """Return the segment of low..high (exclusive) nearest to a point, and the share of it where the foot is.
+        """Return the segment of low..high (exclusive) nearest to a point, and where on it (a share).
 
-        Whatever follows a point of the line within the length by which that is further away than another is no nearer:
-        those segments are passed over.
+        Along the line the distance to the point falls by at most the length travelled. So where it exceeds a known
+        bound by d metres, the next d metres of the line are skipped.
         """
         segments, marks = self._segments, self.marks
-        known = math.inf  # from some points, a distance that the nearest one cannot exceed
-        for x0, y0, *_ in segments[low:high:_EVERY] if high - low > 2 * _EVERY else ():
+        known = math.inf  # m^2: the nearest point is no farther away
+        for x0, y0, *_ in segments[low:high:_SAMPLE_EVERY] if high - low > 2 * _SAMPLE_EVERY else ():
             px, py = x - x0, y - y0
             known = min(known, px * px + py * py)
-        known_m = math.sqrt(known) + _SURE_M
+        known_m = math.sqrt(known) + _ROUNDING_M
         best, at, share, k = math.inf, low, 0.0, low
         while k < high:
             x0, y0, dx, dy, inverse = segments[k]
             px, py = x - x0, y - y0
             from_start = px * px + py * py
-            if from_start > known + _FAR_M2 and (clear := marks[k] + math.sqrt(from_start) - known_m) > marks[k + 1]:
+            if (
+                from_start > known + _SKIP_BEYOND_M2
+                and (clear := marks[k] + math.sqrt(from_start) - known_m) > marks[k + 1]
+            ):
                 k = bisect_right(marks, clear, k, high) - 1 if clear < marks[high] else high
                 continue
             t = (px * dx + py * dy) * inverse
@@ -224,7 +230,7 @@ class Polyline:
         return tuple(np.array(self._segments, dtype=np.float64).T.copy())
 
     def _result(self, k: int, t: float, x: float, y: float) -> tuple[float, float]:
-        """Length and sideways distance for a point whose foot is at share t of segment k."""
+        """Length and sideways distance of a point whose nearest point is at share t of segment k."""
         x0, y0, sx, sy, inverse = self._segments[k]
         low = -math.inf if k == 0 else 0.0
         high = math.inf if k == len(self._segments) - 1 else 1.0
@@ -236,7 +242,7 @@ class Polyline:
 
 @lru_cache(maxsize=512)
 def line_of(path: Points) -> Polyline:
-    """Return `Polyline.of` a path; the children of a clip have the same paths."""
+    """Return `Polyline.of` a path, cached: the children of a clip have the same paths."""
     return Polyline.of(path)
 
 
@@ -246,7 +252,7 @@ def wrap(angle_rad: float) -> float:
 
 
 def as_line(points: Iterable[Sequence[float]] | FloatArray) -> Points:
-    """Return points (or an [N, 2] array) as plain numbers."""
+    """Return points (or an [N, 2] array) as tuples of Python floats."""
     return tuple((float(x), float(y)) for x, y in points)
 
 
@@ -258,6 +264,17 @@ def whole_millimetres(points: Iterable[XY]) -> Points:
 def distance(a: XY, b: XY) -> float:
     """Return the distance of two points, m."""
     return math.hypot(b[0] - a[0], b[1] - a[1])
+
+
+def distance_to(x: float, y: float, points: Points) -> float:
+    """Return the distance from a point to a polyline, m."""
+    best = math.inf
+    for (x0, y0), (x1, y1) in pairwise(points):
+        dx, dy, px, py = x1 - x0, y1 - y0, x - x0, y - y0
+        squared = dx * dx + dy * dy
+        share = min(max((px * dx + py * dy) / squared, 0.0), 1.0) if squared > 0 else 0.0
+        best = min(best, math.hypot(px - share * dx, py - share * dy))
+    return best
 
 
 def lengths(points: Sequence[XY]) -> tuple[float, ...]:
@@ -290,7 +307,7 @@ def headings(points: Sequence[XY], s: Sequence[float]) -> tuple[float, ...]:
     found = [directions[0]]
     for k, (d0, d1) in enumerate(pairwise(directions)):
         before, after = s[k + 1] - s[k], s[k + 2] - s[k + 1]
-        # the nearer (shorter) segment says more about the direction at the corner
+        # the shorter segment weighs more: its middle is nearer to the corner
         found.append((d0 * after + d1 * before) / (before + after))
     return (*found, directions[-1])
 

@@ -8,39 +8,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.roads.polyline import (
-    MERGE_M,
-    STEP_M,
-    XY,
-    Points,
-    Polyline,
-    distance,
-    headings,
-    interpolate,
-    lengths,
-    subdivide,
-)
+from foresee_dsl.compile.roads import polyline as lines
+from foresee_dsl.compile.roads.polyline import MERGE_M, STEP_M, XY, Points, Polyline, distance
 from foresee_dsl.compile.roads.routing import RouteError, onward
-from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement
+from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement, Topology
 
 if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.network import RoadNetwork
     from foresee_dsl.compile.roads.polyline import FloatArray
 
 CHANGE_AFTER_M = 10.0
-"""A lane change begins this far into its edge (ours: clear of the junction, and early, as drivers are taught)."""
+"""A lane change begins this far into its edge, m (ours: clear of the junction, and early, as drivers are taught)."""
 CHANGE_TIME_S = 3.0
-"""A change takes so long at the limit where the edge is long enough (ours: with a cosine blend over 3.5 m that is
-1.9 m/s^2 sideways, comfortable; 20 m at 50 km/h would be 8 m/s^2)."""
+"""How long a lane change takes at the speed limit, s, where the edge is long enough (ours: with a cosine blend over
+3.5 m that is 1.9 m/s^2 sideways, comfortable; 20 m at 50 km/h would be 8 m/s^2)."""
 CHANGE_MIN_M = 20.0
-"""...and at least this far."""
+"""Least length of a lane change, m (ours: five car lengths, for low limits and short edges)."""
 
 
 @dataclass(frozen=True)
 class Passage:
-    """A junction that a route line goes over: from `entry_s` to `exit_s` along the line."""
+    """A junction on a route line: from `entry_s` to `exit_s` along the line, m."""
 
     junction: str
     entry_s: float
@@ -54,7 +43,7 @@ class Passage:
 
     @property
     def signal(self) -> str | None:
-        """`TLS:LINK`, the key of the signal's head for this movement, or None where there is none."""
+        """`TLS:LINK`, the signal head of this movement, or None where there is none."""
         tls, link = self.movement.tls, self.movement.link
         return f"{tls}:{link}" if tls is not None and link >= 0 else None
 
@@ -98,11 +87,6 @@ class RouteLine(Polyline):
         return _array(self.rights)
 
     @cached_property
-    def lane_id(self) -> tuple[str, ...]:
-        """[N] the lane at each point."""
-        return tuple(self.lane_at(s) for s in self.marks)
-
-    @cached_property
     def _piece_starts(self) -> list[float]:
         return [s for s, _ in self.pieces]
 
@@ -116,19 +100,19 @@ class RouteLine(Polyline):
         return next((p for p in self.passages if p.junction == junction), None)
 
 
-@dataclass(frozen=True)
-class _Piece:
-    """A run of points on one lane (or between two, during a change)."""
+class _Vertex(NamedTuple):
+    """A point of a line: its place, the free width to either side, and the speed limit there."""
 
-    lane: Lane
-    points: Points
-    left: Sequence[float]
-    right: Sequence[float]
+    x: float
+    y: float
+    left_m: float
+    right_m: float
+    limit_mps: float
 
 
 @dataclass(frozen=True)
 class _Stretch:
-    """What a vehicle does on one edge: the lane where it enters, the lane where it leaves, and the way onward."""
+    """One edge of a route: index of the lane where it is entered and of the one where it is left, and the way on."""
 
     edge: str
     entry: int
@@ -136,80 +120,103 @@ class _Stretch:
     onward: Movement | None
 
 
+class _Plan(NamedTuple):
+    """The best way to a lane: its lane changes, the lanes so far (to choose among equals), and its stretches."""
+
+    changes: int
+    lanes: tuple[int, ...]
+    stretches: tuple[_Stretch, ...]
+
+
 @lru_cache(maxsize=512)
 def build_line(
-    network: RoadNetwork,
+    network: Topology,
     edges: tuple[str, ...],
-    *,
-    start_lane: str | None = None,
-    after_m: float = 0.0,
-    behind_m: float = 0.0,
-    beyond_m: float = 0.0,
-    kind: LaneKind = "car",
+    start_lane: str | None,
+    after_m: float,
+    behind_m: float,
+    beyond_m: float,
+    kind: LaneKind,
 ) -> RouteLine:
     """Make the line; see `RoadNetwork.line`. Equal calls share one line: children of a parent mostly repeat them."""
-    plan = _choose_lanes(network, edges, start_lane, kind)
-    plan = _ahead(network, plan, beyond_m, kind)
-    lead = _behind(network, edges[0], plan[0].entry, behind_m, kind)
-    return _assemble(network, lead, plan, count=len(edges), after_m=after_m, kind=kind)
+    plan = _ahead(network, _choose_lanes(network, edges, start_lane, kind), beyond_m, kind)
+    first = network.edges[edges[0]].lanes[plan[0].entry]
+    joined = _Joined()
+    if behind_m > 0 and (lead := approach(network, first, behind_m, kind)):
+        joined.add(first, _vertices(first, lead))
+    origin = end = len(joined.vertices)
+    passages: list[tuple[Movement, int, int]] = []
+    for k, stretch in enumerate(plan):
+        for lane, vertices in _on_edge(network.edges[stretch.edge], stretch, after_m if k == 0 else 0.0, kind):
+            joined.add(lane, vertices)
+        if k == len(edges) - 1:
+            end = len(joined.vertices)
+        if stretch.onward is not None:
+            entry = len(joined.vertices)
+            for name in stretch.onward.via:
+                joined.add(network.lanes[name], _vertices(network.lanes[name]))
+            if not stretch.onward.via:  # a net without internal lanes: straight across the junction
+                target = network.lanes[stretch.onward.to_lane]
+                joined.bridge(target.shape[0], target)
+            passages.append((stretch.onward, entry, len(joined.vertices)))
+    return joined.line(tuple(stretch.edge for stretch in plan), passages, origin, end)
 
 
-def _choose_lanes(network: RoadNetwork, edges: Sequence[str], start_lane: str | None, kind: LaneKind) -> list[_Stretch]:
+def _choose_lanes(
+    network: Topology, edges: Sequence[str], start_lane: str | None, kind: LaneKind
+) -> tuple[_Stretch, ...]:
     """Choose entry and exit lanes with the fewest lane changes; among equals the rightmost."""
     first = network.edges[edges[0]]
-    starts, forced = [lane.index for lane in first.for_kind(kind)], None
+    starts, through = [lane.index for lane in first.for_kind(kind)], None
     if start_lane is not None:
         lane = network.lanes[start_lane]
         if lane.internal:
-            forced = start_lane
+            through = start_lane
         else:
             starts = [lane.index]
     if not starts:
         raise RouteError(f"no lane of {first.id} is for a {kind}")
-    # (lane changes, lanes so far): the smallest is the best; the stretches come along
-    best: dict[int, tuple[int, tuple[int, ...], list[_Stretch]]] = {k: (0, (k,), []) for k in starts}
+    best = {k: _Plan(0, (k,), ()) for k in starts}
     for here, there in pairwise(edges):
         ways = [m for m in network.movements_from(here, kind) if m.to_edge == there]
-        best = _advance(network, ways, best, forced)
-        forced = None
+        best = _advance(network, ways, best, through)
+        through = None
         if not best:
             raise RouteError(f"no lane of {here} leads to {there} for a {kind}")
-    entry, (_, _, stretches) = min(best.items(), key=lambda item: item[1][:2])
-    return [*stretches, _Stretch(edges[-1], entry, entry, None)]
+    entry, plan = min(best.items(), key=lambda item: item[1][:2])
+    return (*plan.stretches, _Stretch(edges[-1], entry, entry, None))
 
 
 def _advance(
-    network: RoadNetwork,
-    ways: Sequence[Movement],
-    best: dict[int, tuple[int, tuple[int, ...], list[_Stretch]]],
-    forced: str | None,
-) -> dict[int, tuple[int, tuple[int, ...], list[_Stretch]]]:
-    """Go on by one edge: the best way to each lane of the next."""
-    if forced is not None:
-        ways = [m for m in ways if forced in m.via]
-    found: dict[int, tuple[int, tuple[int, ...], list[_Stretch]]] = {}
-    for entry, (cost, lanes, stretches) in best.items():
+    network: Topology, ways: Sequence[Movement], best: dict[int, _Plan], through: str | None
+) -> dict[int, _Plan]:
+    """Extend the plans by one edge: the best one for each lane of the next. `through`: an internal lane on the way."""
+    found: dict[int, _Plan] = {}
+    for entry, plan in best.items():
         for way in ways:
+            if through is not None and through not in way.via:
+                continue
             leave, enter = network.lanes[way.from_lane].index, network.lanes[way.to_lane].index
-            changes = 0 if forced is not None else abs(leave - entry)
-            offer = (cost + changes, (*lanes, leave, enter))
+            begin = entry if through is None else leave
+            offer = (plan.changes + abs(leave - begin), (*plan.lanes, leave, enter))
             if enter not in found or offer < found[enter][:2]:
-                begin = leave if forced is not None else entry
-                found[enter] = (*offer, [*stretches, _Stretch(way.from_edge, begin, leave, way)])
+                found[enter] = _Plan(*offer, (*plan.stretches, _Stretch(way.from_edge, begin, leave, way)))
     return found
 
 
-def _ahead(network: RoadNetwork, plan: Sequence[_Stretch], length_m: float, kind: LaneKind) -> list[_Stretch]:
-    """Go on after the route's end from its last lane, straight where possible.
+def _ahead(network: Topology, plan: Sequence[_Stretch], length_m: float, kind: LaneKind) -> list[_Stretch]:
+    """Extend a plan after the route's end from its last lane, straight on where possible.
 
-    Not over an edge again, as in a roundabout: whoever looks for the nearest point of the line would find that pass.
+    It never enters an edge again, as a roundabout would: the nearest point of the line would be ambiguous there.
     """
     stretches = list(plan)
     known = {stretch.edge for stretch in plan}
     while length_m > 0:
         here = stretches[-1]
         lane = network.edges[here.edge].lanes[here.exit]
-        way = next((m for m in _ways(network, here.edge, kind) if m.from_lane == lane.id), None)
+        order = {m.to_edge: k for k, m in enumerate(onward(network, here.edge, kind))}
+        ways = [m for m in network.movements_from(here.edge, kind) if m.from_lane == lane.id]
+        way = min(ways, key=lambda m: order[m.to_edge], default=None)
         if way is None or way.turn == "back" or way.to_edge in known:
             break
         known.add(way.to_edge)
@@ -220,19 +227,7 @@ def _ahead(network: RoadNetwork, plan: Sequence[_Stretch], length_m: float, kind
     return stretches
 
 
-def _ways(network: RoadNetwork, edge: str, kind: LaneKind) -> list[Movement]:
-    """All movements from an edge, in the order of the edges in `onward` (plain directions first)."""
-    order = {m.to_edge: k for k, m in enumerate(onward(network, edge, kind))}
-    return sorted(network.movements_from(edge, kind), key=lambda m: order[m.to_edge])
-
-
-def _behind(network: RoadNetwork, edge: str, lane_index: int, length_m: float, kind: LaneKind) -> Points:
-    """Return the last `length_m` of the way into a lane (straight where possible), empty for none."""
-    lane = network.edges[edge].lanes[lane_index]
-    return approach(network, lane, length_m, kind) if length_m > 0 else ()
-
-
-def approach(network: RoadNetwork, lane: Lane, length_m: float, kind: LaneKind = "car") -> Points:
+def approach(network: Topology, lane: Lane, length_m: float, kind: LaneKind = "car") -> Points:
     """Return the last `length_m` (or less, where the network ends) of the way into a lane's beginning."""
     parts: list[Points] = []
     missing = length_m
@@ -247,92 +242,53 @@ def approach(network: RoadNetwork, lane: Lane, length_m: float, kind: LaneKind =
                 cut = max(line.length_m - missing, 0.0)
                 parts.append((line.at(cut)[:2], *line.xy[bisect_right(line.marks, cut) :]))
                 missing -= line.length_m
-    return subdivide([point for part in reversed(parts) for point in part]) if parts else ()
-
-
-def _assemble(
-    network: RoadNetwork, lead: Points, plan: Sequence[_Stretch], *, count: int, after_m: float, kind: LaneKind
-) -> RouteLine:
-    """Put the pieces together. `count`: how many stretches belong to the route."""
-    joined = _Joined()
-    if len(lead):
-        lane = network.edges[plan[0].edge].lanes[plan[0].entry]
-        half = [lane.width_m / 2] * len(lead)
-        joined.add(_Piece(lane, lead, half, half))
-    origin = len(joined)
-    passages: list[tuple[Movement, int, int]] = []
-    end = origin
-    for k, stretch in enumerate(plan):
-        for piece in _edge_pieces(network.edges[stretch.edge], stretch, after_m if k == 0 else 0.0, kind):
-            joined.add(piece)
-        if k == count - 1:
-            end = len(joined)
-        if stretch.onward is not None:
-            entry = len(joined)
-            for name in stretch.onward.via:
-                joined.add(_whole(network.lanes[name]))
-            if not stretch.onward.via:  # a net without lanes inside junctions: straight across
-                target = network.lanes[stretch.onward.to_lane]
-                joined.bridge(target.shape[0], target)
-            passages.append((stretch.onward, entry, len(joined)))
-    return joined.line(plan, passages, origin, end)
+    return lines.subdivide([point for part in reversed(parts) for point in part]) if parts else ()
 
 
 class _Joined:
-    """Collects pieces into one line, leaving out points that repeat."""
+    """Joins the vertices of lanes into one line, leaving out points that repeat."""
 
     def __init__(self) -> None:
-        self._points: list[XY] = []
-        self._left: list[float] = []
-        self._right: list[float] = []
-        self._limit: list[float] = []
+        self.vertices: list[_Vertex] = []
         self._pieces: list[tuple[int, str]] = []
 
-    def __len__(self) -> int:
-        return len(self._points)
-
-    def add(self, piece: _Piece) -> None:
-        """Add a piece, bridging a gap in front of it."""
+    def add(self, lane: Lane, vertices: Sequence[_Vertex]) -> None:
+        """Add vertices on a lane, bridging a gap in front of them."""
         skip = 0
-        if self._points:
-            skip = _first_onward(self._points[-1], piece.points)
-            if skip < len(piece.points) and distance(self._points[-1], piece.points[skip]) > 1.5 * STEP_M:
-                self.bridge(piece.points[skip], piece.lane)
+        if self.vertices:
+            skip = _first_onward(self.vertices[-1], vertices)
+            if skip < len(vertices) and distance(self.vertices[-1][:2], vertices[skip][:2]) > 1.5 * STEP_M:
+                self.bridge(vertices[skip][:2], lane)
                 skip += 1
-        self._pieces.append((max(len(self._points) - 1, 0), piece.lane.id))
-        self._append(piece.points[skip:], piece.left[skip:], piece.right[skip:], piece.lane.speed_mps)
+        self._pieces.append((max(len(self.vertices) - 1, 0), lane.id))
+        self.vertices += vertices[skip:]
 
     def bridge(self, to: XY, lane: Lane) -> None:
         """Go straight to a point, in steps of at most 1 m."""
-        x, y = self._points[-1]
+        x, y = self.vertices[-1][:2]
         dx, dy = to[0] - x, to[1] - y
         steps = max(math.ceil(math.hypot(dx, dy) / STEP_M), 1)
-        half = [lane.width_m / 2] * steps
-        self._append([(x + t * dx, y + t * dy) for t in _shares(steps)[1:]], half, half, lane.speed_mps)
-
-    def _append(self, points: Sequence[XY], left: Sequence[float], right: Sequence[float], limit: float) -> None:
-        self._points += points
-        self._left += left
-        self._right += right
-        self._limit += [limit] * len(points)
+        self.vertices += _vertices(lane, [(x + t * dx, y + t * dy) for t in _shares(steps)[1:]])
 
     def line(
-        self, plan: Sequence[_Stretch], passages: Sequence[tuple[Movement, int, int]], origin: int, end: int
+        self, edges: tuple[str, ...], passages: Sequence[tuple[Movement, int, int]], origin: int, end: int
     ) -> RouteLine:
-        """Return the finished line; marks are counts of points, the joint being the last point before."""
-        s = lengths(self._points)
+        """Return the finished line. Places on it are given as counts of vertices: each is at the last one counted."""
+        points = tuple(vertex[:2] for vertex in self.vertices)
+        s = lines.lengths(points)
 
         def mark(count: int) -> float:
             return s[max(count - 1, 0)]
 
+        _, _, lefts, rights, limits = zip(*self.vertices, strict=True)
         return RouteLine(
-            xy=tuple(self._points),
+            xy=points,
             marks=s,
-            angles=headings(self._points, s),
-            limits=tuple(self._limit),
-            lefts=tuple(self._left),
-            rights=tuple(self._right),
-            edges=tuple(stretch.edge for stretch in plan),
+            angles=lines.headings(points, s),
+            limits=limits,
+            lefts=lefts,
+            rights=rights,
+            edges=edges,
             passages=tuple(Passage(m.junction, mark(a), mark(b), m) for m, a, b in passages),
             origin_s=mark(origin),
             end_s=mark(end),
@@ -340,48 +296,48 @@ class _Joined:
         )
 
 
-def _first_onward(last: XY, points: Sequence[XY]) -> int:
-    """Return the first point that leads on from the last one: maps join lanes with small overlaps, never go back."""
-    towards = points[1] if len(points) > 1 else None
-    for k, (x, y) in enumerate(points):
-        dx, dy = x - last[0], y - last[1]
-        ahead = (towards[0] - points[0][0], towards[1] - points[0][1]) if towards is not None else (dx, dy)
+def _first_onward(last: _Vertex, vertices: Sequence[_Vertex]) -> int:
+    """Return the first vertex that lies ahead of the last one: lanes of maps overlap a little where they join."""
+    for k, vertex in enumerate(vertices):
+        dx, dy = vertex.x - last.x, vertex.y - last.y
+        ahead = (vertices[1].x - vertices[0].x, vertices[1].y - vertices[0].y) if len(vertices) > 1 else (dx, dy)
         if math.hypot(dx, dy) >= MERGE_M and dx * ahead[0] + dy * ahead[1] > 0:
             return k
-    return len(points)
+    return len(vertices)
 
 
-def _whole(lane: Lane) -> _Piece:
-    half = [lane.width_m / 2] * len(lane.line.xy)
-    return _Piece(lane, lane.line.xy, half, half)
+def _vertices(lane: Lane, points: Sequence[XY] | None = None, sides: XY | None = None) -> list[_Vertex]:
+    """Return points (those of the lane itself) with the free width on either side, half the lane's unless given."""
+    left, right = sides or (lane.width_m / 2, lane.width_m / 2)
+    return [_Vertex(x, y, left, right, lane.speed_mps) for x, y in (lane.line.xy if points is None else points)]
 
 
-def _edge_pieces(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[_Piece]:
-    """The points on one edge: one lane, or two with a change between them."""
+def _on_edge(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[tuple[Lane, list[_Vertex]]]:
+    """Return the vertices on one edge: on one lane, or on two with a change between them."""
     before, after = edge.lanes[stretch.entry], edge.lanes[stretch.exit]
-    left0, right0 = _free(edge, before, kind)
+    sides = _free(edge, before, kind)
     if before is after:
-        n = len(before.line.xy)
-        return [_Piece(before, before.line.xy, [left0] * n, [right0] * n)]
-    left1, right1 = _free(edge, after, kind)
+        return [(before, _vertices(before, sides=sides))]
     length = min(before.line.length_m, after.line.length_m)
     shares = _shares(math.ceil(max(before.line.length_m, after.line.length_m) / STEP_M))
     wanted = max(CHANGE_MIN_M, CHANGE_TIME_S * before.speed_mps * abs(stretch.exit - stretch.entry))
     begin = min(max(CHANGE_AFTER_M, after_m), max(length - CHANGE_MIN_M, 0.0))
     span = max(min(wanted, length - begin), STEP_M)
     weights = [(1 - math.cos(math.pi * min(max((t * length - begin) / span, 0.0), 1.0))) / 2 for t in shares]
-    points = tuple(
-        ((1 - w) * x0 + w * x1, (1 - w) * y0 + w * y1)
-        for w, (x0, y0), (x1, y1) in zip(
-            weights, _at_shares(before.line, shares), _at_shares(after.line, shares), strict=True
-        )
-    )
-    left, right = [left0 + w * (left1 - left0) for w in weights], [right0 + w * (right1 - right0) for w in weights]
     half = max(bisect_left(weights, 0.5), 1)
-    return [
-        _Piece(before, points[:half], left[:half], right[:half]),
-        _Piece(after, points[half:], left[half:], right[half:]),
+    (left0, right0), (left1, right1) = sides, _free(edge, after, kind)
+    places = zip(weights, _at_shares(before.line, shares), _at_shares(after.line, shares), strict=True)
+    mixed = [
+        _Vertex(
+            (1 - w) * x0 + w * x1,
+            (1 - w) * y0 + w * y1,
+            left0 + w * (left1 - left0),
+            right0 + w * (right1 - right0),
+            (before if k < half else after).speed_mps,
+        )
+        for k, (w, (x0, y0), (x1, y1)) in enumerate(places)
     ]
+    return [(before, mixed[:half]), (after, mixed[half:])]
 
 
 def _shares(steps: int) -> list[float]:
@@ -390,9 +346,9 @@ def _shares(steps: int) -> list[float]:
 
 
 def _at_shares(line: Polyline, shares: Sequence[float]) -> list[XY]:
-    xs, ys = [x for x, _ in line.xy], [y for _, y in line.xy]
+    xs, ys = zip(*line.xy, strict=True)
     at = [share * line.length_m for share in shares]
-    return [(interpolate(s, line.marks, xs), interpolate(s, line.marks, ys)) for s in at]
+    return [(lines.interpolate(s, line.marks, xs), lines.interpolate(s, line.marks, ys)) for s in at]
 
 
 def _array(values: Sequence[float]) -> FloatArray:
@@ -402,7 +358,7 @@ def _array(values: Sequence[float]) -> FloatArray:
 
 
 def _free(edge: Edge, lane: Lane, kind: LaneKind) -> tuple[float, float]:
-    """Free width to the left and to the right of a lane's centre, over the lanes of its direction."""
+    """Free width to the left and to the right of a lane's centre, m, over the lanes of its direction."""
     others = edge.for_kind(kind)
     left = sum(other.width_m for other in others if other.index > lane.index)
     right = sum(other.width_m for other in others if other.index < lane.index)

@@ -1,16 +1,13 @@
-"""Ways through a network: what the language's `route` statements mean."""
+"""Routes through a network: which edges the language's `route` statements name."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.roads.topology import LaneKind, Movement
+from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.model import EdgeRoute, Leg, Ref, Route, Turn
-
-if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
+from foresee_dsl.language.traversal import word_of
 
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
@@ -25,23 +22,26 @@ class RouteError(ValueError):
         self.help = help
 
 
-def text(value: str | Ref) -> str:
-    """Return a name; a reference stands for its own name (a concrete scenario has none)."""
-    return value.name if isinstance(value, Ref) else value
+def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:
+    """Return the edges of a route statement.
 
+    A `Route` starts on a road in the direction of its first junction; its turns are looked up in the junctions'
+    movements; junctions without a choice need not be named. An `EdgeRoute` is checked, and filled with the shortest
+    route where it says so.
 
-def route_edges(network: RoadNetwork, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:
-    """Return the edges of a route statement; see `RoadNetwork.route_edges`."""
+    Raises:
+        RouteError: an unknown name, a turn that is not possible, edges that do not touch.
+    """
     if isinstance(route, EdgeRoute):
         return _listed(network, route, kind)
-    start = text(route.start)
+    start = word_of(route.start)
     choices = [edge for edge in (start, f"{start}_back", f"-{start}") if edge in network.edges]
     if not choices:
         roads = (edge for edge in network.edges if not edge.endswith("_back"))
         raise RouteError(f"there is no road or edge called {start}", did_you_mean(start, roads))
     if not route.legs:
         return (choices[0],)
-    first = text(route.legs[0].junction)
+    first = word_of(route.legs[0].junction)
     check_junction(network, first)
     edges = next((way for edge in choices if (way := _until(network, edge, first, kind))), None)
     if edges is None:
@@ -52,7 +52,7 @@ def route_edges(network: RoadNetwork, route: Route | EdgeRoute, kind: LaneKind =
     return edges
 
 
-def shortest_route(network: RoadNetwork, start: str, end: str, kind: LaneKind = "car") -> tuple[str, ...]:
+def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "car") -> tuple[str, ...]:
     """Return the shortest way (by length) between two edges, both included.
 
     Raises:
@@ -68,19 +68,19 @@ def shortest_route(network: RoadNetwork, start: str, end: str, kind: LaneKind = 
         raise RouteError(f"there is no way from {start} to {end} for a {kind}") from None
 
 
-def check_edge(network: RoadNetwork, edge: str) -> None:
+def check_edge(network: Topology, edge: str) -> None:
     """Raise a `RouteError` for an edge that does not exist."""
     if edge not in network.edges:
         raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, network.edges))
 
 
-def check_junction(network: RoadNetwork, junction: str) -> None:
+def check_junction(network: Topology, junction: str) -> None:
     """Raise a `RouteError` for a junction that does not exist."""
     if junction not in network.junctions:
         raise RouteError(f"there is no junction called {junction}", did_you_mean(junction, network.junctions))
 
 
-def onward(network: RoadNetwork, edge: str, kind: LaneKind) -> tuple[Movement, ...]:
+def onward(network: Topology, edge: str, kind: LaneKind) -> tuple[Movement, ...]:
     """Return one movement for each edge that follows, plain directions first."""
     found: dict[str, Movement] = {}
     for movement in sorted(network.movements_from(edge, kind), key=_rank):
@@ -93,7 +93,7 @@ def _rank(movement: Movement) -> int:
     return place if place >= 0 else len(_ONWARD_LETTERS)
 
 
-def _until(network: RoadNetwork, edge: str, junction: str, kind: LaneKind) -> tuple[str, ...]:
+def _until(network: Topology, edge: str, junction: str, kind: LaneKind) -> tuple[str, ...]:
     """Follow the only way onward from an edge until a junction; empty where there is a choice before it, or an end."""
     way = [edge]
     while network.edges[way[-1]].end != junction:
@@ -104,9 +104,9 @@ def _until(network: RoadNetwork, edge: str, junction: str, kind: LaneKind) -> tu
     return tuple(way)
 
 
-def _over(network: RoadNetwork, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -> tuple[str, ...]:
+def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -> tuple[str, ...]:
     """Add one leg to a route."""
-    junction, turn = text(leg.junction), text(leg.turn)
+    junction, turn = word_of(leg.junction), word_of(leg.turn)
     check_junction(network, junction)
     way = _until(network, edges[-1], junction, kind)
     if not way:
@@ -123,8 +123,8 @@ def _over(network: RoadNetwork, edges: tuple[str, ...], leg: Leg, kind: LaneKind
     return (*edges, *way[1:], chosen.to_edge)
 
 
-def _listed(network: RoadNetwork, route: EdgeRoute, kind: LaneKind) -> tuple[str, ...]:
-    named = [text(edge) for edge in route.edges]
+def _listed(network: Topology, route: EdgeRoute, kind: LaneKind) -> tuple[str, ...]:
+    named = [word_of(edge) for edge in route.edges]
     for edge in named:
         check_edge(network, edge)
     edges = named[:1]
@@ -138,7 +138,7 @@ def _listed(network: RoadNetwork, route: EdgeRoute, kind: LaneKind) -> tuple[str
     return tuple(edges)
 
 
-def _leads_to(network: RoadNetwork, edges: Sequence[str], edge: str, kind: LaneKind) -> str:
+def _leads_to(network: Topology, edges: Sequence[str], edge: str, kind: LaneKind) -> str:
     ways = [m.to_edge for m in onward(network, edges[-1], kind)]
     reach = f"it leads to {', '.join(ways)}" if ways else "it is a dead end"
     try:

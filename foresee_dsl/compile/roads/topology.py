@@ -1,7 +1,8 @@
-"""What a road network is made of: lanes, edges, junctions, the movements through them, and where people walk."""
+"""What a road network is made of, in SUMO's terms, and which lane leads to which."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -10,10 +11,11 @@ from foresee_dsl.compile.roads.polyline import Points, Polyline
 from foresee_dsl.language.model import Turn
 
 if TYPE_CHECKING:
+    import networkx as nx
     from shapely import LineString
 
 LaneKind = Literal["car", "bicycle", "pedestrian"]
-"""Whom a lane is for, as far as we tell them apart; `car` stands for everything with an engine."""
+"""What a lane is open to, as far as we tell it apart; `car` stands for everything with an engine."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +23,9 @@ class Lane:
     """One lane, from the right: index 0 is the rightmost (often the sidewalk).
 
     Attributes:
-        shape: the centreline's points, m, as SUMO has it. length_m: as SUMO says; lengths in this package are measured
-            along `line`, which can differ by the rounding.
-        internal: inside a junction. parking: a strip where vehicles are parked; nobody drives on it.
+        shape: the centreline's points, m, as in the net file. length_m: as in the net file; lengths in this package are
+            measured along `line`, which can differ by the rounding.
+        internal: inside a junction. parking: a strip for parked vehicles, closed to traffic.
     """
 
     id: str
@@ -39,12 +41,12 @@ class Lane:
 
     @cached_property
     def line(self) -> Polyline:
-        """The centreline, finely divided."""
+        """The centreline, with points at most 1 m apart."""
         return Polyline.of(self.shape)
 
     @cached_property
     def centreline(self) -> LineString:
-        """The same as SUMO has it."""
+        """The centreline with the points of the net file."""
         import shapely  # here: it takes long to import, and placing actors does without
 
         return shapely.LineString(self.shape)
@@ -73,8 +75,8 @@ class Edge:
 class Junction:
     """Where edges meet.
 
-    `requests[k]` belongs to link k: (response, foes) as bit masks over links: bit j of `response` is set when link k
-    must let link j go first, bit j of `foes` when the two conflict at all.
+    `requests[k]` is row k of SUMO's right-of-way matrix, one row for each link: (response, foes) as bit masks over the
+    links. Bit j of `response` is set when link k has to yield to link j, bit j of `foes` when the two conflict.
     """
 
     id: str
@@ -85,7 +87,7 @@ class Junction:
     requests: tuple[tuple[int, int], ...] = ()
 
     def yields(self, link: int, other: int) -> bool:
-        """Say whether link `link` must let link `other` go first."""
+        """Say whether link `link` has to yield to link `other`."""
         return 0 <= link < len(self.requests) and bool(self.requests[link][0] >> other & 1)
 
     def conflicts(self, link: int, other: int) -> bool:
@@ -95,13 +97,13 @@ class Junction:
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """A way from one lane over a junction to another.
+    """A way from one lane through a junction to another: SUMO's connection with its internal lanes.
 
     Attributes:
-        via: the lanes inside the junction, in driving order (two where vehicles may wait in the middle; none in nets
-            without internal lanes).
-        direction: SUMO's letter; `turn` is what we make of it.
-        tls: id of the signal that controls it, or None; `link` its index there.
+        via: the internal lanes in driving order (two where vehicles may wait in the middle; none in nets without
+            internal lanes).
+        direction: SUMO's letter; `turn` is the language's word for it.
+        tls: id of the signal that controls it, or None; `link` its index in that signal's states.
         index: its row in the junction's `requests`, -1 where it has none.
     """
 
@@ -133,8 +135,80 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class WalkingArea:
-    """A corner where sidewalks and crossings meet. `polygon` is open."""
+    """A corner where sidewalks and crossings meet. `polygon` does not repeat its first point."""
 
     id: str
     junction: str
     polygon: Points
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Topology:
+    """Everything read from a net file, in the file's order; compared by identity.
+
+    `footways`: pairs of ids that people walk between: a sidewalk's lane, a crossing's lane or a walking area.
+    """
+
+    lanes: Mapping[str, Lane]
+    edges: Mapping[str, Edge]
+    junctions: Mapping[str, Junction]
+    movements: tuple[Movement, ...]
+    crossings: Mapping[str, Crossing]
+    walking_areas: Mapping[str, WalkingArea]
+    footways: tuple[tuple[str, str], ...]
+
+    def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
+        """Return the movements that leave an edge and are open to a kind."""
+        return tuple(m for m in self._from_edge.get(edge, ()) if kind in m.kinds)
+
+    def movements_into(self, lane: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
+        """Return the movements that end on a lane and are open to a kind."""
+        return tuple(m for m in self._into_lane.get(lane, ()) if kind in m.kinds)
+
+    def movements_through(self, lane: str) -> Sequence[Movement]:
+        """Return the movements that an internal lane is part of; none for other lanes."""
+        return self._through_lane.get(lane, ())
+
+    def movements_at(self, junction: str) -> tuple[Movement, ...]:
+        """Return all movements through a junction."""
+        return tuple(m for m in self.movements if m.junction == junction)
+
+    def crossings_at(self, junction: str) -> tuple[Crossing, ...]:
+        """Return the pedestrian crossings of a junction."""
+        return tuple(c for c in self.crossings.values() if c.junction == junction)
+
+    def graph(self, kind: LaneKind = "car") -> nx.DiGraph[str]:
+        """Return the graph of edges open to a kind; the weight `length` is that of the edge that is entered."""
+        if kind not in self._graphs:
+            import networkx as nx  # here: it takes long to import, and only `...` in a route needs it
+
+            graph: nx.DiGraph[str] = nx.DiGraph()
+            graph.add_nodes_from(edge.id for edge in self.edges.values() if edge.for_kind(kind))
+            for m in self.movements:
+                if kind in m.kinds:
+                    graph.add_edge(m.from_edge, m.to_edge, length=self.lanes[m.to_lane].length_m)
+            self._graphs[kind] = graph
+        return self._graphs[kind]
+
+    @cached_property
+    def _graphs(self) -> dict[LaneKind, nx.DiGraph[str]]:
+        return {}
+
+    @cached_property
+    def _from_edge(self) -> dict[str, list[Movement]]:
+        return self._by(lambda m: (m.from_edge,))
+
+    @cached_property
+    def _into_lane(self) -> dict[str, list[Movement]]:
+        return self._by(lambda m: (m.to_lane,))
+
+    @cached_property
+    def _through_lane(self) -> dict[str, list[Movement]]:
+        return self._by(lambda m: m.via)
+
+    def _by(self, keys: Callable[[Movement], Iterable[str]]) -> dict[str, list[Movement]]:
+        found: dict[str, list[Movement]] = {}
+        for movement in self.movements:
+            for key in keys(movement):
+                found.setdefault(key, []).append(movement)
+        return found

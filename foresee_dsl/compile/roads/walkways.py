@@ -9,15 +9,20 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.roads.lane_index import distance_to
-from foresee_dsl.compile.roads.polyline import XY, Points, distance, distinct, lengths, whole_millimetres
-from foresee_dsl.compile.roads.topology import Crossing
+from foresee_dsl.compile.roads.polyline import (
+    XY,
+    Points,
+    distance,
+    distance_to,
+    distinct,
+    lengths,
+    whole_millimetres,
+)
+from foresee_dsl.compile.roads.topology import Crossing, Topology
 
 if TYPE_CHECKING:
     import networkx as nx
     import numpy as np
-
-    from foresee_dsl.compile.roads.network import RoadNetwork
 
 ON_CROSSING_M = 0.05
 """A path whose points are so near to a crossing's centreline was laid along it (clips round to 1 mm, nets to 1 cm)."""
@@ -156,7 +161,7 @@ class Walkways:
 
 
 @lru_cache(maxsize=32)
-def walkways(network: RoadNetwork) -> Walkways:
+def walkways(network: Topology) -> Walkways:
     """Return the footways of a network."""
     shapes = {
         lane.id: distinct(lane.shape)

@@ -6,8 +6,8 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
-from foresee_dsl.compile.nets.net_reader import NetParts
 from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.compile.roads.topology import Topology
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -25,7 +25,7 @@ _ON_CROSSING_M = 0.5
 _LEVEL_M = 0.01
 
 
-def taken_from(parts: NetParts) -> dict[str, int]:
+def taken_from(parts: Topology) -> dict[str, int]:
     """Return what a net has, in words."""
     lanes = [lane for edge in parts.edges.values() for lane in edge.lanes]
     return {
@@ -38,7 +38,7 @@ def taken_from(parts: NetParts) -> dict[str, int]:
     }
 
 
-def left_out_of(root: Element, parts: NetParts) -> Counter[str]:
+def left_out_of(root: Element, parts: Topology) -> Counter[str]:
     """Return what an OpenDRIVE map holds and the world does not, with counts.
 
     Args:
@@ -66,7 +66,7 @@ def left_out_of(root: Element, parts: NetParts) -> Counter[str]:
     return +found
 
 
-def _from_map(root: Element, parts: NetParts) -> tuple[int, int]:
+def _from_map(root: Element, parts: Topology) -> tuple[int, int]:
     """How many crosswalks of a map have a crossing, and how many crossings lie there."""
     crossings: set[str] = set()
     used = 0
@@ -84,7 +84,7 @@ def _is_over(line: Polyline, x: float, y: float, beyond_m: float) -> bool:
     return -beyond_m <= s <= line.length_m + beyond_m and abs(beside) < _ON_CROSSING_M
 
 
-def notes_on(root: Element, parts: NetParts) -> tuple[str, ...]:
+def notes_on(root: Element, parts: Topology) -> tuple[str, ...]:
     """Return what we added to a map, a sentence each."""
     notes = []
     if any(m.tls is not None for m in parts.movements):

@@ -8,8 +8,9 @@ from collections.abc import Iterable, Sequence
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from foresee_dsl.compile.roads.network import Passage, RoadNetwork
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.kernels.lines import Records, project, vertices
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import Actor
