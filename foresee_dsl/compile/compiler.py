@@ -11,7 +11,7 @@ from pathlib import Path
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
-from foresee_dsl.compile.placement.scene import build_scene, check_scene
+from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import cache_folder
@@ -29,7 +29,7 @@ def compile_case(case: TestCase) -> SumoBundle:
     specs = {name: spec_of(model) for name, model in case.models.items()}
     types_file = _types_of(tuple(specs[name] for name in sorted(specs)))
     try:
-        scene = build_scene(case, network, specs, signals)
+        scene = SceneBuilder(case, network, specs, signals).build()
     except PlacementError as err:
         raise diagnose(case, err.problems) from err
     return SumoBundle(
@@ -52,7 +52,7 @@ def check_case(case: TestCase) -> None:
     network, signals = _read(_net_of(case.network), case.network)
     specs = {name: spec_of(model) for name, model in case.models.items()}
     try:
-        check_scene(case, network, specs, signals)
+        SceneBuilder(case, network, specs, signals).place()
     except PlacementError as err:
         raise diagnose(case, err.problems) from err
 

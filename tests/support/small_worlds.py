@@ -6,7 +6,7 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
-from foresee_dsl.compile.placement.scene import build_scene
+from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import PlacementError, TestCase
@@ -39,7 +39,7 @@ def scene_of(text, network=PLAIN):
     net = net_of(network)
     specs = {name: spec_of(model) for name, model in bundled_models().items()}
     read = RoadNetwork.from_net(net, buildings_of(network))
-    return build_scene(case_of(text, network), read, specs, read_signals(net, network))
+    return SceneBuilder(case_of(text, network), read, specs, read_signals(net, network)).build()
 
 
 def problems_of(text, network=PLAIN):

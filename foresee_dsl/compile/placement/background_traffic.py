@@ -1,10 +1,11 @@
-"""Background traffic: vehicles on random routes and pedestrians on random walks, from a seed."""
+"""Background traffic: vehicles on random routes, pedestrians on random walks and parked vehicles, from a seed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 import shapely
@@ -12,7 +13,6 @@ import shapely
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement.actor_checks import footprint
-from foresee_dsl.compile.placement.parked_vehicles import Kerb
 from foresee_dsl.compile.placement.places import si
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
@@ -24,30 +24,64 @@ from foresee_dsl.compile.roads.walkways import walkways
 from foresee_dsl.language.model import Traffic
 
 GAP_M = 12.0
-"""Free road in front of and behind every vehicle at the start: with 12 m a car at 25 km/h can stop."""
+"""Free road in front of and behind every vehicle at the start, m (ours: a car at 25 km/h can stop within it)."""
 STEP_M = 3.0
-"""Candidate places are this far apart."""
+"""Spacing of the candidate places of vehicles on lanes, m (ours)."""
 MAX_EDGES = 12
-"""Longest random route."""
+"""Longest random route, edges (ours)."""
 TURN_WEIGHTS = {"straight": 3.0, "left": 1.0, "right": 1.0, "back": 0.0}
-"""Three in five go straight on at a crossroads (ours)."""
+"""Weights of the turns at a junction: three in five go straight on at a crossroads (ours)."""
 REACTION_S = 1.0
-"""Krauss' reaction time, SUMO's default tau: the start speed is one that SUMO would call safe."""
+"""Reaction time of SUMO's Krauss model (its default tau): the start speed is one that SUMO calls safe."""
 PACE = (0.8, 1.05)
-"""Cruise speeds, as a share of the limit: most drive a little slower, few a little faster (ours)."""
+"""Range of cruise speeds as a share of the limit: most drive a little slower, few a little faster (ours)."""
 DEAD_END_M = 50.0
-"""No vehicle starts nearer to the end of a road that leads nowhere: it would be gone at once."""
+"""No vehicle starts nearer than this to the end of a road that leads nowhere, m: it would be gone at once (ours)."""
 PEDESTRIAN_GAP_M = 1.0
+"""Least distance between the footprint of a new vehicle or pedestrian and every other, m (ours)."""
+PARKED_STEP_M = 0.5
+"""Spacing of the candidate places on parking strips, m (ours: drivers leave gaps of any size)."""
+PARKED_GAP_M = 0.8
+"""Free strip between two parked vehicles, m. Ours: about the least that lets one pull out (RASt 06 counts 5.2 m to
+5.7 m of strip for a car of 4.7 m; from memory, not checked)."""
+CORNER_M = 8.0
+"""No vehicle is parked nearer to a junction, m. Ours, between 5 m (Germany, StVO section 12) and 10 m before a crossing
+with a stop line in other countries (from memory, not checked)."""
+SLACK_M = 0.15
+"""Largest distance of a parked vehicle from the middle of its strip, to either side, m (ours)."""
+WALKS_TRIED = 20
+"""Candidate places that are tried for a pedestrian (ours: each costs a random walk)."""
+
+_Place = TypeVar("_Place")
 
 
 @dataclass(frozen=True)
 class _Slot:
-    """A vehicle on a lane: from its rear to its front, m along the lane; `speed_mps` where it is fixed."""
+    """The part of a lane that a vehicle covers: from its rear to its front, m along the lane."""
 
     rear: float
     front: float
     speed_mps: float
     braking_mps2: float
+
+
+class _Around(Generic[_Place]):
+    """Draws actors of one kind near the ego's line; knows the footprints that are taken, and the candidate places."""
+
+    def __init__(self, network: RoadNetwork, line: RouteLine, within_m: float, placed: Sequence[PlacedActor]) -> None:
+        self._network = network
+        self._near = shapely.LineString(line.points).buffer(within_m)
+        shapely.prepare(self._near)
+        self._boxes = [shapely.Polygon(footprint(actor)) for actor in placed]
+        self._candidates: dict[LaneKind | None, list[_Place]] = {}
+
+    def _free(self, actor: PlacedActor, gap_m: float) -> bool:
+        """Reserve an actor's footprint if it keeps a distance to all others; say whether it does."""
+        box = shapely.Polygon(footprint(actor))
+        free = all(box.distance(other) >= gap_m for other in self._boxes)
+        if free:
+            self._boxes.append(box)
+        return free
 
 
 def background(
@@ -64,8 +98,8 @@ def background(
         traffic: the statement.
         network: where.
         specs: by model name.
-        placed: who is there already; the first is the ego, whose line says where "near" is.
-        end_s: routes are long enough for this time, or have 12 edges.
+        placed: the actors so far; the first is the ego, whose line `within` is measured from.
+        end_s: routes are long enough for this time, or have `MAX_EDGES` edges.
 
     Returns:
         The actors, and a note for the author where fewer found room than asked ("" otherwise).
@@ -77,38 +111,33 @@ def background(
     wanted = int(si(traffic.count))
     mix = [specs[str(name)] for name in traffic.models if str(name) in specs]
     drawn = [mix[int(rng.integers(len(mix)))] for _ in range(wanted)] if mix else []
-    road = _Road(network, ego.line, si(traffic.within), placed)
-    paths = _Paths(network, ego.line, si(traffic.within), placed)
-    kerb = Kerb(network, ego.line, si(traffic.within), placed)
+    where = (network, ego.line, si(traffic.within), placed)
+    vehicles, pedestrians, parked = _Vehicles(*where), _Pedestrians(*where), _Parked(*where)
     found: list[PlacedActor] = []
     for spec in drawn:
         name = f"{traffic.name}_{len(found) + 1:02d}"
         if spec.kind == "obstacle":
-            one = kerb.draw(name, spec, rng)
+            one = parked.draw(name, spec, rng)
         elif spec.kind == "pedestrian":
-            one = paths.draw(name, spec, end_s, rng)
+            one = pedestrians.draw(name, spec, end_s, rng)
         else:
-            one = road.draw(name, spec, end_s, rng)
+            one = vehicles.draw(name, spec, end_s, rng)
         if one is not None:
             found.append(one)
     missing = wanted - len(found)
     note = f"{traffic.name}: {missing} of {wanted} actors found no room and were left out" if missing else ""
-    return road.with_safe_speeds(found), note
+    return vehicles.with_safe_speeds(found), note
 
 
-class _Road:
-    """Draws vehicles on lanes near the ego's line."""
+class _Vehicles(_Around[tuple[Lane, float]]):
+    """Draws vehicles on lanes; a place is a lane and the length along it where the front is."""
 
     def __init__(self, network: RoadNetwork, line: RouteLine, within_m: float, placed: Sequence[PlacedActor]) -> None:
-        self._network = network
-        self._near = shapely.LineString(line.points).buffer(within_m)
-        shapely.prepare(self._near)
-        self._boxes = [shapely.Polygon(footprint(actor)) for actor in placed]
+        super().__init__(network, line, within_m, placed)
         self._slots: dict[str, list[_Slot]] = {}
-        self._candidates: dict[LaneKind, list[tuple[Lane, float]]] = {}
         for actor in placed:
             if actor.lane and actor.control in ("ego", "sumo"):
-                self._occupy(actor.lane, actor)
+                self._occupy(actor)
 
     def draw(self, name: str, spec: ModelSpec, end_s: float, rng: np.random.Generator) -> PlacedActor | None:
         """Place one vehicle, or None where there is no room for it."""
@@ -119,8 +148,9 @@ class _Road:
             lane, front = places[int(k)]
             if not self._fits(lane, front, spec):
                 continue
-            cruise = _cruise(spec, lane.speed_mps, pace)
-            route = self._route(lane, front, cruise * end_s, kind, rng)
+            limit = lane.speed_mps if spec.cruise_mps is None else min(lane.speed_mps, spec.cruise_mps)
+            cruise = min(limit * pace, spec.max_speed_mps)
+            route = self._route(lane, cruise * end_s - (lane.line.length_m - front), kind, rng)
             x, y, heading = lane.line.at(front)
             actor = PlacedActor(
                 id=name,
@@ -135,40 +165,36 @@ class _Road:
                 line=self._network.line(route, start_lane=lane.id, after_m=round(front, 3), kind=kind),
                 cruise_mps=cruise,
             )
-            box = shapely.Polygon(footprint(actor))
-            if any(box.distance(other) < PEDESTRIAN_GAP_M for other in self._boxes):
-                continue
-            self._boxes.append(box)
-            self._occupy(lane.id, actor)
-            return actor
+            if self._free(actor, PEDESTRIAN_GAP_M):
+                self._occupy(actor)
+                return actor
         return None
 
     def with_safe_speeds(self, actors: Sequence[PlacedActor]) -> list[PlacedActor]:
-        """Bound the start speeds by what is ahead: the vehicle in front, standing, or the lane's end."""
+        """Limit the start speeds to what lets a vehicle stop behind the one in front, or at the lane's end."""
         return [self._safe(actor) if actor.control == "sumo" else actor for actor in actors]
 
     def _safe(self, actor: PlacedActor) -> PlacedActor:
-        lane = self._network.lanes[actor.lane]
-        front = lane.line.project(actor.x, actor.y)[0]
+        line, braking = self._network.lanes[actor.lane].line, actor.model.braking_mps2
+        front = line.project(actor.x, actor.y)[0]
         ahead = [slot.rear for slot in self._slots[actor.lane] if slot.rear > front]
-        gap = min([*ahead, lane.line.length_m]) - front - 1.0
-        bound = _stopping_speed(max(gap, 0.0), actor.model.braking_mps2)
-        return replace(actor, speed_mps=min(actor.speed_mps, bound))
+        gap_m = max(min([*ahead, line.length_m]) - front - 1.0, 0.0)
+        lost = braking * REACTION_S
+        return replace(actor, speed_mps=min(actor.speed_mps, math.sqrt(lost * lost + 2 * braking * gap_m) - lost))
 
-    def _occupy(self, lane_id: str, actor: PlacedActor) -> None:
-        front = self._network.lanes[lane_id].line.project(actor.x, actor.y)[0]
+    def _occupy(self, actor: PlacedActor) -> None:
+        front = self._network.lanes[actor.lane].line.project(actor.x, actor.y)[0]
         slot = _Slot(front - actor.model.length_m, front, actor.speed_mps, actor.model.braking_mps2)
-        self._slots.setdefault(lane_id, []).append(slot)
+        self._slots.setdefault(actor.lane, []).append(slot)
 
     def _fits(self, lane: Lane, front: float, spec: ModelSpec) -> bool:
         rear = front - spec.length_m
         if rear < 0.5:
             return False
         for slot in self._slots.get(lane.id, ()):
-            # whoever comes from behind must be able to stop, as a queue may stand here
+            # a vehicle that comes from behind has to be able to stop, as a queue may form here
             reach = slot.speed_mps * REACTION_S + slot.speed_mps**2 / (2 * slot.braking_mps2)
-            behind = max(GAP_M, reach)
-            if rear < slot.front + behind and front > slot.rear - GAP_M:
+            if rear < slot.front + max(GAP_M, reach) and front > slot.rear - GAP_M:
                 return False
         return True
 
@@ -194,12 +220,10 @@ class _Road:
         near = shapely.contains_xy(self._near, x, y)
         return [(lane, float(v)) for v in s[near]]
 
-    def _route(
-        self, lane: Lane, front: float, length_m: float, kind: LaneKind, rng: np.random.Generator
-    ) -> tuple[str, ...]:
+    def _route(self, lane: Lane, missing_m: float, kind: LaneKind, rng: np.random.Generator) -> tuple[str, ...]:
+        """Draw a route from a lane that goes on for a length after its first edge."""
         edges = [lane.edge]
-        missing = length_m - (lane.line.length_m - front)
-        while missing > 0 and len(edges) < MAX_EDGES:
+        while missing_m > 0 and len(edges) < MAX_EDGES:
             ways = onward(self._network, edges[-1], kind)
             if len(edges) == 1:  # the first turn is one that its lane allows
                 allowed = {m.to_edge for m in self._network.movements_from(lane.edge, kind) if m.from_lane == lane.id}
@@ -209,26 +233,19 @@ class _Road:
                 break
             way = ways[int(rng.choice(len(ways), p=weights / weights.sum()))]
             edges.append(way.to_edge)
-            missing -= self._network.lanes[way.to_lane].line.length_m
+            missing_m -= self._network.lanes[way.to_lane].line.length_m
         return tuple(edges)
 
 
-class _Paths:
-    """Draws pedestrians on sidewalks near the ego's line."""
-
-    def __init__(self, network: RoadNetwork, line: RouteLine, within_m: float, placed: Sequence[PlacedActor]) -> None:
-        self._ways = walkways(network)
-        self._near = shapely.LineString(line.points).buffer(within_m)
-        shapely.prepare(self._near)
-        self._boxes = [shapely.Polygon(footprint(actor)) for actor in placed]
-        self._candidates: list[tuple[float, float]] | None = None
+class _Pedestrians(_Around[XY]):
+    """Draws pedestrians on sidewalks."""
 
     def draw(self, name: str, spec: ModelSpec, end_s: float, rng: np.random.Generator) -> PlacedActor | None:
         """Place one pedestrian, or None where there is no room."""
         places = self._places()
-        for k in rng.permutation(len(places))[:20]:
+        for k in rng.permutation(len(places))[:WALKS_TRIED]:
             cruise = cruise_speed(spec, spec.max_speed_mps) * float(rng.uniform(*PACE))
-            walk = self._ways.walk(places[int(k)], cruise * end_s, rng)
+            walk = walkways(self._network).walk(places[int(k)], cruise * end_s, rng)
             if walk is None:
                 return None
             x, y, heading = Polyline.of(walk.points).at(0.0)
@@ -244,27 +261,47 @@ class _Paths:
                 cruise_mps=cruise,
                 walk_stops=walk.stops,
             )
-            box = shapely.Polygon(footprint(actor))
-            if all(box.distance(other) >= PEDESTRIAN_GAP_M for other in self._boxes):
-                self._boxes.append(box)
+            if self._free(actor, PEDESTRIAN_GAP_M):
                 return actor
         return None
 
-    def _places(self) -> list[tuple[float, float]]:
-        if self._candidates is None:
-            found: list[XY] = [xy for way in self._ways.sidewalks for xy in Polyline.of(self._ways.shapes[way]).xy]
+    def _places(self) -> list[XY]:
+        if None not in self._candidates:
+            ways = walkways(self._network)
+            found: list[XY] = [xy for way in ways.sidewalks for xy in Polyline.of(ways.shapes[way]).xy]
             points = np.array(found, dtype=np.float64).reshape(-1, 2)
             near = shapely.contains_xy(self._near, points[:, 0], points[:, 1])
-            self._candidates = [(float(x), float(y)) for x, y in points[near]]
-        return self._candidates
+            self._candidates[None] = [(float(x), float(y)) for x, y in points[near]]
+        return self._candidates[None]
 
 
-def _cruise(spec: ModelSpec, limit_mps: float, pace: float) -> float:
-    limit = limit_mps if spec.cruise_mps is None else min(limit_mps, spec.cruise_mps)
-    return min(limit * pace, spec.max_speed_mps)
+class _Parked(_Around[tuple[Lane, float]]):
+    """Draws parked vehicles, which are obstacles; a place is a parking strip and the length along it."""
 
+    def draw(self, name: str, spec: ModelSpec, rng: np.random.Generator) -> PlacedActor | None:
+        """Park one, or None where there is no room for it."""
+        places = self._places()
+        for k in rng.permutation(len(places)):
+            lane, at = places[int(k)]
+            reach = spec.length_m / 2
+            if not CORNER_M + reach <= at <= lane.line.length_m - CORNER_M - reach:
+                continue
+            x, y, heading = lane.line.at(at, float(rng.uniform(-SLACK_M, SLACK_M)))
+            parked = PlacedActor(id=name, model=spec, control="static", x=x, y=y, heading_rad=heading, speed_mps=0.0)
+            if self._free(parked, PARKED_GAP_M):
+                return parked
+        return None
 
-def _stopping_speed(gap_m: float, braking_mps2: float) -> float:
-    """The highest speed from which a vehicle can stop within a gap, with its reaction time."""
-    lost = braking_mps2 * REACTION_S
-    return math.sqrt(lost * lost + 2 * braking_mps2 * gap_m) - lost
+    def _places(self) -> list[tuple[Lane, float]]:
+        if None not in self._candidates:
+            found = [
+                (lane, at, *lane.line.at(at)[:2])
+                for lane in self._network.lanes.values()
+                if lane.parking
+                for at in np.arange(CORNER_M, lane.line.length_m - CORNER_M, PARKED_STEP_M).tolist()
+            ]
+            near = shapely.contains_xy(self._near, [f[2] for f in found], [f[3] for f in found])
+            self._candidates[None] = [
+                (lane, at) for (lane, at, _, _), inside in zip(found, near, strict=True) if inside
+            ]
+        return self._candidates[None]

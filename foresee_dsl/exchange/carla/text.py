@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.placement.scene import check_scene
+from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.carla.families import Row, common, is_of_route, param, value_of
 from foresee_dsl.exchange.carla.models import CATALOGUE, ego_of, mix_of, vehicles_of
@@ -124,7 +124,7 @@ def _misfits(
     )
     specs = {name: spec_of(model) for name, model in models.items()}
     try:
-        check_scene(case, network, specs, signals)
+        SceneBuilder(case, network, specs, signals).place()
     except PlacementError:
         return True
     return False
