@@ -142,6 +142,10 @@ class Views(Protocol):
         columns]."""
         ...
 
+    def draw(self, view: str) -> NDArray[np.uint8]:
+        """Return the picture of any installed view by its name, [channels, rows, columns]."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Observation:

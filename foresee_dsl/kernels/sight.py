@@ -9,75 +9,142 @@ likes.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, TABLE, compiled, inner
+from foresee_dsl.kernels.bicycle import Record
+from foresee_dsl.kernels.compiling import FLOAT, TABLE, compiled, inner
+from foresee_dsl.kernels.lines import Records, nearest_on_segment
+from foresee_dsl.kernels.records import array_of, dtype_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-X, Y, HEADING = range(3)
-"""Columns of poses."""
-LENGTH, WIDTH, TOP, HIGH, LOW, RANGE = range(6)
-"""Columns of bodies: m; the top and the two heights that are looked at, over the eye; how far it is seen."""
-WALL_X, WALL_Y, WAY_X, WAY_Y = range(4)
-"""Columns of walls: where one begins and how it goes on, counter-clockwise about its building, m."""
-BOX_X, BOX_Y, GAP, WHO, _COS, _SIN, _HALF_LENGTH, _HALF_WIDTH, _TOP, _RADIUS = range(10)
-"""Columns of boxes: places relative to the eye, the distance, and which object it is."""
-_FROM_X, _FROM_Y, _TO_X, _TO_Y, _OUTER_X, _OUTER_Y, _DEPTH, _FROM, _TO, _OUTER = range(10)
-"""Columns of facing walls: both ends relative to the eye, a vector to its outer side, how far the eye is on that side
-(negative), and the lengths of these three vectors."""
+X, Y, HEADING, SPEED = range(4)
+"""Columns of the states and poses of objects, as in `Trace.states`."""
 MARKS = 5
 """Points at which a body is looked at: its corners and its centre."""
 _TINY = 1e-12
 """Stands for 0 in a division."""
 _SLACK_M = 1e-6
 """More than rounding takes, where many points are judged at once."""
-REACH, AHEAD_SHARE, LEAST_MARKS = range(3)
-"""Places of limits: what is farther, m, hides nothing either; the cosine of half of the field of view (less than -1:
-all around); how many of a body's marks must be in sight."""
 
 
-@compiled(FLOAT, FLOAT, TABLE, FLOAT)
-def walls_near(x: float, y: float, walls: FloatArray, reach_m: float) -> BoolArray:
+class Body(NamedTuple):
+    """What there is to see of an object.
+
+    Attributes:
+        length, width: of its footprint, m. top, high, low: its top and the two heights that are looked at, over the
+            eye, m. range: how far it is seen, m. heading_spread: standard deviation of its measured heading, rad.
+    """
+
+    length: float
+    width: float
+    top: float
+    high: float
+    low: float
+    range: float
+    heading_spread: float
+
+
+class Wall(NamedTuple):
+    """A side of a building: where it begins and how it goes on, counter-clockwise about the building, m."""
+
+    x: float
+    y: float
+    way_x: float
+    way_y: float
+
+
+class SightLimits(NamedTuple):
+    """How far and where a sensor sees.
+
+    Attributes:
+        reach: what is farther hides nothing, m. ahead_share: the cosine of half of the field of view (less than -1: all
+            around). least_marks: how many of a body's marks must be in sight.
+    """
+
+    reach: float
+    ahead_share: float
+    least_marks: float
+
+
+class _Box(NamedTuple):
+    """A footprint relative to the eye, m: the distance of its centre, its object, and the circle around it."""
+
+    x: float
+    y: float
+    gap: float
+    who: int
+    cos: float
+    sin: float
+    half_length: float
+    half_width: float
+    top: float
+    radius: float
+
+
+class _FacingWall(NamedTuple):
+    """A wall on whose outer side the eye is, relative to the eye, m.
+
+    Attributes:
+        from_x, from_y, to_x, to_y: its ends. outer_x, outer_y: a vector to its outer side. depth: how far the eye is on
+            that side, times that vector's length (negative). from_m, to_m, outer_m: the lengths of the three vectors.
+    """
+
+    from_x: float
+    from_y: float
+    to_x: float
+    to_y: float
+    outer_x: float
+    outer_y: float
+    depth: float
+    from_m: float
+    to_m: float
+    outer_m: float
+
+
+BODIES, WALLS, LIMITS = array_of(Body), array_of(Wall), array_of(SightLimits)
+_BOX, _FACING_WALL = dtype_of(_Box), dtype_of(_FacingWall)
+
+
+@compiled(FLOAT, FLOAT, WALLS, FLOAT)
+def walls_near(x: float, y: float, walls: Records, reach_m: float) -> BoolArray:
     """Say which walls come nearer to a point than `reach_m`, [M]."""
     near = np.empty(len(walls), dtype=np.bool_)
     for k in range(len(walls)):
-        way_x, way_y = walls[k, WAY_X], walls[k, WAY_Y]
-        dx, dy = x - walls[k, WALL_X], y - walls[k, WALL_Y]
-        share = (dx * way_x + dy * way_y) / max(way_x * way_x + way_y * way_y, _TINY)
-        share = min(max(share, 0.0), 1.0)
-        dx, dy = dx - share * way_x, dy - share * way_y
-        near[k] = dx * dx + dy * dy <= reach_m * reach_m
+        wall = walls[k]
+        _, away = nearest_on_segment(x - wall["x"], y - wall["y"], wall["way_x"], wall["way_y"])
+        near[k] = away <= reach_m * reach_m
     return near
 
 
 @inner
-def _facing(x: float, y: float, walls: FloatArray) -> FloatArray:
+def _facing(x: float, y: float, walls: Records) -> Records:
     """Return the walls on whose outer side the eye is: a line that enters a building does so through one of these."""
-    facing = np.empty((len(walls), 10))
+    facing = np.empty(len(walls), _FACING_WALL)
     count = 0
     for k in range(len(walls)):
-        from_x, from_y = walls[k, WALL_X] - x, walls[k, WALL_Y] - y
-        outer_x, outer_y = walls[k, WAY_Y], -walls[k, WAY_X]
+        from_x, from_y = walls[k]["x"] - x, walls[k]["y"] - y
+        outer_x, outer_y = walls[k]["way_y"], -walls[k]["way_x"]
         depth = from_x * outer_x + from_y * outer_y
         if depth < 0.0:
             wall = facing[count]
-            wall[_FROM_X], wall[_FROM_Y] = from_x, from_y
-            wall[_TO_X], wall[_TO_Y] = from_x + walls[k, WAY_X], from_y + walls[k, WAY_Y]
-            wall[_OUTER_X], wall[_OUTER_Y], wall[_DEPTH] = outer_x, outer_y, depth
-            wall[_FROM] = math.sqrt(from_x * from_x + from_y * from_y)
-            wall[_TO] = math.sqrt(wall[_TO_X] * wall[_TO_X] + wall[_TO_Y] * wall[_TO_Y])
-            wall[_OUTER] = math.sqrt(outer_x * outer_x + outer_y * outer_y)
+            wall["from_x"], wall["from_y"] = from_x, from_y
+            wall["to_x"], wall["to_y"] = from_x + walls[k]["way_x"], from_y + walls[k]["way_y"]
+            wall["outer_x"], wall["outer_y"], wall["depth"] = outer_x, outer_y, depth
+            wall["from_m"] = math.sqrt(from_x * from_x + from_y * from_y)
+            wall["to_m"] = math.sqrt(wall["to_x"] * wall["to_x"] + wall["to_y"] * wall["to_y"])
+            wall["outer_m"] = math.sqrt(outer_x * outer_x + outer_y * outer_y)
             count += 1
     return facing[:count]
 
 
 @inner
-def _screen(px: float, py: float, room_m: float, facing: FloatArray, screens: IntArray) -> int:
+def _screen(px: float, py: float, room_m: float, facing: Records, screens: IntArray) -> int:
     """Find the walls that may hide something within `room_m` of a point. Their numbers go into `screens`.
 
     Returns:
@@ -86,11 +153,11 @@ def _screen(px: float, py: float, room_m: float, facing: FloatArray, screens: In
     count = 0
     for k in range(len(facing)):
         wall = facing[k]
-        if px * wall[_OUTER_X] + py * wall[_OUTER_Y] - room_m * wall[_OUTER] > wall[_DEPTH]:
+        if px * wall["outer_x"] + py * wall["outer_y"] - room_m * wall["outer_m"] > wall["depth"]:
             continue  # all of it is in front of the wall
-        left = px * wall[_FROM_Y] - py * wall[_FROM_X]
-        right = px * wall[_TO_Y] - py * wall[_TO_X]
-        room_left, room_right = room_m * wall[_FROM], room_m * wall[_TO]
+        left = px * wall["from_y"] - py * wall["from_x"]
+        right = px * wall["to_y"] - py * wall["to_x"]
+        room_left, room_right = room_m * wall["from_m"], room_m * wall["to_m"]
         if (left > room_left and right > room_right) or (left < -room_left and right < -room_right):
             continue  # both ends are to one side of all of it
         screens[count] = k
@@ -99,40 +166,40 @@ def _screen(px: float, py: float, room_m: float, facing: FloatArray, screens: In
 
 
 @inner
-def _walled(px: float, py: float, facing: FloatArray, screens: IntArray, count: int) -> bool:
+def _walled(px: float, py: float, facing: Records, screens: IntArray, count: int) -> bool:
     """Say whether the line from the eye to a point runs through a building, given what `_screen` found."""
     for n in range(count):
         wall = facing[screens[n]]
-        if px * wall[_OUTER_X] + py * wall[_OUTER_Y] < wall[_DEPTH]:
+        if px * wall["outer_x"] + py * wall["outer_y"] < wall["depth"]:
             # The wall's ends lie on both sides of the line: crosswise products with them have different signs.
-            left = px * wall[_FROM_Y] - py * wall[_FROM_X]
-            right = px * wall[_TO_Y] - py * wall[_TO_X]
+            left = px * wall["from_y"] - py * wall["from_x"]
+            right = px * wall["to_y"] - py * wall["to_x"]
             if left * right <= 0.0:
                 return True
     return False
 
 
 @inner
-def _boxes(x: float, y: float, poses: FloatArray, bodies: FloatArray, reach_m: float) -> FloatArray:
-    """Return the footprints of those within reach, [K, 10]."""
-    boxes = np.empty((len(poses), 10))
+def _boxes(x: float, y: float, poses: FloatArray, bodies: Records, reach_m: float) -> Records:
+    """Return the footprints of those within reach, [K]."""
+    boxes = np.empty(len(poses), _BOX)
     count = 0
     for k in range(len(poses)):
         dx, dy = poses[k, X] - x, poses[k, Y] - y
         gap = math.sqrt(dx * dx + dy * dy)
         if not gap <= reach_m:  # NaN is not
             continue
-        box, length, width = boxes[count], bodies[k, LENGTH], bodies[k, WIDTH]
-        box[BOX_X], box[BOX_Y], box[GAP], box[WHO] = dx, dy, gap, k
-        box[_COS], box[_SIN] = math.cos(poses[k, HEADING]), math.sin(poses[k, HEADING])
-        box[_HALF_LENGTH], box[_HALF_WIDTH] = length / 2, width / 2
-        box[_TOP], box[_RADIUS] = bodies[k, TOP], 0.5 * math.sqrt(length * length + width * width)
+        box, length, width = boxes[count], bodies[k]["length"], bodies[k]["width"]
+        box["x"], box["y"], box["gap"], box["who"] = dx, dy, gap, k
+        box["cos"], box["sin"] = math.cos(poses[k, HEADING]), math.sin(poses[k, HEADING])
+        box["half_length"], box["half_width"] = length / 2, width / 2
+        box["top"], box["radius"] = bodies[k]["top"], 0.5 * math.sqrt(length * length + width * width)
         count += 1
     return boxes[:count]
 
 
 @inner
-def _cross(px: float, py: float, room_m: float, own: int, boxes: FloatArray, crossed: IntArray) -> int:
+def _cross(px: float, py: float, room_m: float, own: int, boxes: Records, crossed: IntArray) -> int:
     """Find the boxes near enough to the line to a point to hide what lies within `room_m` of it.
 
     Not the `own` one: it lies around the points. Their numbers go into `crossed`.
@@ -145,9 +212,9 @@ def _cross(px: float, py: float, room_m: float, own: int, boxes: FloatArray, cro
     count = 0
     for k in range(len(boxes)):
         box = boxes[k]
-        room = box[_RADIUS] + room_m
-        aside = abs(way_x * box[BOX_Y] - way_y * box[BOX_X])
-        along = way_x * box[BOX_X] + way_y * box[BOX_Y]
+        room = box["radius"] + room_m
+        aside = abs(way_x * box["y"] - way_y * box["x"])
+        along = way_x * box["x"] + way_y * box["y"]
         if k != own and aside < room and -room < along < gap + room:
             crossed[count] = k
             count += 1
@@ -155,19 +222,19 @@ def _cross(px: float, py: float, room_m: float, own: int, boxes: FloatArray, cro
 
 
 @inner
-def _stretch(px: float, py: float, box: FloatArray) -> tuple[float, float]:
+def _stretch(px: float, py: float, box: Record) -> tuple[float, float]:
     """Return where the line from the eye to a point enters and leaves a box, as shares of the way.
 
     In the box's own axes it is the set of points within half its length and half its width; a line is within each over
     one stretch, and runs through the box where the stretches meet. A line that misses it enters after it leaves.
     """
     begin, end = 0.0, 1.0
-    cos, sin = box[_COS], box[_SIN]
+    cos, sin = box["cos"], box["sin"]
     for axis in range(2):
         if axis == 0:
-            along, way, half = box[BOX_X] * cos + box[BOX_Y] * sin, px * cos + py * sin, box[_HALF_LENGTH]
+            along, way, half = box["x"] * cos + box["y"] * sin, px * cos + py * sin, box["half_length"]
         else:
-            along, way, half = box[BOX_Y] * cos - box[BOX_X] * sin, py * cos - px * sin, box[_HALF_WIDTH]
+            along, way, half = box["y"] * cos - box["x"] * sin, py * cos - px * sin, box["half_width"]
         per_m = 1.0 / (way if abs(way) >= _TINY else _TINY)
         middle, reach = along * per_m, half * abs(per_m)
         begin, end = max(begin, middle - reach), min(end, middle + reach)
@@ -182,24 +249,22 @@ def _under(rise: float, enter: float, leave: float, top: float) -> bool:
 
 
 @inner
-def _mark(box: FloatArray, number: int) -> tuple[float, float]:
+def _mark(box: Record, number: int) -> tuple[float, float]:
     """Return one of the points at which a body is looked at: front left, rear left, rear right, front right, centre."""
-    along = 0.0 if number == MARKS - 1 else box[_HALF_LENGTH] if number in (0, 3) else -box[_HALF_LENGTH]
-    left = 0.0 if number == MARKS - 1 else box[_HALF_WIDTH] if number < 2 else -box[_HALF_WIDTH]
-    cos, sin = box[_COS], box[_SIN]
-    return box[BOX_X] + cos * along - sin * left, box[BOX_Y] + sin * along + cos * left
+    along = 0.0 if number == MARKS - 1 else box["half_length"] if number in (0, 3) else -box["half_length"]
+    left = 0.0 if number == MARKS - 1 else box["half_width"] if number < 2 else -box["half_width"]
+    cos, sin = box["cos"], box["sin"]
+    return box["x"] + cos * along - sin * left, box["y"] + sin * along + cos * left
 
 
 @inner
-def _shows(
-    own: int, high: float, low: float, least: float, boxes: FloatArray, facing: FloatArray, numbers: IntArray
-) -> bool:
+def _shows(own: int, high: float, low: float, least: float, boxes: Records, facing: Records, numbers: IntArray) -> bool:
     """Say whether at least so many marks of a body (the box `own`) are in sight.
 
     A mark of which one height of two is in sight is half one. `numbers` is room for those of boxes or walls.
     """
     box = boxes[own]
-    screens = _screen(box[BOX_X], box[BOX_Y], box[_RADIUS] + _SLACK_M, facing, numbers)
+    screens = _screen(box["x"], box["y"], box["radius"] + _SLACK_M, facing, numbers)
     clear = 0
     past_walls = 0  # a bit for each mark
     for k in range(MARKS):
@@ -209,7 +274,7 @@ def _shows(
             clear += 1
     if clear < least:  # it needs no look at the others
         return False
-    count = _cross(box[BOX_X], box[BOX_Y], box[_RADIUS], own, boxes, numbers)
+    count = _cross(box["x"], box["y"], box["radius"], own, boxes, numbers)
     halves = 0
     for k in range(MARKS):
         if not past_walls >> k & 1:
@@ -220,70 +285,72 @@ def _shows(
             other = boxes[numbers[n]]
             enter, leave = _stretch(px, py, other)
             if enter < leave:
-                high_clear = 0 if _under(high, enter, leave, other[_TOP]) else high_clear
-                low_clear = 0 if _under(low, enter, leave, other[_TOP]) else low_clear
+                high_clear = 0 if _under(high, enter, leave, other["top"]) else high_clear
+                low_clear = 0 if _under(low, enter, leave, other["top"]) else low_clear
         halves += high_clear + low_clear
     return halves / 2 >= least
 
 
 @inner
 def find(
-    x: float, y: float, heading: float, poses: FloatArray, bodies: FloatArray, walls: FloatArray, limits: FloatArray
-) -> tuple[FloatArray, IntArray]:
+    x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: SightLimits
+) -> tuple[Records, IntArray]:
     """Find who is in sight (arguments as in `in_sight`).
 
     Returns:
-        [K, 10] the footprints of those within reach; [S] the rows of those in sight.
+        [K] the footprints of those within reach; [S] which of them are in sight.
     """
-    boxes = _boxes(x, y, poses, bodies, limits[REACH])
+    boxes = _boxes(x, y, poses, bodies, limits.reach)
     facing = _facing(x, y, walls)
     cos, sin = math.cos(heading), math.sin(heading)
-    least = limits[LEAST_MARKS]
+    least = limits.least_marks
     seen = np.empty(len(boxes), dtype=np.int64)
     numbers = np.empty(max(len(boxes), len(facing)), dtype=np.int64)
     count = 0
     for k in range(len(boxes)):
         box = boxes[k]
-        body = bodies[int(box[WHO])]
-        ahead = box[BOX_X] * cos + box[BOX_Y] * sin
-        if box[GAP] > body[RANGE] or ahead < box[GAP] * limits[AHEAD_SHARE]:
+        body = bodies[box["who"]]
+        ahead = box["x"] * cos + box["y"] * sin
+        if box["gap"] > body["range"] or ahead < box["gap"] * limits.ahead_share:
             continue
-        if least <= 0.0 or _shows(k, body[HIGH], body[LOW], least, boxes, facing, numbers):
+        if least <= 0.0 or _shows(k, body["high"], body["low"], least, boxes, facing, numbers):
             seen[count] = k
             count += 1
     return boxes, seen[:count]
 
 
-@compiled(FLOAT, FLOAT, FLOAT, TABLE, TABLE, TABLE, FLOATS)
+@compiled(FLOAT, FLOAT, FLOAT, TABLE, BODIES, WALLS, LIMITS)
 def in_sight(
-    x: float, y: float, heading: float, poses: FloatArray, bodies: FloatArray, walls: FloatArray, limits: FloatArray
+    x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: Records
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return who is in sight.
 
     Args:
         x, y, heading: of the ego; the eye is over its centre. poses: [N, >=3] NaN where there is none.
-        bodies: [N, >=6]. walls: [M, 4] the near ones. limits: [>=3].
+        bodies: [N]. walls: [M] the near ones. limits: [1].
 
     Returns:
         [S] which objects; [S, 2] their centres relative to the ego (not turned), m; [S] their distances, m.
     """
-    boxes, seen = find(x, y, heading, poses, bodies, walls, limits)
+    row = limits[0]
+    one = SightLimits(row["reach"], row["ahead_share"], row["least_marks"])
+    boxes, seen = find(x, y, heading, poses, bodies, walls, one)
     who, offsets, gaps = np.empty(len(seen), dtype=np.int64), np.empty((len(seen), 2)), np.empty(len(seen))
     for k in range(len(seen)):
         box = boxes[seen[k]]
-        who[k], offsets[k, 0], offsets[k, 1], gaps[k] = int(box[WHO]), box[BOX_X], box[BOX_Y], box[GAP]
+        who[k], offsets[k, 0], offsets[k, 1], gaps[k] = box["who"], box["x"], box["y"], box["gap"]
     return who, offsets, gaps
 
 
-@compiled(FLOAT, FLOAT, FLOAT, TABLE, TABLE, TABLE, TABLE, FLOAT)
+@compiled(FLOAT, FLOAT, FLOAT, TABLE, TABLE, BODIES, WALLS, FLOAT)
 def clear_points(
     x: float,
     y: float,
     eye_m: float,
     points: FloatArray,
     poses: FloatArray,
-    bodies: FloatArray,
-    walls: FloatArray,
+    bodies: Records,
+    walls: Records,
     reach_m: float,
 ) -> BoolArray:
     """Say which points nothing hides, [P].
@@ -302,6 +369,6 @@ def clear_points(
         for n in range(_cross(px, py, 0.0, -1, boxes, numbers)):
             box = boxes[numbers[n]]
             enter, leave = _stretch(px, py, box)
-            if enter < leave and _under(rise, enter, leave, box[_TOP]):
+            if enter < leave and _under(rise, enter, leave, box["top"]):
                 clear[k] = False
     return clear

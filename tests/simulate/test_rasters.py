@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import struct
-import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -13,12 +11,14 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 import shapely
+from PIL import Image
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import ActorKind, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor, Views
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.actors.dynamics import limits_of
 from foresee_dsl.simulate.mission import mission_of
@@ -488,18 +488,9 @@ def test_along_a_route_in_the_town(bundle: SumoBundle, tmp_path: Path) -> None:
 
 
 def check_png(file: Path, rgb: np.ndarray, zoom: int) -> None:
-    data = file.read_bytes()
-    assert data.startswith(b"\x89PNG\r\n\x1a\n")
-    chunks, at = {}, 8
-    while at < len(data):
-        (size,) = struct.unpack(">I", data[at : at + 4])
-        chunks[data[at + 4 : at + 8]] = data[at + 8 : at + 8 + size]
-        assert struct.unpack(">I", data[at + 8 + size : at + 12 + size])[0] == zlib.crc32(data[at + 4 : at + 8 + size])
-        at += 12 + size
-    width, height = struct.unpack(">II", chunks[b"IHDR"][:8])
-    assert (height, width) == (rgb.shape[0] * zoom, rgb.shape[1] * zoom)
-    lines = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, 1 + 3 * width)
-    assert np.array_equal(lines[::zoom, 1:].reshape(len(rgb), -1, 3)[:, ::zoom], rgb)
+    with Image.open(file) as picture:
+        assert picture.format == "PNG"
+        assert np.array_equal(np.asarray(picture), rgb.repeat(zoom, axis=0).repeat(zoom, axis=1))
 
 
 def test_colours_know_both_views_only() -> None:
@@ -516,7 +507,7 @@ def test_the_pages_example_draws_a_recorded_run(town: Town, root: Path, tmp_path
     ahead = made.forward(frames.pose(30), frames.bodies(30), frames.groups)
     assert above[ABOVE["drivable"]].any() and above[ABOVE["vehicle"]].any() and ahead[AHEAD["road"]].any()
     scope: dict[str, Any] = {}
-    exec(examples(root)[1], scope)
+    exec(examples(root)[2], scope)
     scope["pictures"](town.network, trace, tmp_path)
     assert len(list(tmp_path.glob("*_above.png"))) == len(list(tmp_path.glob("*_ahead.png"))) >= 2
 
@@ -552,6 +543,24 @@ def test_the_example_driver_of_the_page_stops_for_what_is_in_its_way(root: Path)
     assert answer(SeenActor(1, "pedestrian", 18.0, 0.5, 0.0, 0.0, 0.5, 0.5)).brake == 1
     assert answer(SeenActor(1, "pedestrian", 18.0, 9.0, 0.0, 0.0, 0.5, 0.5)).brake == 0, "beside its way"
     assert answer(**{"tls:0": "red"}).brake == 1
+
+
+def test_a_view_that_a_package_registers_is_drawn_by_its_name(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own_views.py").write_text(examples(root)[1], encoding="utf-8")
+    info = tmp_path / "own_views-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-views\nVersion: 1\n", encoding="utf-8")
+    registered = "[foresee_dsl.raster_views]\noccupancy = own_views:occupancy\n"
+    (info / "entry_points.txt").write_text(registered, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    views = views_of(SeenActor(1, "pedestrian", 18.0, 0.5, 0.0, 0.0, 0.5, 0.5), at=ego(8.0), signals={})
+    picture = views.draw("occupancy")
+    assert picture.shape == (1, 192, 192) and picture.any()
+    assert np.array_equal(views.draw("forward"), views.forward())
+    with pytest.raises(ForeseeError, match="unknown raster view 'occupency', did you mean 'occupancy'"):
+        views.draw("occupency")
 
 
 def test_stop_lines_go_across_all_lanes_of_the_direction() -> None:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.plugins import PluginGroup
 from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
 from foresee_dsl.simulate.rasters.camera import Camera
 from foresee_dsl.simulate.rasters.ground import GroundMap
@@ -21,13 +23,18 @@ from foresee_dsl.simulate.rasters.layout import (
     FORWARD_CHANNELS,
     GROUP_OF,
     GROUPS,
+    HEIGHTS_M,
     SIGNAL_HEADS_M,
     SIGNAL_HEIGHT_M,
     SIGNAL_WIDTH_M,
 )
+from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+RASTER_VIEWS = PluginGroup("foresee_dsl.raster_views", "raster view", ForeseeError)
+"""A view is a function from `StepViews` to an array [channels, rows, columns] of uint8 (docs/rasters.md)."""
 
 _LAMPS: dict[str, int] = {name: FORWARD_CHANNELS.index(name) for name in ("red", "amber", "green")}
 _FIRST_GROUP = FORWARD_CHANNELS.index(GROUPS[0])
@@ -163,8 +170,7 @@ class RunViews:
 class StepViews:
     """The pictures of one step (`Observation.views`), drawn whenever they are asked for and not kept.
 
-    The bird's-eye view shows what the observation says, where its localisation puts the ego. The camera takes shapes as
-    they are.
+    Views that packages add are drawn by name, as our two are.
 
     Attributes:
         run: what stays the same. ego, actors, signals: those of the observation.
@@ -178,17 +184,36 @@ class StepViews:
     pose: Pose
     states: FloatArray
 
+    def draw(self, view: str) -> NDArray[np.uint8]:
+        """Return the picture of an installed view by its name, [channels, rows, columns].
+
+        Raises:
+            ForeseeError: no such view is installed, or it cannot be imported.
+        """
+        picture: NDArray[np.uint8] = RASTER_VIEWS.load(view)(self)
+        return picture
+
     def birds_eye(self) -> NDArray[np.uint8]:
         """Return the view from above, [19, 192, 192]."""
-        actors, groups = seen_arrays(self.actors)
-        pose = (self.ego.x, self.ego.y, self.ego.heading_rad)
-        return self.run.canvas.birds_eye(pose, actors, groups, self.signals)
+        return birds_eye_view(self)
 
     def forward(self) -> NDArray[np.uint8]:
         """Return the view forward, [13, 64, 160]."""
-        run = self.run
-        bodies = np.hstack((self.states[:, :3], run.sizes))
-        return run.canvas.forward(self.pose, bodies, run.groups, self.signals, range_m=run.range_m)
+        return forward_view(self)
+
+
+def birds_eye_view(step: StepViews) -> NDArray[np.uint8]:
+    """Draw what the observation says, where its localisation puts the ego."""
+    actors, groups = seen_arrays(step.actors)
+    pose = (step.ego.x, step.ego.y, step.ego.heading_rad)
+    return step.run.canvas.birds_eye(pose, actors, groups, step.signals)
+
+
+def forward_view(step: StepViews) -> NDArray[np.uint8]:
+    """Draw what a camera shows: shapes as they are."""
+    run = step.run
+    bodies = np.hstack((step.states[:, :3], run.sizes))
+    return run.canvas.forward(step.pose, bodies, run.groups, step.signals, range_m=run.range_m)
 
 
 def seen_arrays(actors: Iterable[SeenActor]) -> tuple[FloatArray, IntArray]:
@@ -214,3 +239,29 @@ def stops_of(mission: Mission) -> tuple[StopLine, ...]:
         middle = (x - aside * sine, y + aside * c)
         lines.append(StopLine(*middle, heading, left + right, junction.signal, tuple(heads)))
     return tuple(lines)
+
+
+class RecordedFrames:
+    """The arrays that a `Canvas` takes, from a trace: where all actors really were."""
+
+    def __init__(self, trace: Trace) -> None:
+        """Know the run's actors; a trace holds no heights, so each actor has the usual one of its kind."""
+        self._states = trace.states
+        others = trace.actors[1:]
+        self._sizes = np.array([(a.length_m, a.width_m) for a in others]).reshape(-1, 2)
+        self._heights = np.array([HEIGHTS_M[a.kind] for a in others], dtype=np.float64)
+        self.groups = np.array([GROUP_OF[a.kind] for a in others], dtype=np.int64)
+        """[A - 1] index into `layout.GROUPS`, the ego left out."""
+
+    def pose(self, frame: int) -> Pose:
+        """Return the ego's x, y (m) and heading (rad)."""
+        x, y, heading = self._states[frame, 0, [X, Y, HEADING]].tolist()
+        return x, y, heading
+
+    def actors(self, frame: int) -> FloatArray:
+        """Return [A - 1, 6] x, y, heading, speed, length, width: for `Canvas.birds_eye`."""
+        return np.hstack((self._states[frame, 1:][:, [X, Y, HEADING, SPEED]], self._sizes))
+
+    def bodies(self, frame: int) -> FloatArray:
+        """Return [A - 1, 6] x, y, heading, length, width, height: for `Canvas.forward`."""
+        return np.column_stack((self._states[frame, 1:][:, [X, Y, HEADING]], self._sizes, self._heights))

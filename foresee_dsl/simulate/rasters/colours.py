@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -50,15 +48,10 @@ def write_png(rgb: NDArray[np.uint8], file: Path, *, zoom: int = 1) -> None:
     """Write [H, W, 3] colours as a PNG, every pixel `zoom` by `zoom` large.
 
     Raises:
+        ModuleNotFoundError: pillow is not installed (`pip install "foresee-dsl[pictures]"`).
         OSError: the file cannot be written.
     """
-    large = rgb.repeat(zoom, axis=0).repeat(zoom, axis=1)
-    height, width = large.shape[:2]
-    lines = np.hstack((np.zeros((height, 1), np.uint8), large.reshape(height, -1)))  # each line's filter: none
+    from PIL import Image
 
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits, RGB, not interlaced
-    parts = (chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines.tobytes())), chunk(b"IEND", b""))
-    file.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+    height, width = rgb.shape[:2]
+    Image.fromarray(rgb).resize((width * zoom, height * zoom), Image.Resampling.NEAREST).save(file, "PNG")

@@ -2,7 +2,7 @@
 
 `Sensing` is made once a run and asked once a frame. Modules, in the order of a measurement: `weather` (ranges), `walls`
 and `sight` (who is in sight), `noise` and `objects` (the object list), `tracks`, `signals`; `settings` has the numbers.
-What is reckoned for each object in each scan stands in `kernels.sight`, `noise` and `object_list`, which are
+What is computed for each object in each scan is in `kernels.sight`, `noise` and `object_list`, which are
 compiled.
 """
 

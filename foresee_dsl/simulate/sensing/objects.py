@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, make_dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import SeenActor
-from foresee_dsl.kernels.object_list import measured
-from foresee_dsl.simulate.sensing.noise import Streams
+from foresee_dsl.kernels.object_list import ScanSettings, measured
+from foresee_dsl.kernels.records import dtype_of
+from foresee_dsl.simulate.sensing.noise import Streams, keys_of
 from foresee_dsl.simulate.sensing.settings import SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
-from foresee_dsl.simulate.sensing.tracks import Tracks
 from foresee_dsl.simulate.trace import STEP_S
 
 FloatArray = NDArray[np.float64]
@@ -34,6 +35,42 @@ of them; an ordinary one with the same fields takes a quarter of it. Python lets
 that has the same slots."""
 
 
+_AT_ONCE = 1024
+"""Numbers are drawn in a random order from so many; then from the next so many. Ours: more than a run needs."""
+
+
+@lru_cache(maxsize=16)  # the runs of a campaign mostly have one seed
+def _order(seed: int) -> tuple[int, ...]:
+    return tuple(np.argsort(keys_of(seed, ("tracks",), _AT_ONCE)[0], kind="stable").tolist())
+
+
+class Tracks:
+    """Gives out track numbers; none twice in a run."""
+
+    def __init__(self, seed: int, forgets_frames: int) -> None:
+        """Begin a run.
+
+        Args:
+            seed: of the run. forgets_frames: an object unseen for more frames gets a new number.
+        """
+        self._order = _order(seed)
+        self._forgets = forgets_frames
+        self._given = 0
+        self._last: dict[int, tuple[int, int]] = {}
+
+    def of(self, index: int, frame: int) -> int:
+        """Return the number of an object that is seen at a frame (frames come in order)."""
+        last = self._last.get(index)
+        if last is not None and frame - last[1] <= self._forgets:
+            number = last[0]
+        else:
+            rounds, k = divmod(self._given, _AT_ONCE)
+            number = self._order[k] + rounds * _AT_ONCE
+            self._given += 1
+        self._last[index] = (number, frame)
+        return number
+
+
 class ObjectList:
     """Measures the others from where the ego is.
 
@@ -52,8 +89,9 @@ class ObjectList:
         self._sight, self._kinds = sight, bodies.kinds
         spreads = {"pedestrian": noise.pedestrian_heading_rad}
         heading_rad = np.array([spreads.get(kind, noise.heading_rad) for kind in bodies.kinds], dtype=np.float64)
-        self._bodies = np.ascontiguousarray(np.column_stack([sight.bodies, heading_rad]))
-        self._numbers = np.concatenate([sight.limits, _numbers(settings)])
+        self._bodies = sight.bodies.copy()
+        self._bodies["heading_spread"] = heading_rad
+        self._settings = np.array([_scan_settings(sight, settings)], dtype_of(ScanSettings))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
 
@@ -67,7 +105,16 @@ class ObjectList:
         """
         walls, noise = self._sight.walls.near(ego[0], ego[1]), self._noise
         states = np.ascontiguousarray(states)
-        rows = measured(frame, *ego, *taken, states, self._bodies, walls, noise.keys, noise.scales, self._numbers)
+        rows = measured(
+            frame,
+            np.array((ego, taken), dtype=np.float64),
+            states,
+            self._bodies,
+            walls,
+            noise.keys,
+            noise.scales,
+            self._settings,
+        )
         kinds, track, seen = self._kinds, self._tracks.of, []
         for row in rows.tolist():
             k = int(row.pop())
@@ -77,22 +124,25 @@ class ObjectList:
         return tuple(seen)
 
 
-def _numbers(settings: SensorSettings) -> tuple[float, ...]:
-    """Return what `kernels.object_list.measured` needs of the settings, in its order."""
+def _scan_settings(sight: Sight, settings: SensorSettings) -> ScanSettings:
     noise, missed = settings.noise, settings.dropouts
-    return (
-        noise.radial_m,
-        noise.radial_share,
-        noise.lateral_m,
-        noise.lateral_rad,
-        noise.speed_mps,
-        noise.speed_share,
-        noise.speed_most_mps,
-        noise.size_share,
-        LEAST_SIZE,
-        max(frames_of(noise.slow_s), 1),
-        missed.least,
-        missed.most,
-        missed.steepness,
-        max(frames_of(missed.lasts_s), 1),
+    reach, ahead_share, least_marks = sight.limits[0].item()
+    return ScanSettings(
+        reach=reach,
+        ahead_share=ahead_share,
+        least_marks=least_marks,
+        radial_m=noise.radial_m,
+        radial_share=noise.radial_share,
+        lateral_m=noise.lateral_m,
+        lateral_rad=noise.lateral_rad,
+        speed_mps=noise.speed_mps,
+        speed_share=noise.speed_share,
+        speed_most_mps=noise.speed_most_mps,
+        size_share=noise.size_share,
+        least_size=LEAST_SIZE,
+        slow_frames=max(frames_of(noise.slow_s), 1),
+        missed_least=missed.least,
+        missed_most=missed.most,
+        missed_steepness=missed.steepness,
+        missed_frames=max(frames_of(missed.lasts_s), 1),
     )

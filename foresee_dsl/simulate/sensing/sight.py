@@ -12,14 +12,56 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.polyline import Points
-from foresee_dsl.kernels.sight import MARKS, clear_points, in_sight
+from foresee_dsl.kernels.lines import Records
+from foresee_dsl.kernels.records import dtype_of
+from foresee_dsl.kernels.sight import MARKS, Body, SightLimits, Wall, clear_points, in_sight, walls_near
 from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorSettings
-from foresee_dsl.simulate.sensing.walls import Walls
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
+
+_AROUND_M = 10.0
+"""The walls near the eye are looked up again when it has moved this far."""
+
+
+@lru_cache(maxsize=8)
+def _sides(buildings: tuple[Points, ...]) -> Records:
+    """Return the sides of buildings as `Wall`s: once a network."""
+    outlines = [np.array(outline, dtype=np.float64).reshape(-1, 2) for outline in buildings]
+    outlines = [outline[::-1] if _area(outline) < 0 else outline for outline in outlines if len(outline) > 2]
+    sides = [np.concatenate([outline, np.roll(outline, -1, axis=0) - outline], axis=1) for outline in outlines]
+    return np.concatenate([np.empty((0, 4)), *sides]).view(dtype_of(Wall))[:, 0]
+
+
+def _area(outline: FloatArray) -> float:
+    """Twice the signed area, positive when the outline runs counter-clockwise."""
+    x, y = outline[:, 0], outline[:, 1]
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+
+
+class Walls:
+    """The outlines of buildings. An eye inside one sees out of it, and through it."""
+
+    def __init__(self, buildings: Iterable[Points], reach_m: float) -> None:
+        """Take up outlines, open or closed, in either direction.
+
+        Args:
+            buildings: outlines, m. reach_m: how far lines of sight go at most.
+        """
+        self._all = self._near = _sides(tuple(tuple(outline) for outline in buildings))
+        self._reach_m = reach_m + 2 * _AROUND_M
+        self._looked_up: tuple[float, float] | None = None
+
+    def near(self, x: float, y: float) -> Records:
+        """Return the walls that lines of sight from an eye may meet, and some more, [M]."""
+        at = self._looked_up
+        if at is None or abs(x - at[0]) > _AROUND_M or abs(y - at[1]) > _AROUND_M:
+            self._looked_up = (x, y)
+            self._near = self._all[walls_near(x, y, self._all, self._reach_m)]
+        return self._near
 
 
 @dataclass(frozen=True)
@@ -49,7 +91,7 @@ class Sight:
 
     Attributes:
         range_m: [N] how far each object is seen in this weather. signal_range_m: the same for signals.
-        bodies, limits, walls: as `kernels.sight` wants them.
+        bodies, limits, walls: for `kernels.sight`.
     """
 
     def __init__(
@@ -68,12 +110,14 @@ class Sight:
         self._eye_m = settings.eye_m
         shares = np.array((1.0, settings.high_share, settings.low_share))
         rises = bodies.heights_m[:, None] * shares - settings.eye_m
-        self.bodies = np.ascontiguousarray(np.column_stack([bodies.sizes_m, rises, self.range_m]))
-        # Whoever is farther than all that can be seen hides nothing of it.
+        rows = np.column_stack([bodies.sizes_m, rises, self.range_m, np.zeros(len(bodies.kinds))])
+        self.bodies: Records = rows.view(dtype_of(Body))[:, 0]
+        # What is farther than all that can be seen hides nothing of it.
         reach_m = max(float(self.range_m.max(initial=0.0)), self.signal_range_m)
         all_around = settings.field_of_view_rad >= math.tau
         ahead_share = -2.0 if all_around else math.cos(settings.field_of_view_rad / 2)
-        self.limits = np.array((reach_m, ahead_share, settings.seen_share * MARKS), dtype=np.float64)
+        limits = SightLimits(reach_m, ahead_share, settings.seen_share * MARKS)
+        self.limits = np.array([limits], dtype_of(SightLimits))
         self._reach_m, self._through = float(reach_m), settings.seen_share <= 0.0
         self.walls = Walls(buildings, reach_m)
 
