@@ -12,6 +12,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.trace import Trace
+
 DECIMALS = 6
 """Digits of a number behind its point: a micrometre. More would differ between C libraries."""
 _WIDTH = 120
@@ -21,11 +26,11 @@ class Golden:
     """Compares text with files, or writes the files."""
 
     def __init__(self, *, rewrite: bool) -> None:
-        self._rewrite = rewrite
+        self.rewrite = rewrite
 
     def __call__(self, text: str, file: Path) -> None:
         """Compare `text` with what `file` holds; fail with the command that rewrites it."""
-        if self._rewrite:
+        if self.rewrite:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(text, encoding="utf-8", newline="\n")
         expected = file.read_text(encoding="utf-8") if file.exists() else ""
@@ -40,6 +45,22 @@ def readable(value: object, *, leave_out: frozenset[str] = frozenset()) -> str:
         leave_out: names of fields that are not written.
     """
     return _text(_plain(value, leave_out), "") + "\n"
+
+
+def recorded_run(
+    folder: Path, name: str = "trace", case: TestCase | None = None, *, rewrite: bool
+) -> tuple[TestCase, Trace]:
+    """Return a test case (the only one of `scenario.foresee` in the folder, if none is given) and its recorded run.
+
+    The run is read from `NAME.npz`, so that what is tested does not depend on SUMO or the processor; with `rewrite` it
+    is driven again with the driver idm, and written.
+    """
+    if case is None:
+        (case,) = load_test_cases([str(folder / "scenario.foresee")])
+    file = folder / f"{name}.npz"
+    if rewrite:
+        run_test_case(case, "idm", 0).trace.save(file)
+    return case, Trace.load(file)
 
 
 def _plain(value: object, leave_out: frozenset[str]) -> Any:
