@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import Literal, cast
 
 from foresee_dsl.editor.files import Files, Found
-from foresee_dsl.editor.meanings import dimension_of_field, units_of, words_of_field
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
 from foresee_dsl.editor.symbols import SymbolKind, kind_named
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.values import MEASURED
 from foresee_dsl.language.codes.code import EXAMPLES
 from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX
 from foresee_dsl.language.syntax.nodes import Node
-from foresee_dsl.language.units import Dimension
+from foresee_dsl.language.units import UNITS, Dimension
 
 _MOST_FILES = 500
 """So many files are offered at most (ours: nobody reads more, and a list is sent with every letter)."""
@@ -81,7 +80,7 @@ def _keyword(word: str) -> Suggestion:
 
 def _of_slot(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
     if slot.token == "UNIT":
-        yield from (Suggestion(unit, "unit") for unit in units_of(_dimension(files, path, slot)))
+        yield from (Suggestion(unit, "unit") for unit in _units(_dimension(files, path, slot)))
     elif slot.token == "NUMBER":
         dimension = _dimension(files, path, slot)
         if dimension is not None and not place.word:
@@ -99,10 +98,10 @@ def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Sugg
     elif kind is not None and (slot.token != "STRING" or place.in_string):
         yield from _of_kind(files, path, slot, kind, place)
     if slot.token == "NAME":
-        for word in words_of_field(slot.node.kind, slot.field):
+        for word in form_of(slot.node.kind, slot.field).words:
             about = KEYWORDS.get(word)
             yield Suggestion(word, "constant", about.meaning if about is not None else "")
-    if slot.token == "NAME" and _takes_parameter(slot.node.kind, slot.field):
+    if slot.token == "NAME" and form_of(slot.node.kind, slot.field).parameter:
         for name, found in files.definitions(path, "parameter").items():
             if _fits(found, slot, kind):
                 yield _parameter(name, found)
@@ -137,7 +136,7 @@ def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Befo
         turns_or_sides = {"turn": (m.Leg, "turn"), "side": (m.ChangesLane, "side")}
         where = turns_or_sides.get(_type_of_word(files, path, slot))
         if where is not None:
-            yield from (Suggestion(word, "constant") for word in words_of_field(*where))
+            yield from (Suggestion(word, "constant") for word in form_of(*where).words)
 
 
 def _of_type(type_: str) -> tuple[SymbolKind, ...]:
@@ -158,7 +157,7 @@ def _properties(slot: Slot, place: Before) -> tuple[str, ...]:
     """What can stand behind an actor's name and a dot."""
     if slot.node.kind is m.Measure:
         functions = words(accepted(place.text))  # `time`, `ttc(...)`: measures that no actor stands before
-        return (*(word for word in words_of_field(m.Measure, "what") if word not in functions), "signal")
+        return (*(word for word in form_of(m.Measure, "what").words if word not in functions), "signal")
     return ("signal",) if slot.node.kind is m.Shows else ("route",)
 
 
@@ -172,11 +171,6 @@ def _changeable(files: Files, path: Path) -> Iterator[Suggestion]:
         yield from (Suggestion(f"{word}.{name}", "name", _describe(found)) for name, found in known)
     for name, owner in m.OWNERS.items():
         yield from (Suggestion(f"{name}.{what}", "name") for what in owner.properties)
-
-
-def _takes_parameter(kind: type[m.Item], field: str) -> bool:
-    found = kind.model_fields.get(field)
-    return found is not None and "Ref" in str(found.annotation)
 
 
 def _fits(found: Found, slot: Slot, kind: SymbolKind | None) -> bool:
@@ -214,12 +208,17 @@ def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
             return None
         if left.kind is m.Ref:
             return _of_parameter(files.type_of(path, str(left.fields.get("name"))))
-        return MEASURED.get(str(left.fields.get("what")))
+        return m.MEASURED.get(str(left.fields.get("what")))
     if above.kind in (m.Param, m.Range, m.Assignment):
         owner = above if above.kind is not m.Range else slot.above[-2]
         type_ = owner.fields.get("type") or files.type_of(path, str(owner.fields.get("name")))
         return _of_parameter(str(type_))
-    return dimension_of_field(above.kind, field)
+    return form_of(above.kind, field).dimension
+
+
+def _units(dimension: Dimension | None) -> tuple[str, ...]:
+    """The unit words of a dimension; all of them for None."""
+    return tuple(unit.word for unit in UNITS.values() if dimension in (None, unit.dimension))
 
 
 def _of_parameter(type_: str) -> Dimension | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -14,12 +14,14 @@ from pygls.uris import from_fs_path, to_fs_path
 
 from foresee_dsl import __version__
 from foresee_dsl.editor.files import Files
-from foresee_dsl.editor.findings import find, find_alone
 from foresee_dsl.editor.positions import Positions
-from foresee_dsl.errors import Diagnostic
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.addresses import absolute
+from foresee_dsl.language.project.checked_files import check_paths
 
 SOURCE = "foresee"
+_NO_CODE = "FS001"
 _PAUSE_S = 0.2
 """So long after the last letter the text is checked (ours: shorter than a pause between words)."""
 _AT_ONCE_S = 0.0
@@ -157,3 +159,40 @@ def _diagnostic(diagnostic: Diagnostic, where: types.Range) -> types.Diagnostic:
         code=diagnostic.code,
         source=SOURCE,
     )
+
+
+# ---- what is wrong with a text --------------------------------------------------------------------------------------
+
+
+def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a file and with the files that it builds on.
+
+    Args:
+        path: the file; it need not exist on the disk.
+        text: what it holds.
+        overlay: the texts that the editor holds, by absolute path.
+        places: also build the network and place every actor, which takes up to some seconds.
+
+    Nothing is raised for what somebody wrote, nor where SUMO's programs are missing.
+    """
+    try:
+        result = check_paths([str(path)], {**overlay, path: text})
+        if not places:
+            return result.diagnostics
+        from foresee_dsl.compile import placement_mistakes
+
+        return (*result.diagnostics, *placement_mistakes(result.cases))
+    except InputError as error:
+        return error.diagnostics
+    except ForeseeError as error:
+        return (Diagnostic(_NO_CODE, str(error), "", str(path), severity="warning"),)
+
+
+def find_alone(text: str, name: str) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a text that is no file yet."""
+    from foresee_dsl.language.checks.documents import check_document
+
+    try:
+        return check_document(parse(text, name))
+    except InputError as error:
+        return error.diagnostics

@@ -17,14 +17,19 @@ from pygments.token import Comment, Error, Keyword, Name, Number, Operator, Stri
 from foresee_dsl.editor import textmate
 from foresee_dsl.editor.highlight import highlighted
 from foresee_dsl.editor.lexer import NAMED, ForeseeLexer
-from foresee_dsl.editor.meanings import model_words
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.values import MEASURED
 from foresee_dsl.language.keywords import KEYWORDS, USAGE, words_of
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.grammar import parser
 from foresee_dsl.language.units import UNITS
 
 TABLE = "foresee_dsl/language/keywords.py"
+
+
+def model_words() -> frozenset[str]:
+    """Every fixed word that a field of the model takes."""
+    fields = [(kind, field) for kind in m.ITEMS for field in kind.model_fields if field != "kind"]
+    return frozenset(w for kind, field in fields for w in form_of(kind, field).words if w[0].isalpha())
 
 
 def grammar_words() -> set[str]:
@@ -61,9 +66,7 @@ def test_every_word_has_a_meaning_and_an_example_that_shows_it() -> None:
 
 
 def test_measures_have_a_dimension() -> None:
-    from foresee_dsl.editor.meanings import words_of_field
-
-    assert set(MEASURED) == set(words_of_field(m.Measure, "what"))
+    assert set(m.MEASURED) == set(form_of(m.Measure, "what").words)
 
 
 # ---- Pygments -------------------------------------------------------------------------------------------------------

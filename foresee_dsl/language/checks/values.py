@@ -3,42 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from types import MappingProxyType
-from typing import Any, get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 
-_ALIASES: tuple[tuple[Any, Dimension], ...] = (
-    (m.Time, "time"),
-    (m.Length, "length"),
-    (m.Speed, "speed"),
-    (m.Acceleration, "acceleration"),
-    (m.Angle, "angle"),
-    (m.AngularRate, "angular_rate"),
-    (m.Mass, "mass"),
-    (m.Ratio, "ratio"),
-    (m.Count, "count"),
-)
-MEASURED: MappingProxyType[str, Dimension] = MappingProxyType(
-    {
-        "time": "time",
-        "eta": "time",
-        "ttc": "time",
-        "headway": "time",
-        "speed": "speed",
-        "acceleration": "acceleration",
-        "distance": "length",
-    }
-)
-"""The dimension of what a condition measures."""
 _WORDS = MappingProxyType(
     {
         (m.Ego, "model"): "model",
@@ -138,7 +114,7 @@ def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> N
 
 
 def _check_comparison(findings: Findings, item: m.Comparison, measure: m.Measure) -> None:
-    needed = MEASURED[measure.what]
+    needed = m.MEASURED[measure.what]
     if isinstance(item.right, m.Quantity) and item.right.dimension != needed:
         findings.wrong_dimension(item, "right", item.right, needed)
 
@@ -150,7 +126,7 @@ def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantit
     low, high, code = limits
     if low <= value.si <= high:
         return
-    dimension = dimensions_of(type(item)).get(field, "ratio")
+    dimension = form_of(type(item), field).dimension or "ratio"
     if value.si < low:
         help = f"use at least {low:g}" if dimension in ("ratio", "count") else "use a larger value"
     else:
@@ -167,7 +143,7 @@ def _check_reference(
         help = did_you_mean(reference.name, parameters)
         if not parameters and _is_model(item, field):
             help = "models are called class.variant, such as `car.compact`"
-        if not help and (dimension := dimensions_of(type(item)).get(field)) is not None:
+        if not help and (dimension := form_of(type(item), field).dimension) is not None:
             help = f"write {findings.example(dimension)}"
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
         return
@@ -178,11 +154,11 @@ def _check_reference(
             message = f"'{reference.name}' is of type {parameter.type}, which cannot stand here"
             findings.add(item, field, "FS032", message, help)
         return
-    needed: Dimension | None = dimensions_of(type(item)).get(field)
+    needed: Dimension | None = form_of(type(item), field).dimension
     if isinstance(item, m.Comparison):
         if not isinstance(item.left, m.Measure):
             return  # a requirement: `check_parameters` looks at both sides
-        needed = MEASURED[item.left.what]
+        needed = m.MEASURED[item.left.what]
     if needed is None or parameter.type == needed or (needed == "ratio" and parameter.type == "count"):
         return
     message = f"'{reference.name}' is of type {parameter.type}, but {NOUNS[needed]} is needed here"
@@ -191,17 +167,3 @@ def _check_reference(
 
 def _is_model(item: m.Item, field: str) -> bool:
     return _WORDS.get((type(item), field)) == "model"
-
-
-@cache
-def dimensions_of(kind: type[m.Item]) -> Mapping[str, Dimension]:
-    """The dimension of each field of a class that holds a quantity, read off its annotations."""
-    found: dict[str, Dimension] = {}
-    for name, field in kind.model_fields.items():
-        markers = [*field.metadata]
-        for part in get_args(field.annotation):
-            markers += getattr(part, "__metadata__", ())
-        for alias, dimension in _ALIASES:
-            if any(marker is alias.__metadata__[0] for marker in markers):
-                found[name] = dimension
-    return MappingProxyType(found)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -20,9 +22,24 @@ from foresee_dsl.language.model.values import (
     Value,
     Word,
 )
+from foresee_dsl.language.units import Dimension
 
 SIGNAL_COLOURS = ("green", "amber", "red")
 """What a signal shows to one movement."""
+
+
+MEASURED: Mapping[str, Dimension] = MappingProxyType(
+    {
+        "time": "time",
+        "eta": "time",
+        "ttc": "time",
+        "headway": "time",
+        "speed": "speed",
+        "acceleration": "acceleration",
+        "distance": "length",
+    }
+)
+"""The dimension of what a condition measures."""
 
 
 class Measure(Phrase):
