@@ -88,7 +88,7 @@ class Pattern:
     @property
     def slots(self) -> tuple[Slot, ...]:
         """The fields before the braces, in the order in which they are written."""
-        return tuple(_slots(self.head))
+        return tuple(slots_of(self.head))
 
 
 @cache
@@ -118,12 +118,13 @@ def _parts(text: str) -> tuple[str | Slot | Optional, ...]:
     return tuple(found)
 
 
-def _slots(parts: Parts) -> Iterator[Slot]:
+def slots_of(parts: Parts) -> Iterator[Slot]:
+    """Return the fields in a part of a pattern, in their order."""
     for part in parts:
         if isinstance(part, Slot):
             yield part
         elif isinstance(part, Optional):
-            yield from _slots(part.parts)
+            yield from slots_of(part.parts)
 
 
 def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:

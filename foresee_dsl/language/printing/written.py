@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.model.pattern import Form, Optional, Parts, Slot, form_of, read_pattern
+from foresee_dsl.language.model.pattern import Form, Parts, Slot, form_of, read_pattern, slots_of
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.syntax.nodes import Key
 
@@ -41,9 +41,9 @@ def layout(item: m.Item, parameters: frozenset[str] = _NONE) -> Layout:
     pattern = read_pattern(item.own_pattern())
     inside: list[tuple[Key, m.Item | str]] = []
     for parts in pattern.settings:
-        field = next(part.field for slot in parts for part in _slots_of(slot))
-        if _is_given(item, field):
-            inside.append(((field,), _phrase(parts, item, parameters)))
+        (slot,) = slots_of(parts)
+        if _is_given(item, slot.field):
+            inside.append(((slot.field,), _phrase(parts, item, parameters)))
     inside += [((pattern.body, k), inner) for k, inner in enumerate(getattr(item, pattern.body, ()))]
     braces = pattern.braces == "always" or (pattern.braces == "filled" and bool(inside))
     head = _phrase(pattern.head, item, parameters)
@@ -99,12 +99,6 @@ def _phrase(parts: Parts, item: m.Item, parameters: frozenset[str]) -> str:
         elif all(_is_given(item, field) and getattr(item, field) != () for field in part.fields):
             text += _phrase(part.parts, item, parameters)
     return text
-
-
-def _slots_of(part: str | Slot | Optional) -> tuple[Slot, ...]:
-    if isinstance(part, Optional):
-        return tuple(slot for inner in part.parts for slot in _slots_of(inner))
-    return (part,) if isinstance(part, Slot) else ()
 
 
 def _is_given(item: m.Item, field: str) -> bool:
