@@ -7,33 +7,33 @@ import os
 import pickle
 import subprocess
 import sys
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
 from shapely import Polygon, affinity, box
 
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm import proposals as pdm_proposals
-from foresee_dsl.drivers.pdm import route as pdm_route
-from foresee_dsl.drivers.pdm import rules as pdm_rules
-from foresee_dsl.drivers.pdm.decision import decide
-from foresee_dsl.drivers.pdm.prediction import TIMES_S
-from foresee_dsl.drivers.pdm.reading import Prediction, read_situation
-from foresee_dsl.drivers.pdm.route import GRID_M, build_route
-from foresee_dsl.drivers.pdm.settings import CLEARANCE_M, COLLISION_MARGIN_M
-from foresee_dsl.drivers.pdm.situation import EgoOnRoute
-from foresee_dsl.drivers.pdm.steps import Rollout, conflicts
+from foresee_dsl.drivers.pdm.route import build_route
+from foresee_dsl.drivers.pdm.situation import ego_record, read_situation
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, KERNEL_FILES, PACKAGE, compiled, state_of
+from foresee_dsl.kernels.pdm import proposals, right_of_way
+from foresee_dsl.kernels.pdm import route as route_kernels
+from foresee_dsl.kernels.pdm.decision import decide
+from foresee_dsl.kernels.pdm.prediction import TIMES_S
+from foresee_dsl.kernels.pdm.records import ACTOR, PREDICTED, ROLLED, Records
+from foresee_dsl.kernels.pdm.scoring import conflicts
+from foresee_dsl.kernels.pdm.settings import CLEARANCE_M, COLLISION_MARGIN_M
 from tests.support.driving import SEDAN, STEP_S, crossing_foe, line, mission
 
 STRAIGHT = math.inf
 PLAIN = """
 import pickle, sys
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm.decision import decide
+from foresee_dsl.kernels.pdm.decision import decide
 assert not hasattr(decide, "py_func")  # not compiled
 task, vehicle, observations = pickle.load(sys.stdin.buffer)
 driver = PdmDriver()
@@ -140,48 +140,52 @@ def test_offsets_are_rounded_as_python_does() -> None:
     rng = np.random.default_rng(5)
     # Three decimals: every tenth value is half way between two centimetres, or just beside.
     values = [*rng.uniform(-6, 6, 2000), *np.round(rng.uniform(-6, 6, 4000), 3), *(np.arange(-400, 400) / 80), 0.0]
-    assert [pdm_proposals.to_cm(float(v)) for v in values] == [round(float(v), 2) for v in values]
+    assert [proposals.to_cm(float(v)) for v in values] == [round(float(v), 2) for v in values]
 
 
 def test_the_route_is_looked_up_at_one_place_as_at_many() -> None:
     route = build_route(mission(line((60, STRAIGHT), (10, 8), (40, STRAIGHT))), SEDAN)
     places = np.random.default_rng(1).uniform(-60, 260, 200)  # before its begin and after its end too
-    for column in (pdm_route.PROFILE, pdm_route.CURVATURE, pdm_route.LEFT):
-        at = [pdm_route.at(route.table, column, route.origin_s, s) for s in places.tolist()]
-        assert at == route.between(route.table[:, column], places).tolist()
-    least = pdm_route.least_room(route.table, route.origin_s, 3.0, 57.0)
+    for column, at in (("profile", route_kernels.profile_at), ("curvature", route_kernels.curvature_at)):
+        assert [at(route.points, s) for s in places.tolist()] == route.between(column, places).tolist()
     first, last = route.index(3.0), route.index(57.0) + 1
-    assert least == (route.left[first:last].min(), route.right[first:last].min())
+    room = [route.points[side][first:last].min() for side in ("left", "right")]
+    assert list(route_kernels.least_room(route.points, 3.0, 57.0)) == room
 
 
 def test_points_are_projected_on_the_nearest_place_of_the_route() -> None:
     route = build_route(mission(line((60, STRAIGHT), (20, 15), (60, STRAIGHT))), SEDAN)
     rng = np.random.default_rng(2)
     s, d = rng.uniform(0, 120, 100), rng.uniform(-3, 3, 100)
-    k = route.indices(s)
-    x, y = route.x[k] - d * route.sin[k], route.y[k] + d * route.cos[k]
-    found = pdm_route.Projection(np.empty(100), np.empty(100), np.empty(100, dtype=np.int64))
-    pdm_route.project(x, y, route.table, route.origin_s, 60.0, 100.0, found)
-    assert found.s == pytest.approx(route.origin_s + k * GRID_M, abs=0.02)
-    assert found.d == pytest.approx(d, abs=0.005)
-    ways = np.zeros((7, 2, 100))
-    ways[0], ways[1] = x, y
-    pdm_route.project_ways(np.array([False, True]), ways, route.table, route.origin_s, 60.0, 100.0)
-    assert not ways[5:7, 0].any()
-    assert ways[5, 1] == pytest.approx(found.s, abs=0.05)  # its grid is coarser
-    assert ways[6, 1] == pytest.approx(found.d, abs=0.005)
+    at = route.points[route.indices(s)]
+    actors, ways = np.zeros(100, ACTOR), np.zeros((2, 100), PREDICTED)
+    for places in (actors, ways):
+        places["x"], places["y"] = at["x"] - d * at["sin"], at["y"] + d * at["cos"]
+    route_kernels.project_actors(actors, route.points, 60.0, 100.0)
+    assert actors["s"] == pytest.approx(at["s"], abs=0.02)
+    assert actors["d"] == pytest.approx(d, abs=0.005)
+    route_kernels.project_predicted(np.array([False, True]), ways, route.points, 60.0, 100.0)
+    assert not ways["s"][0].any() and not ways["d"][0].any()
+    assert ways["s"][1] == pytest.approx(actors["s"], abs=0.05)  # its grid is coarser
+    assert ways["d"][1] == pytest.approx(actors["d"], abs=0.005)
+
+
+@njit
+def arrival_of(egos: Records, route: Records, last_s: float) -> right_of_way.Arrival:
+    return right_of_way.arrivals(egos[0], route, last_s)
 
 
 def test_an_arrival_is_interpolated_as_numpy_does() -> None:
     route = build_route(mission(line((60, STRAIGHT), (20, 15), (60, STRAIGHT))), SEDAN)
-    ego = EgoOnRoute(20.3, 15.6, 6.0, 0.0, 8.0)
-    arrival = pdm_rules.arrivals(route.table, route.origin_s, ego, 74.3)
-    times, places = arrival.times, 20.3 + pdm_rules.PROFILE_STEP_M * np.arange(len(arrival.times))
-    assert places[-1] < 80.0 <= places[-1] + pdm_rules.PROFILE_STEP_M  # the ego's length and a metre farther
+    egos = ego_record(SEDAN)
+    egos["front_s"], egos["rear_s"], egos["speed"] = 20.3, 15.6, 6.0
+    arrival = arrival_of(egos, route.points, 74.3)
+    times, places = arrival.times, 20.3 + right_of_way.PROFILE_STEP_M * np.arange(len(arrival.times))
+    assert places[-1] < 80.0 <= places[-1] + right_of_way.PROFILE_STEP_M  # the ego's length and a metre farther
     assert (np.diff(times) > 0).all()
     assert times[-1] > 60.0 / arrival.limit_mps - 0.1  # it cannot be faster than what the profile allows most
     for s in (10.0, 20.3, 20.31, 47.7, 79.9, 95.0):
-        assert pdm_rules.arrives(arrival, s) == pytest.approx(np.interp(s, places, times), abs=1e-12)
+        assert right_of_way.arrives(arrival, s) == pytest.approx(np.interp(s, places, times), abs=1e-12)
 
 
 def test_footprints_collide_where_their_outlines_are_near() -> None:
@@ -199,7 +203,8 @@ def test_footprints_collide_where_their_outlines_are_near() -> None:
     found = {True: 0, False: 0}
     for actor in actors:
         situation = read_situation(route, SEDAN, Observation(0.0, ego, (actor,), {}))
-        hit, close, _ = conflicts(situation, _ego_at(turned), _standing_at(actor))
+        met = conflicts(situation.egos, situation.actors, _standing_at(actor), _ego_at(turned), np.array([2.0]))
+        hit, close = met["hit"], met["close"]
         away = own.distance(_box(actor.x, actor.y, actor.heading_rad, actor.length_m, actor.width_m))
         # The gap along the best of four axes is at most the distance, and at least 1 / sqrt(2) of it.
         if away < COLLISION_MARGIN_M:
@@ -217,28 +222,19 @@ def _box(x: float, y: float, heading: float, length: float, width: float) -> Pol
     return affinity.rotate(straight, heading, origin=(x, y), use_radians=True)
 
 
-def _ego_at(heading: float) -> Rollout:
+def _ego_at(heading: float) -> Records:
     """One proposal that stays at the origin, to blame for everything."""
-    zeros, ones = np.zeros((1, len(TIMES_S))), np.ones((1, len(TIMES_S)))
-    cos, sin = math.cos(heading) * ones, math.sin(heading) * ones
-    none = np.zeros(1)
-    return Rollout(
-        50 * ones, zeros, 5 * ones, zeros, zeros, cos, sin, zeros, offset=none + 2.0, brake=none > 0, acceleration=none
-    )
+    rolled = np.zeros((1, len(TIMES_S)), ROLLED)
+    rolled["s"], rolled["speed"], rolled["cos"], rolled["sin"] = 50.0, 5.0, math.cos(heading), math.sin(heading)
+    return rolled
 
 
-def _standing_at(actor: SeenActor) -> Prediction:
-    values = {
-        "x": actor.x,
-        "y": actor.y,
-        "cos": math.cos(actor.heading_rad),
-        "sin": math.sin(actor.heading_rad),
-        "half_length": actor.length_m / 2,
-        "s": 50.0,
-        "d": 0.0,
-    }
-    frames = np.ones((1, 2 * len(TIMES_S)))[:, ::2]  # every second frame of something longer
-    return Prediction(**{field.name: values.get(field.name, 0.0) * frames for field in fields(Prediction)})
+def _standing_at(actor: SeenActor) -> Records:
+    found = np.zeros((1, len(TIMES_S)), PREDICTED)
+    found["x"], found["y"], found["s"] = actor.x, actor.y, 50.0
+    found["cos"], found["sin"] = math.cos(actor.heading_rad), math.sin(actor.heading_rad)
+    found["half_length"] = actor.length_m / 2
+    return found
 
 
 @pytest.mark.parametrize("broken", ["x", "heading_rad", "speed_mps", "length_m"])

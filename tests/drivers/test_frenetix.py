@@ -11,7 +11,7 @@ import pytest
 
 from foresee_dsl.drivers.frenetix import FrenetixDriver
 from foresee_dsl.drivers.frenetix.plan import TIMES_S, Frenet, braking_plan
-from foresee_dsl.drivers.frenetix.reference import make_window, window_number
+from foresee_dsl.drivers.frenetix.planner import make_window, window_number
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Mission, Observation
 from foresee_dsl.drivers.registry import describe_drivers, load_driver
@@ -101,8 +101,8 @@ def test_lengths_of_the_library_and_of_the_route_name_the_same_points() -> None:
     for s in (75.0, 85.0, 100.0):
         own = float(np.interp(s, window.route_s, window.own_s))
         k = int(np.searchsorted(window.system.ref_pos, own))
-        index = route.index(s)
-        assert math.hypot(*(window.system.ref_line[k] - (route.x[index], route.y[index]))) < 1.1  # one spacing
+        point = route.points[route.index(s)]
+        assert math.hypot(*(window.system.ref_line[k] - (point["x"], point["y"]))) < 1.1  # one spacing
         assert float(window.to_route(np.array(own))) == pytest.approx(s)
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.drivers.idm import EMERGENCY_TTC_S, IdmDriver, model
+from foresee_dsl.drivers.idm import EMERGENCY_TTC_S, IdmDriver, idm_acceleration
 from foresee_dsl.drivers.idm.traffic import Others, giving_way, leader, read_others, time_to_collision
-from foresee_dsl.drivers.pdm.reading import read_situation
 from foresee_dsl.drivers.pdm.route import build_route
+from foresee_dsl.drivers.pdm.situation import read_situation
 from foresee_dsl.drivers.protocol import Driver, EgoState, JunctionPassage, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
@@ -50,12 +50,12 @@ def start(speed: float, x: float = 5.0) -> BicycleState:
     ],
 )
 def test_the_formula_by_hand(speed: float, desired: float, gap: float, ahead: float, by_hand: float) -> None:
-    assert model.acceleration(speed, desired, gap, ahead) == pytest.approx(by_hand, abs=1e-6)
+    assert idm_acceleration(speed, desired, gap, ahead) == pytest.approx(by_hand, abs=1e-6)
 
 
 def test_a_gap_of_nothing_is_no_division_by_zero() -> None:
-    assert model.acceleration(1.0, 10.0, 0.0, 0.0) < -100
-    assert model.acceleration(1.0, 10.0, -3.0, 0.0) < -100
+    assert idm_acceleration(1.0, 10.0, 0.0, 0.0) < -100
+    assert idm_acceleration(1.0, 10.0, -3.0, 0.0) < -100
 
 
 # ---- the others -----------------------------------------------------------------------------------------------------

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.pdm.foes import CROSSED, HAS_PRIORITY
 from foresee_dsl.drivers.pdm.route import build_route
-from foresee_dsl.drivers.pdm.signals import SignalMemory
 from foresee_dsl.drivers.protocol import (
     Control,
     Driver,
@@ -23,6 +21,7 @@ from foresee_dsl.drivers.protocol import (
     SignalColour,
     VehicleLimits,
 )
+from foresee_dsl.drivers.tracking import SignalMemory
 from foresee_dsl.errors import DriverError
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 from tests.support.driving import (
@@ -511,8 +510,8 @@ def test_a_mission_is_put_on_its_grid_once() -> None:
         build_route(task, replace(SEDAN, friction=0.2)),
     ):
         assert changed is not route
-    assert build_route(other, SEDAN).profile.max() == pytest.approx(route.profile.max() - 1.0)
-    assert build_route(yields, SEDAN).foe_table.numbers[0, HAS_PRIORITY] == 0.0
+    assert build_route(other, SEDAN).points["profile"].max() == pytest.approx(route.points["profile"].max() - 1.0)
+    assert build_route(yields, SEDAN).foes["has_priority"].tolist() == [False]
 
 
 def test_junctions_and_foes_are_kept_in_their_order() -> None:
@@ -525,9 +524,10 @@ def test_junctions_and_foes_are_kept_in_their_order() -> None:
     cars = crossing_foe(points, oncoming, entry_s=60, has_priority=False)
     first = JunctionPassage("a", 35.0, 45.0, "straight", None, (walkers,))
     second = JunctionPassage("b", 90.0, 112.0, "left", "b", (cars, walkers))
-    table = build_route(mission(points, junctions=[first, second]), SEDAN).foe_table
-    assert table.first_of.tolist() == [0, 1, 3]
-    assert table.junctions[:, CROSSED].tolist() == [0.0, 1.0]  # cars cross only the second one
-    assert table.walking.tolist() == [True, False, True]
-    assert table.numbers[:, HAS_PRIORITY].tolist() == [1.0, 0.0, 1.0]
-    assert table.points.shape[1] == table.first[-1]
+    route = build_route(mission(points, junctions=[first, second]), SEDAN)
+    assert route.foes["junction"].tolist() == [0, 1, 1]
+    assert route.junctions["crossed"].tolist() == [False, True]  # cars cross only the second one
+    assert route.foes["walking"].tolist() == [True, False, True]
+    assert route.foes["has_priority"].tolist() == [True, False, True]
+    assert route.foes["first"].tolist() == [0, *route.foes["end"][:-1]]
+    assert len(route.paths) == route.foes["end"][-1]

@@ -6,28 +6,28 @@ of `pdm`, people on foot also by those of `idm`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.plan import TIMES_S
 from foresee_dsl.drivers.idm.traffic import read_others, walkers
-from foresee_dsl.drivers.pdm import settings as pdm_settings
-from foresee_dsl.drivers.pdm.prediction import TIMES_S as PREDICTED_S
-from foresee_dsl.drivers.pdm.reading import FoeMatches, Prediction, Situation
-from foresee_dsl.drivers.pdm.situation import BoolArray
-from foresee_dsl.drivers.pdm.steps import leaders, offsets, passable, wall
+from foresee_dsl.drivers.pdm.situation import Situation, signal_brakings
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.kernels.pdm import settings as pdm_settings
+from foresee_dsl.kernels.pdm.prediction import TIMES_S as PREDICTED_S
+from foresee_dsl.kernels.pdm.proposals import find_leaders, find_offsets, find_passable
+from foresee_dsl.kernels.pdm.records import BoolArray, Records
+from foresee_dsl.kernels.pdm.right_of_way import find_wall
 
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])
 """A plan's frame is every so many frames of a prediction."""
 AT_LINE_M = 2.0
 """Ours: a stop this near to a stop line is for the signal (or the queue behind it), any other gives way."""
 FOLLOWS_S = 6.0
-"""Ours: whoever is reached later than this at the present speed is not followed yet."""
+"""Ours: a vehicle that is reached later than this at the present speed is not followed yet."""
 WALKER_AIR_M = 1.5
 """Ours: it stops this far before somebody on foot, half more than a car keeps from a conflict."""
 WALKER_BRAKING_MPS2 = 1.0
@@ -57,14 +57,13 @@ class Behaviour:
     Attributes:
         state: its name. stop_s: the length along the route that the front bumper may not pass; None: the way is free.
         offsets: [O] m, the lateral offsets to try, the middle of the lane first.
-        lead_s, lead_speed: [O, T] m and m/s, the rear of who is in front on each of them (far away: nobody).
+        leaders: [O, T] `Leader`s, the rear of what is in front on each of them (far away: nothing).
     """
 
     state: State
     stop_s: float | None
     offsets: FloatArray
-    lead_s: FloatArray
-    lead_speed: FloatArray
+    leaders: Records
 
 
 class Patience:
@@ -80,37 +79,40 @@ class Patience:
             self._times = 0
             return None
         room = max(gap - WALKER_AIR_M, 0.0)
-        needed = situation.pose.speed**2 / (2 * max(room, 0.1))
+        needed = situation.ego.forward**2 / (2 * max(room, 0.1))
         self._times += 1
         sure = self._times >= WALKER_TIMES or needed > WALKER_URGENT_MPS2
-        if situation.pose.speed > pdm_settings.COAST_MPS and not (sure and needed > WALKER_BRAKING_MPS2):
+        if situation.ego.forward > pdm_settings.COAST_MPS and not (sure and needed > WALKER_BRAKING_MPS2):
             return None
         return situation.ego.front_s + room
 
 
-def decide(situation: Situation, matches: FoeMatches, prediction: Prediction, patience: Patience) -> Behaviour:
+def decide(situation: Situation, foes: Records, matches: Records, prediction: Records, patience: Patience) -> Behaviour:
     """Return what to do now.
 
     Args:
-        situation: what is seen. matches: who is on which foe's path, of the junctions that are near.
-        prediction: where the others will be, at `pdm`'s frames. patience: what lasts from plan to plan.
+        situation: what is seen. foes: [F] the crossing streams of the junctions that are near.
+        matches: [A, F] who is on which one's path. prediction: [A, T] where the others will be, at `pdm`'s frames.
+        patience: what lasts from plan to plan.
     """
-    can_pass = passable(situation)
-    tried = offsets(situation, can_pass)
+    egos, ego, actors, route = situation.egos, situation.ego, situation.actors, situation.route
+    find_passable(egos, actors, route.points, route.junctions)
+    offsets = find_offsets(egos, actors, route.points)
     ahead = np.flatnonzero(_is_ahead(situation))
-    lead_s, lead_speed = leaders(situation, _some(prediction, ahead), tried, can_pass[ahead])
-    lead_s, lead_speed = lead_s[:, ::STRIDE], lead_speed[:, ::STRIDE]
-    stop_s = wall(situation, matches, can_pass)
+    leaders = find_leaders(egos, actors[ahead], prediction[ahead], offsets)[:, ::STRIDE]
+    braking = signal_brakings(route, ego.strongest, situation.signals)
+    wall_s = find_wall(egos, actors, foes, matches, route.junctions, braking, route.points)
+    stop_s = wall_s if wall_s < np.inf else None
     state = State.CRUISE
     walker_s = patience.walker(situation)
     if walker_s is not None:
         stop_s = walker_s if stop_s is None else min(stop_s, walker_s)
     if stop_s is not None:
-        lines = [j.stop_s for j in situation.route.junctions]
-        state = State.STOP if any(abs(stop_s - line) < AT_LINE_M for line in lines) else State.YIELD
-    elif lead_s[0, 0] - situation.ego.front_s < cfg.MINIMUM_GAP_M + FOLLOWS_S * situation.pose.speed:
+        at_line = np.abs(stop_s - route.junctions["stop_s"]) < AT_LINE_M
+        state = State.STOP if at_line.any() else State.YIELD
+    elif leaders["s"][0, 0] - ego.front_s < cfg.MINIMUM_GAP_M + FOLLOWS_S * ego.forward:
         state = State.FOLLOW
-    return Behaviour(state, stop_s, tried, lead_s, lead_speed)
+    return Behaviour(state, stop_s, offsets, leaders)
 
 
 def _is_ahead(situation: Situation) -> BoolArray:
@@ -118,12 +120,10 @@ def _is_ahead(situation: Situation) -> BoolArray:
 
     Those who cross are no leaders at the moment when they will be in the way: a plan keeps clear of where they are.
     """
-    actors, now, route = situation.actors, situation.now, situation.route
-    cosine = actors.cos * route.cos[now.point] + actors.sin * route.sin[now.point]
-    side = actors.half_width + (actors.half_length - actors.half_width) * np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-    inside = np.abs(now.d) < side + situation.vehicle.width_m / 2 + BESIDE_M
-    return np.asarray(~actors.pedestrian & (inside | (cosine > np.cos(pdm_settings.ALIGNED_RAD))))
-
-
-def _some(prediction: Prediction, who: NDArray[np.int64]) -> Prediction:
-    return Prediction(*(getattr(prediction, field.name)[who] for field in fields(prediction)))
+    actors = situation.actors
+    road = situation.route.points[actors["point"]]
+    cosine = actors["cos"] * road["cos"] + actors["sin"] * road["sin"]
+    half_length, half_width = actors["half_length"], actors["half_width"]
+    side = half_width + (half_length - half_width) * np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+    inside = np.abs(actors["d"]) < side + situation.ego.width / 2 + BESIDE_M
+    return np.asarray(~actors["pedestrian"] & (inside | (cosine > np.cos(pdm_settings.ALIGNED_RAD))))

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
 
 import numpy as np
 
 from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.behaviour import STRIDE, Behaviour
 from foresee_dsl.drivers.frenetix.plan import TIMES_S, Plan
-from foresee_dsl.drivers.frenetix.planner import Candidates
-from foresee_dsl.drivers.pdm.reading import Prediction, Situation
-from foresee_dsl.drivers.pdm.situation import BoolArray, to_centre
-from foresee_dsl.drivers.pdm.steps import Rollout, conflicts
+from foresee_dsl.drivers.frenetix.planner import SHARED, Candidates
+from foresee_dsl.drivers.pdm.situation import Situation
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.kernels.pdm.records import ROLLED, BoolArray, Records
+from foresee_dsl.kernels.pdm.scoring import conflicts
 
-SHARED = ("s", "d", "x", "y", "heading", "speed", "curvature")
-"""The arrays that plans and candidates have in common."""
 LEAVES_M = 0.05
 """Ours: rounding and smoothing of the lanes' edges."""
 STANDS_MPS = 0.5
@@ -25,20 +22,20 @@ PASSES_M = 0.3
 """Ours: how far a sample may pass the place where it shall stop; stop places lie half a metre before the line."""
 
 
-def at_frames(situation: Situation, prediction: Prediction) -> Prediction:
+def at_frames(situation: Situation, prediction: Records) -> Records:
     """Return a prediction at the frames of a plan, those who move growing longer with time, as their speed may change.
 
     Without that the cheapest way is to pass a hand's breadth behind (or in front of) who crosses, and the next plan
     finds that it will not do.
     """
-    frames = Prediction(*(getattr(prediction, field.name)[:, ::STRIDE] for field in fields(prediction)))
+    frames = prediction[:, ::STRIDE].copy()
     doubt = np.minimum(cfg.DOUBT_MPS * TIMES_S, cfg.DOUBT_M)
-    grown = frames.half_length + np.where(situation.actors.speed[:, None] > STANDS_MPS, doubt, cfg.CORNER_M)
-    return replace(frames, half_length=grown)
+    frames["half_length"] += np.where(situation.actors["speed"][:, None] > STANDS_MPS, doubt, cfg.CORNER_M)
+    return frames
 
 
 def choose(
-    situation: Situation, behaviour: Behaviour, prediction: Prediction, candidates: Candidates, last: Plan | None
+    situation: Situation, behaviour: Behaviour, prediction: Records, candidates: Candidates, last: Plan | None
 ) -> int | None:
     """Return the cheapest candidate that keeps to the lanes, the stop place and its distance to all others.
 
@@ -58,9 +55,10 @@ def choose(
         batch = order[first : first + cfg.BATCH]
         if cost[batch[0]] >= best_cost:
             break
-        hit, near, pressed = conflicts(situation, _footprints(situation, candidates.take(batch)), prediction)
-        total = cost[batch] + cfg.NEAR_WEIGHT * near.mean(axis=1) + cfg.PRESSED_WEIGHT * pressed.mean(axis=1)
-        total = np.where(hit.any(axis=1), np.inf, total)
+        found = _conflicts(situation, candidates.take(batch), prediction)
+        near, pressed = found["close"].mean(axis=1), found["ttc"].mean(axis=1)
+        total = cost[batch] + cfg.NEAR_WEIGHT * near + cfg.PRESSED_WEIGHT * pressed
+        total = np.where(found["hit"].any(axis=1), np.inf, total)
         k = int(total.argmin())
         if total[k] < best_cost:
             best, best_cost = int(batch[k]), float(total[k])
@@ -77,7 +75,7 @@ def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
     return Candidates(**rows, offset=offset, cost=cost, samples=(*candidates.samples, *(None for _ in plans)))
 
 
-def is_free(situation: Situation, behaviour: Behaviour, prediction: Prediction, plan: Plan) -> bool:
+def is_free(situation: Situation, behaviour: Behaviour, prediction: Records, plan: Plan) -> bool:
     """Tell whether a plan that begins now meets nobody and does not pass the stop place.
 
     Args:
@@ -88,8 +86,7 @@ def is_free(situation: Situation, behaviour: Behaviour, prediction: Prediction, 
     front_s = float(plan.s[-1]) + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     if behaviour.stop_s is not None and front_s > behaviour.stop_s + PASSES_M:
         return False
-    hit, _, _ = conflicts(situation, _footprints(situation, alone), prediction)
-    return not bool(hit.any())
+    return not bool(_conflicts(situation, alone, prediction)["hit"].any())
 
 
 def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, last: Plan | None) -> FloatArray:
@@ -97,23 +94,23 @@ def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, la
     vehicle, route = situation.vehicle, situation.route
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
     speed = candidates.speed
-    most = route.between(route.profile, candidates.s)
+    most = route.between("profile", candidates.s)
     # Not what is missing to the allowed speed: to dawdle where that is low would then be the cheapest.
     cost = candidates.cost - cfg.SLOW_WEIGHT * speed.mean(axis=1)
     if last is not None:
         cost += cfg.CHANGE_WEIGHT * np.abs(candidates.offset - last.offset)
     which = np.abs(candidates.offset[:, None] - behaviour.offsets).argmin(axis=1)
-    lead_s, lead_speed = behaviour.lead_s[which], behaviour.lead_speed[which]
-    gap = lead_s - front
+    leaders = behaviour.leaders[which]
+    gap = leaders["s"] - front
     wished = cfg.MINIMUM_GAP_M + cfg.HEADWAY_S * speed
     cost += cfg.HEADWAY_WEIGHT * np.clip(1.0 - gap / wished, 0.0, 2.0).mean(axis=1)
     braking = 2 * cfg.COMFORT_BRAKING_MPS2
     room = np.maximum(gap - cfg.MINIMUM_GAP_M - cfg.REACTION_S * speed, 0.0)
-    most = np.minimum(most, np.sqrt(lead_speed**2 + braking * room))
+    most = np.minimum(most, np.sqrt(leaders["speed"] ** 2 + braking * room))
     allowed = ~_leaves_lanes(situation, candidates)
     if behaviour.stop_s is not None:
         room = behaviour.stop_s - front
-        if situation.pose.speed < cfg.CREEP_MPS and behaviour.stop_s - situation.ego.front_s < cfg.HOLD_M:
+        if situation.ego.forward < cfg.CREEP_MPS and behaviour.stop_s - situation.ego.front_s < cfg.HOLD_M:
             most = np.zeros_like(most)  # near enough: it comes to rest, and does not creep the rest of the way
         most = np.minimum(most, np.sqrt(braking * np.maximum(room, 0.0)))
         allowed &= (room > -PASSES_M).all(axis=1) | (speed[:, 0] < cfg.CREEP_MPS)
@@ -125,25 +122,16 @@ def _leaves_lanes(situation: Situation, candidates: Candidates) -> BoolArray:
     """Tell which candidates leave the lanes farther than the car does now: [P]."""
     route, half = situation.route, situation.vehicle.width_m / 2
     k = route.indices(candidates.s)
-    out = np.maximum(candidates.d + half - route.left[k], half - candidates.d - route.right[k])
+    out = np.maximum(candidates.d + half - route.points["left"][k], half - candidates.d - route.points["right"][k])
     return np.asarray(out.max(axis=1) > np.maximum(out[:, 0], 0.0) + LEAVES_M)
 
 
-def _footprints(situation: Situation, candidates: Candidates) -> Rollout:
-    """Return the candidates as `pdm`'s scoring takes them."""
-    back = to_centre(situation.vehicle)
-    cos, sin = np.cos(candidates.heading), np.sin(candidates.heading)
-    none = np.zeros(len(candidates.offset))
-    return Rollout(
-        s=candidates.s,
-        d=candidates.d,
-        speed=candidates.speed,
-        x=candidates.x + back * cos,
-        y=candidates.y + back * sin,
-        cos=cos,
-        sin=sin,
-        centre_d=candidates.d,
-        offset=candidates.offset,
-        brake=none.astype(bool),
-        acceleration=none,
-    )
+def _conflicts(situation: Situation, candidates: Candidates, prediction: Records) -> Records:
+    """Return how the candidates meet the others, [P, T], by `pdm`'s rules."""
+    back, cos, sin = situation.ego.centre, np.cos(candidates.heading), np.sin(candidates.heading)
+    rolled = np.zeros(candidates.s.shape, ROLLED)
+    rolled["s"], rolled["d"], rolled["speed"] = candidates.s, candidates.d, candidates.speed
+    rolled["x"], rolled["y"] = candidates.x + back * cos, candidates.y + back * sin
+    rolled["cos"], rolled["sin"] = cos, sin
+    found: Records = conflicts(situation.egos, situation.actors, prediction, rolled, candidates.offset)
+    return found

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.pdm.route import GRID_M, Route
+from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.protocol import FloatArray
 
 TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.PLAN_STEP_S) + 1) * cfg.PLAN_STEP_S
@@ -120,7 +120,7 @@ def braking_plan(
         # Beside the last plan by as much as the car is now.
         d = np.interp(s, last.s, last.d) + start.d - float(np.interp(start.s, last.s, last.d))
         tilt = np.interp(s, last.s, last.d_dot / np.maximum(last.s_dot, 0.1))
-        bend = np.interp(s, last.s, last.curvature) - route.between(route.curvature, s)
+        bend = np.interp(s, last.s, last.curvature) - route.between("curvature", s)
     k = route.indices(s)
     x, y = place(route, s, d)
     moving = (until > TIMES_S).astype(float)
@@ -130,10 +130,10 @@ def braking_plan(
         d=d,
         x=x,
         y=y,
-        heading=route.heading[k] + np.arctan(tilt),
+        heading=route.points["heading"][k] + np.arctan(tilt),
         speed=s_dot,
         acceleration=-braking_mps2 * moving,
-        curvature=route.between(route.curvature, s) + bend,
+        curvature=route.between("curvature", s) + bend,
         s_dot=s_dot,
         s_ddot=-braking_mps2 * moving,
         d_dot=tilt * s_dot,
@@ -146,10 +146,9 @@ def braking_plan(
 
 def place(route: Route, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return x and y of points given along and across the route (any shape), m."""
-    k = route.indices(s)
-    part = s - (route.origin_s + k * GRID_M)
-    cos, sin = route.cos[k], route.sin[k]
-    return route.x[k] + part * cos - d * sin, route.y[k] + part * sin + d * cos
+    at = route.points[route.indices(s)]
+    part, cos, sin = s - at["s"], at["cos"], at["sin"]
+    return at["x"] + part * cos - d * sin, at["y"] + part * sin + d * cos
 
 
 def angle_between(a: float, b: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import frenetix
@@ -16,16 +16,61 @@ from numpy.typing import NDArray
 
 from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.plan import TIMES_S, Frenet, Plan, angle_between, place
-from foresee_dsl.drivers.frenetix.reference import Window, make_window, window_number
-from foresee_dsl.drivers.pdm import settings as pdm_settings
-from foresee_dsl.drivers.pdm.reading import Situation
 from foresee_dsl.drivers.pdm.route import Route
-from foresee_dsl.drivers.pdm.situation import BoolArray, to_centre
+from foresee_dsl.drivers.pdm.situation import Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
+from foresee_dsl.kernels.pdm import settings as pdm_settings
+from foresee_dsl.kernels.pdm.records import BoolArray
+from foresee_dsl.kernels.pdm.route import GRID_M
 
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
 FRAMES = len(TIMES_S)
 READ_OUT = 4
+SHARED = ("s", "d", "x", "y", "heading", "speed", "curvature")
+"""The arrays that plans and candidates have in common."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """One stretch of the route. Lengths along it differ a little: the library measures its own polyline.
+
+    Attributes:
+        number: which stretch. system: the library's coordinate system.
+        route_s, own_s: [M] the same points' length on the route and in the library's coordinates, m.
+    """
+
+    number: int
+    system: Any  # frenetix.CoordinateSystemWrapper; the library's stubs cannot be resolved
+    route_s: FloatArray
+    own_s: FloatArray
+
+    def to_route(self, own_s: FloatArray) -> FloatArray:
+        """Return lengths on the route (any shape), m."""
+        return np.asarray(np.interp(own_s, self.own_s, self.route_s))
+
+
+def window_number(route: Route, s: float) -> int:
+    """Return which stretch the rear axle is in."""
+    return max(math.floor((s - route.origin_s) / cfg.WINDOW_M), 0)
+
+
+def make_window(route: Route, number: int) -> Window:
+    """Make the coordinates from `BEHIND_M` behind a stretch to beyond what a plan can reach from it."""
+    stride = round(cfg.REFERENCE_STEP_M / GRID_M)
+    reach = cfg.WINDOW_M + float(route.points["profile"].max()) * cfg.HORIZON_S + 20.0
+    begin = number * cfg.WINDOW_M
+    first = max(round((begin - cfg.BEHIND_M) / GRID_M), 0)
+    last = min(round((begin + reach) / GRID_M), len(route.points))
+    part = route.points[first:last:stride]
+    points = np.column_stack([part["x"], part["y"]])
+    system = frenetix.CoordinateSystemWrapper(points)
+    # The library puts points of its own in front of the first.
+    line = np.array(system.ref_line)
+    ahead = float(system.ref_pos[int(np.abs(line - points[0]).sum(axis=1).argmin())])
+    lengths = np.hypot(*np.diff(points, axis=0).T).astype(np.float64)
+    own_s = ahead + np.concatenate([np.zeros(1), np.cumsum(lengths)])
+    route_s: FloatArray = route.origin_s + GRID_M * np.arange(first, last, stride, dtype=np.float64)
+    return Window(number, system, route_s, own_s)
 
 
 @dataclass(frozen=True)
@@ -43,7 +88,7 @@ class Candidates:
 
     Attributes:
         s, d: on the route. x, y, heading, speed, curvature. offset: [P] m, what each heads for.
-        cost: [P] jerk and offset, as the library reckons them. samples: the library's own, in the same order.
+        cost: [P] jerk and offset, as the library computes them. samples: the library's own, in the same order.
     """
 
     s: FloatArray
@@ -59,18 +104,8 @@ class Candidates:
 
     def take(self, which: NDArray[np.int64]) -> Candidates:
         """Return some of them, in this order."""
-        return Candidates(
-            s=self.s[which],
-            d=self.d[which],
-            x=self.x[which],
-            y=self.y[which],
-            heading=self.heading[which],
-            speed=self.speed[which],
-            curvature=self.curvature[which],
-            offset=self.offset[which],
-            cost=self.cost[which],
-            samples=tuple(self.samples[k] for k in which.tolist()),
-        )
+        arrays = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name != "samples"}
+        return Candidates(**arrays, samples=tuple(self.samples[k] for k in which.tolist()))
 
 
 class Planner:
@@ -114,8 +149,8 @@ class Planner:
             RuntimeError: it drives against the route.
         """
         state, back = situation.observation.ego, to_centre(self._vehicle)
-        window = self._at(situation.pose.s)
-        heading, speed = state.heading_rad, situation.pose.speed
+        window = self._at(situation.ego.s)
+        heading, speed = state.heading_rad, situation.ego.forward
         axle = np.array([state.x - back * math.cos(heading), state.y - back * math.sin(heading)])
         acceleration = state.acceleration_mps2 if speed > pdm_settings.COAST_MPS else 0.0
         own = frenetix.CartesianPlannerState(axle, heading, speed, acceleration, state.steer_rad)
@@ -156,17 +191,11 @@ class Planner:
     def plan(self, candidates: Candidates, k: int, begins_s: float) -> Plan:
         """Turn one of the candidates into a plan."""
         d_dot, d_ddot, s_dot, s_ddot = _derivatives(candidates.samples[k])
-        speed = candidates.speed[k]
+        speed, shared = candidates.speed[k], {row: getattr(candidates, row)[k] for row in SHARED}
         return Plan(
             begins_s=begins_s,
-            s=candidates.s[k],
-            d=candidates.d[k],
-            x=candidates.x[k],
-            y=candidates.y[k],
-            heading=candidates.heading[k],
-            speed=speed,
+            **shared,
             acceleration=np.gradient(speed, cfg.PLAN_STEP_S, edge_order=2),
-            curvature=candidates.curvature[k],
             s_dot=s_dot,
             s_ddot=s_ddot,
             d_dot=d_dot,
@@ -179,7 +208,7 @@ class Planner:
         """Return d d / d s: from the motion, or from the heading of a car that stands."""
         if start.s_dot > cfg.CREEP_MPS:
             return start.d_dot / start.s_dot
-        return math.tan(angle_between(heading_rad, float(self._route.heading[self._route.index(start.s)])))
+        return math.tan(angle_between(heading_rad, float(self._route.points["heading"][self._route.index(start.s)])))
 
     def _at(self, s: float) -> Window:
         number = window_number(self._route, s)
@@ -239,8 +268,8 @@ def _read_out(samples: tuple[Any, ...], window: Window, route: Route) -> Candida
     s, d, s_dot, turned = rows.reshape(len(samples), READ_OUT, FRAMES).transpose(1, 0, 2)
     s = window.to_route(s)
     turned = (turned + np.pi) % (2 * np.pi) - np.pi
-    heading = route.between(route.heading, s) + turned
-    speed = s_dot * (1.0 - route.between(route.curvature, s) * d) / np.cos(turned)
+    heading = route.between("heading", s) + turned
+    speed = s_dot * (1.0 - route.between("curvature", s) * d) / np.cos(turned)
     x, y = place(route, s, d)
     turn = np.gradient(heading, cfg.PLAN_STEP_S, axis=1, edge_order=2)
     curvature = np.where(speed > pdm_settings.COAST_MPS, turn / np.maximum(speed, pdm_settings.COAST_MPS), 0.0)

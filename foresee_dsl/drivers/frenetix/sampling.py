@@ -8,9 +8,9 @@ from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.behaviour import Behaviour
 from foresee_dsl.drivers.frenetix.plan import Frenet, Plan
 from foresee_dsl.drivers.frenetix.planner import Ends, stop_time
-from foresee_dsl.drivers.pdm import settings as pdm_settings
-from foresee_dsl.drivers.pdm.proposals import FAR_M
-from foresee_dsl.drivers.pdm.reading import Situation
+from foresee_dsl.drivers.pdm.situation import Situation
+from foresee_dsl.kernels.pdm import settings as pdm_settings
+from foresee_dsl.kernels.pdm.proposals import FAR_M
 
 STANDS_MPS = 0.5
 APART_M = 0.3
@@ -42,9 +42,9 @@ def ends(situation: Situation, behaviour: Behaviour, start: Frenet, last: Plan |
 
 def _top_speed(situation: Situation) -> float:
     """Return the highest speed that the route allows within the horizon, m/s."""
-    route, s = situation.route, situation.pose.s
-    first, last = route.index(s), route.index(s + situation.pose.speed * cfg.HORIZON_S + 10.0)
-    return float(route.profile[first : last + 1].max())
+    route, s = situation.route, situation.ego.s
+    first, last = route.index(s), route.index(s + situation.ego.forward * cfg.HORIZON_S + 10.0)
+    return float(route.points["profile"][first : last + 1].max())
 
 
 def _rise(situation: Situation, start: Frenet, time_s: float) -> float:
@@ -54,7 +54,7 @@ def _rise(situation: Situation, start: Frenet, time_s: float) -> float:
 
 def _speeds(situation: Situation, start: Frenet, most: float) -> list[float]:
     """Return the end speeds: shares of the highest, that of the road at hand, the present one, and a stop."""
-    here = float(situation.route.between(situation.route.profile, start.s))
+    here = float(situation.route.between("profile", start.s))
     found = [most * share for share in cfg.SPEED_SHARES]
     found += [min(start.s_dot, most), min(here, most), cfg.STOP_SPEED_MPS]
     return list(dict.fromkeys(round(max(speed, cfg.STOP_SPEED_MPS), 2) for speed in found))
@@ -64,9 +64,10 @@ def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[fl
     """Return the durations of the stops right at the stop place, and right behind who stands ahead."""
     front_s = start.s + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     places = [] if behaviour.stop_s is None else [behaviour.stop_s]
-    standing = behaviour.lead_speed[:, 0] < STANDS_MPS
-    places += [float(s) - cfg.MINIMUM_GAP_M for s in np.unique(behaviour.lead_s[standing, 0]) if s < FAR_M]
-    reach = float(situation.route.profile.max()) * cfg.HORIZON_S
+    leaders = behaviour.leaders[:, 0]
+    standing = leaders["s"][leaders["speed"] < STANDS_MPS]
+    places += [float(s) - cfg.MINIMUM_GAP_M for s in np.unique(standing) if s < FAR_M]
+    reach = float(situation.route.points["profile"].max()) * cfg.HORIZON_S
     times = [stop_time(start, place - front_s) for place in places if place - front_s < reach]
     found = [time for time in times if time is not None and time < cfg.LONGEST_STOP_S]
     return found if start.s_dot > pdm_settings.COAST_MPS else []

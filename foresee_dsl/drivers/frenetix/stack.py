@@ -5,19 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.behaviour import Behaviour, Patience, State, decide
 from foresee_dsl.drivers.frenetix.choice import at_frames, choose, is_free, joined
-from foresee_dsl.drivers.frenetix.plan import Frenet, Plan, braking_plan
+from foresee_dsl.drivers.frenetix.plan import Frenet, Plan, Pose, angle_between, braking_plan
 from foresee_dsl.drivers.frenetix.planner import Planner
 from foresee_dsl.drivers.frenetix.sampling import ends
-from foresee_dsl.drivers.frenetix.tracking import TrackingController, deviation
-from foresee_dsl.drivers.pdm import settings as pdm_settings
-from foresee_dsl.drivers.pdm.reading import Prediction, Situation, match_foes, predict, read_situation
 from foresee_dsl.drivers.pdm.route import build_route
-from foresee_dsl.drivers.pdm.signals import SignalMemory
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.tracking import Tracker
+from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, to_centre, write_state
+from foresee_dsl.drivers.protocol import Control, EgoState, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.tracking import SignalMemory, Tracker
+from foresee_dsl.kernels.pdm import settings as pdm_settings
+from foresee_dsl.kernels.pdm.control import pedals
+from foresee_dsl.kernels.pdm.prediction import match, predict
+from foresee_dsl.kernels.pdm.records import Records
+from foresee_dsl.kernels.pdm.rollout import decay_length
+from foresee_dsl.kernels.pdm.situation import near_foes
 
 
 @dataclass
@@ -46,7 +51,6 @@ class Stack:
         self._route = build_route(mission, vehicle)
         self._planner = Planner(self._route, vehicle)
         self._tracker, self._signals = Tracker(), SignalMemory()
-        self._tracker.reset()
         self._controller = TrackingController(vehicle, mission.step_s)
         self._patience, self._steps = Patience(), 0
         self.state, self.count = State.CRUISE, Count()
@@ -61,17 +65,18 @@ class Stack:
         return self._controller.follow(self.plan, observation.ego, observation.time_s)
 
     def _replan(self, situation: Situation) -> Plan:
-        near = situation.near_junctions
-        matches = match_foes(situation, tuple(f for f in self._route.foes if f.passage in near))
-        prediction = predict(situation, matches)
-        behaviour = decide(situation, matches, prediction, self._patience)
+        route = situation.route
+        foes = near_foes(situation.egos, route.foes, route.junctions)
+        matches = match(situation.actors, foes, route.paths)
+        prediction = predict(situation.egos, situation.actors, foes, route.paths, matches, route.points)
+        behaviour = decide(situation, foes, matches, prediction, self._patience)
         self.state = behaviour.state
         self.count.plans += 1
         frames = at_frames(situation, prediction)
         found = self._sampled(situation, behaviour, frames)
         return self._without(situation, behaviour, frames) if found is None else found
 
-    def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Prediction) -> Plan | None:
+    def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan | None:
         """Return the best of what the library offers (and, when slow, of coming to rest); None where none is free."""
         now = situation.observation.time_s
         start, heading = self._start(situation)
@@ -105,7 +110,7 @@ class Stack:
         except (ValueError, RuntimeError):  # off the library's coordinates, or against the route
             return None, state.heading_rad
 
-    def _without(self, situation: Situation, behaviour: Behaviour, prediction: Prediction) -> Plan:
+    def _without(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan:
         """Return what to drive when no trajectory is feasible: the last plan while it does, else an emergency stop."""
         now = situation.observation.time_s
         last = self.plan
@@ -114,9 +119,9 @@ class Stack:
             self.count.kept += 1
             return last
         self.count.emergencies += 1
-        pose, strongest = situation.pose, situation.ego.strongest_braking_mps2
-        slope = math.tan(max(-1.0, min(1.0, pose.heading_error)))
-        start = Frenet(pose.s, pose.speed, 0.0, pose.d, slope * pose.speed, 0.0)
+        ego = situation.ego
+        slope, strongest = math.tan(max(-1.0, min(1.0, ego.heading_error))), ego.strongest
+        start = Frenet(ego.s, ego.forward, 0.0, ego.d, slope * ego.forward, 0.0)
         for braking in cfg.EMERGENCY_BRAKING_MPS2:
             plan = braking_plan(self._route, now, start, min(braking, strongest), last, emergency=True)
             if is_free(situation, behaviour, prediction, plan):
@@ -129,3 +134,55 @@ def _standing(start: Frenet) -> Frenet:
     return (
         start._replace(s_dot=0.0, s_ddot=0.0) if start.s_dot < pdm_settings.COAST_MPS and start.s_ddot <= 0.0 else start
     )
+
+
+class TrackingController:
+    """Follows plans at 20 Hz; between steps it keeps the integral of the speed's error."""
+
+    def __init__(self, vehicle: VehicleLimits, step_s: float) -> None:
+        self._vehicle, self._step_s = vehicle, step_s
+        self._integral = 0.0
+        self._egos = ego_record(vehicle)
+        self._numbers = self._egos.view(np.float64)
+
+    def follow(self, plan: Plan, state: EgoState, time_s: float) -> Control:
+        """Return the control that keeps the car on the plan."""
+        here = plan.pose(time_s)
+        ahead = plan.pose(time_s + cfg.LAG_S)
+        along, side, turned = deviation(here, state, self._vehicle)
+        angle = self._steering(ahead, side, turned, state)
+        write_state(self._numbers, state)
+        return Control(*pedals(self._egos, angle, self._acceleration(plan, here, ahead, along, state)))
+
+    def _acceleration(self, plan: Plan, here: Pose, ahead: Pose, along: float, state: EgoState) -> float:
+        if plan.emergency:
+            self._integral = 0.0
+            return min(here.acceleration, 0.0) if here.speed > 0.0 else -1.0
+        wanted = here.speed - state.speed_mps
+        moving = state.speed_mps > pdm_settings.COAST_MPS or ahead.speed > pdm_settings.COAST_MPS
+        if not moving:
+            self._integral = 0.0
+            return -1.0  # stands and shall stand
+        most = cfg.INTEGRAL_LIMIT_MPS2
+        self._integral = max(-most, min(most, self._integral + cfg.INTEGRAL_GAIN * wanted * self._step_s))
+        place = max(-cfg.OFF_PLAN_M, min(cfg.OFF_PLAN_M, -along))
+        return ahead.acceleration + cfg.SPEED_GAIN * wanted + cfg.PLACE_GAIN * place + self._integral
+
+    def _steering(self, ahead: Pose, side: float, turned: float, state: EgoState) -> float:
+        """Return the front-wheel angle, rad: the error decays critically damped over the way travelled."""
+        car = self._vehicle
+        length = decay_length(state.speed_mps, side, math.tan(car.steer_max_rad) / car.wheelbase_m)
+        slope = math.tan(max(-1.0, min(1.0, turned)))
+        curvature = ahead.curvature - side / length**2 - 2.0 * slope / length
+        grip = pdm_settings.FRICTION_SHARE * car.friction * pdm_settings.GRAVITY_MPS2 / max(state.speed_mps, 1.0) ** 2
+        angle = math.atan(car.wheelbase_m * max(-grip, min(grip, curvature)))
+        return max(-car.steer_max_rad, min(car.steer_max_rad, angle))
+
+
+def deviation(wanted: Pose, state: EgoState, vehicle: VehicleLimits) -> tuple[float, float, float]:
+    """Return how far the rear axle is ahead of its place (m), left of it (m), and turned to the left (rad)."""
+    back = to_centre(vehicle)
+    dx = state.x - back * math.cos(state.heading_rad) - wanted.x
+    dy = state.y - back * math.sin(state.heading_rad) - wanted.y
+    cos, sin = math.cos(wanted.heading), math.sin(wanted.heading)
+    return dx * cos + dy * sin, dy * cos - dx * sin, angle_between(state.heading_rad, wanted.heading)

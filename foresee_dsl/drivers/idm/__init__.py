@@ -1,13 +1,19 @@
 """The driver `idm`: follows its route with the Intelligent Driver Model, gives way, and brakes in an emergency.
 
-The floor that other drivers are compared with: no change of lane, nobody predicted beyond constant speed. Route,
+The lower bound that other drivers are compared with: no change of lane, nobody predicted beyond constant speed. Route,
 tracker, signals and the steering are those of `pdm`; between steps it keeps no more than that does.
+
+The model is that of Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3. Constants: Treiber and
+Kesting 2013, Traffic Flow Dynamics, table 11.2, city traffic, cited from memory and not checked. (Table I of the paper
+of 2000, from memory too, is for motorways: 0.73 m/s^2 take half a minute to 50 km/h.)
 """
 
 from __future__ import annotations
 
-from foresee_dsl.drivers.idm import model
+import math
+
 from foresee_dsl.drivers.idm.traffic import (
+    ACCELERATION_MPS2,
     STANDS_MPS,
     Leader,
     giving_way,
@@ -17,13 +23,19 @@ from foresee_dsl.drivers.idm.traffic import (
     time_to_collision,
     walkers,
 )
-from foresee_dsl.drivers.pdm.reading import Situation, read_situation
 from foresee_dsl.drivers.pdm.route import Route, build_route
-from foresee_dsl.drivers.pdm.signals import SignalMemory
-from foresee_dsl.drivers.pdm.steps import control, steering
+from foresee_dsl.drivers.pdm.situation import Situation, read_situation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.tracking import Tracker
+from foresee_dsl.drivers.tracking import SignalMemory, Tracker
 from foresee_dsl.errors import DriverError
+from foresee_dsl.kernels.pdm.control import pedals, steer
+
+TIME_GAP_S = 1.0
+MINIMUM_GAP_M = 2.0
+BRAKING_MPS2 = 1.5
+EXPONENT = 4
+LEAST_GAP_M = 0.1
+"""Ours: nearer than this counts as this, so that nothing is divided by zero."""
 
 EMERGENCY_TTC_S = 1.5
 """FHWA-HRT-08-051 (the Surrogate Safety Assessment Model): the time to collision under which it is a conflict."""
@@ -63,29 +75,55 @@ class IdmDriver:
             raise DriverError("the driver idm was stepped before reset")
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
-        angle = steering(self._route, situation.pose, 0.0, self._vehicle)
-        return control(angle, _acceleration(situation), observation.ego, self._vehicle)
+        angle = steer(situation.egos, self._route.points, 0.0)
+        return Control(*pedals(situation.egos, angle, _acceleration(situation)))
 
 
 def _acceleration(situation: Situation) -> float:
     """Return the acceleration asked for, m/s^2."""
-    pose, route = situation.pose, situation.route
-    strongest = situation.ego.strongest_braking_mps2
-    others = read_others(situation)
-    if pose.speed > STANDS_MPS and time_to_collision(others, pose.speed) < EMERGENCY_TTC_S:
-        return -strongest
-    ahead = float(route.between(route.profile, pose.s + PREVIEW_S * pose.speed))
+    ego, route = situation.ego, situation.route
+    speed, others = ego.forward, read_others(situation)
+    if speed > STANDS_MPS and time_to_collision(others, speed) < EMERGENCY_TTC_S:
+        return -ego.strongest
+    ahead = float(route.between("profile", ego.s + PREVIEW_S * speed))
+    desired = max(ahead, SLOWEST_MPS)
     # Bends are met by braking in time: the IDM's free term knows one desired speed and would come too late.
-    wish = min(model.free_acceleration(pose.speed, max(ahead, SLOWEST_MPS)), (ahead - pose.speed) / PREVIEW_S)
+    wish = min(free_acceleration(speed, desired), (ahead - speed) / PREVIEW_S)
     # A place to wait at is a leader that stands further on by the gap which the IDM keeps.
     places = [leader(others), _standing(walkers(situation, others))]
-    places += [_standing(gap, model.MINIMUM_GAP_M) for gap in (stop_line(situation), giving_way(situation))]
+    places += [_standing(gap, MINIMUM_GAP_M) for gap in (stop_line(situation), giving_way(situation))]
     for place in places:
         if place is not None:
-            desired = max(ahead, SLOWEST_MPS)
-            wish = min(wish, model.acceleration(pose.speed, desired, place.gap_m, place.speed_mps))
-    return max(wish, -strongest)
+            wish = min(wish, idm_acceleration(speed, desired, place.gap_m, place.speed_mps))
+    return max(wish, -ego.strongest)
 
 
 def _standing(gap_m: float | None, further_m: float = 0.0) -> Leader | None:
     return None if gap_m is None else Leader(gap_m + further_m, 0.0)
+
+
+def free_acceleration(speed_mps: float, desired_mps: float) -> float:
+    """Return the acceleration on a free road, m/s^2: a (1 - (v / v0)^4)."""
+    return ACCELERATION_MPS2 * (1.0 - (speed_mps / desired_mps) ** EXPONENT)
+
+
+def desired_gap(speed_mps: float, closing_mps: float) -> float:
+    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))).
+
+    Args:
+        speed_mps: the own speed. closing_mps: by how much it is faster than the leader.
+    """
+    dynamic = speed_mps * (TIME_GAP_S + closing_mps / (2.0 * math.sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)))
+    return MINIMUM_GAP_M + max(0.0, dynamic)
+
+
+def idm_acceleration(speed_mps: float, desired_mps: float, gap_m: float, leader_mps: float) -> float:
+    """Return the IDM's acceleration, m/s^2: a (1 - (v / v0)^4 - (s* / s)^2); not bounded below.
+
+    Args:
+        speed_mps: own speed. desired_mps: v0, above 0.
+        gap_m: bumper to bumper; infinite without a leader.
+        leader_mps: the leader's speed along the lane.
+    """
+    wish = desired_gap(speed_mps, speed_mps - leader_mps) / max(gap_m, LEAST_GAP_M)
+    return free_acceleration(speed_mps, desired_mps) - ACCELERATION_MPS2 * wish * wish

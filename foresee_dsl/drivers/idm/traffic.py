@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.drivers.idm.model import ACCELERATION_MPS2
-from foresee_dsl.drivers.pdm.reading import FoeMatches, Situation, match_foes
-from foresee_dsl.drivers.pdm.route import FoePath
-from foresee_dsl.drivers.pdm.rules import signal_braking
-from foresee_dsl.drivers.pdm.situation import EgoOnRoute
-from foresee_dsl.drivers.pdm.steps import stops_before
-from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage
+from foresee_dsl.drivers.pdm.situation import Situation, signal_braking
+from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.kernels.pdm.prediction import match
+from foresee_dsl.kernels.pdm.records import BoolArray, Ego, Records
+from foresee_dsl.kernels.pdm.situation import stops_before
 
+ACCELERATION_MPS2 = 1.0
+"""See the package's docstring."""
 CORRIDOR_MARGIN_M = 0.3
 """Ours: air on either side within which somebody counts as in the way; a lane of 3.3 m has 0.7 m beside a car."""
 TOUCH_MARGIN_M = 0.15
@@ -74,19 +74,19 @@ class Leader:
 
 def read_others(situation: Situation) -> Others:
     """Put the others into the route's coordinates."""
-    route, actors, now = situation.route, situation.actors, situation.now
-    cos, sin = route.cos[now.point], route.sin[now.point]
-    along = actors.cos * cos + actors.sin * sin
-    across = actors.sin * cos - actors.cos * sin
-    reach_s = actors.half_length * np.abs(along) + actors.half_width * np.abs(across)
-    reach_d = actors.half_length * np.abs(across) + actors.half_width * np.abs(along)
+    ego, actors = situation.ego, situation.actors
+    road = situation.route.points[actors["point"]]
+    along = actors["cos"] * road["cos"] + actors["sin"] * road["sin"]
+    across = actors["sin"] * road["cos"] - actors["cos"] * road["sin"]
+    reach_s = actors["half_length"] * np.abs(along) + actors["half_width"] * np.abs(across)
+    reach_d = actors["half_length"] * np.abs(across) + actors["half_width"] * np.abs(along)
     return Others(
-        ahead=now.s - reach_s - situation.ego.front_s,
-        far=now.s + reach_s - situation.ego.rear_s,
-        d=now.d,
-        speed_s=actors.speed * along,
-        speed_d=actors.speed * across,
-        side=reach_d + situation.vehicle.width_m / 2,
+        ahead=actors["s"] - reach_s - ego.front_s,
+        far=actors["s"] + reach_s - ego.rear_s,
+        d=actors["d"],
+        speed_s=actors["speed"] * along,
+        speed_d=actors["speed"] * across,
+        side=reach_d + ego.width / 2,
     )
 
 
@@ -110,29 +110,30 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
 
 def walkers(situation: Situation, others: Others) -> float | None:
     """Return the gap to the nearest place where somebody on foot is, or will be, in the way with the ego."""
-    if not situation.actors.pedestrian.any():
+    if not situation.actors["pedestrian"].any():
         return None
     comes, goes = _sideways(others, WALKER_AIR_M)
     moving = np.abs(others.speed_d) > STILL_MPS
     comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # who stands beside the lane waits there
-    speed = max(situation.pose.speed, LEAST_ARRIVAL_MPS)
+    speed = max(situation.ego.forward, LEAST_ARRIVAL_MPS)
     enters, leaves = np.maximum(others.ahead, 0.0) / speed, others.far / speed
     meets = (enters < goes + WALKER_MARGIN_S) & (comes < leaves + WALKER_MARGIN_S) & (goes > 0)
     # Who comes only after the ego, which cannot stop any more, is passed in front of.
-    stops_in = situation.pose.speed**2 / (2 * situation.ego.strongest_braking_mps2)
+    stops_in = situation.ego.forward**2 / (2 * situation.ego.strongest)
     meets &= (comes < leaves) | (others.ahead > stops_in)
-    found = situation.actors.pedestrian & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
+    found = situation.actors["pedestrian"] & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
     return float(others.ahead[found].min()) if found.any() else None
 
 
 def stop_line(situation: Situation) -> float | None:
     """Return the way to the first stop line whose signal asks to stop and where that can be done, m."""
     ego = situation.ego
-    for passage in near_junctions(situation):
-        braking = signal_braking(passage, ego.strongest_braking_mps2, situation.signals)
+    for k in np.flatnonzero(_near_junctions(situation)).tolist():
+        passage = situation.route.passages[k]
+        braking = signal_braking(passage, ego.strongest, situation.signals)
         if braking is None or ego.front_s > passage.stop_s + STOP_MARGIN_M:
             continue
-        if stops_before(ego, passage.stop_s, braking):
+        if stops_before(situation.egos, passage.stop_s, braking):
             return passage.stop_s - STOP_MARGIN_M - ego.front_s
     return None
 
@@ -140,44 +141,37 @@ def stop_line(situation: Situation) -> float | None:
 def giving_way(situation: Situation) -> float | None:
     """Return the way to where it waits for a gap in a stream that has priority, m; None where it may go."""
     ego, route = situation.ego, situation.route
-    near = {id(passage) for passage in near_junctions(situation)}
-    foes = tuple(
-        f
-        for f in route.foes
-        if f.foe.has_priority
-        and not f.foe.pedestrian
-        and id(route.junctions[f.passage]) in near
-        and f.foe.conflict_s[0] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
-    )
-    if not foes or not situation.actors.number:
+    yields = route.foes["has_priority"] & ~route.foes["walking"]
+    ahead = route.foes["own_s"] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
+    foes = route.foes[yields & ahead & _near_junctions(situation)[route.foes["junction"]]]
+    if not len(foes) or not len(situation.actors):
         return None
-    matches = match_foes(situation, foes)
-    places = _waiting_places(foes, ego)
-    waiting = sorted(place for k, place in enumerate(places) if _no_gap(situation, matches, k))
+    matches = match(situation.actors, foes, route.paths)
+    waiting = sorted(
+        place
+        for k, place in enumerate(_waiting_places(foes, ego))
+        if _no_gap(ego, situation.actors, foes[k], matches[:, k])
+    )
     for place in waiting:
-        if stops_before(ego, place + CONFLICT_MARGIN_M / 2, YIELD_BRAKING_MPS2):
+        if stops_before(situation.egos, place + CONFLICT_MARGIN_M / 2, YIELD_BRAKING_MPS2):
             return place - ego.front_s
     return None
 
 
-def near_junctions(situation: Situation) -> tuple[JunctionPassage, ...]:
-    """Return the junctions that the ego is in or comes to."""
-    ego = situation.ego
-    return tuple(
-        j
-        for j in situation.route.junctions
-        if ego.rear_s < max([j.exit_s, *(f.conflict_s[1] for f in j.foes)])
-        and j.stop_s - ego.front_s < JUNCTION_REACH_M
-    )
+def _near_junctions(situation: Situation) -> BoolArray:
+    """Tell which junctions the ego is in or comes to, [J]."""
+    ego, junctions = situation.ego, situation.route.junctions
+    return np.asarray((ego.rear_s < junctions["end_s"]) & (junctions["stop_s"] - ego.front_s < JUNCTION_REACH_M))
 
 
-def _waiting_places(foes: tuple[FoePath, ...], ego: EgoOnRoute) -> list[float]:
+def _waiting_places(foes: Records, ego: Ego) -> list[float]:
     """Return where along the route it waits for each: before the first of those it could not stand between."""
     length = ego.front_s - ego.rear_s
+    conflicts = list(zip(foes["own_s"].tolist(), foes["own_until_s"].tolist(), strict=True))
     places = [0.0] * len(foes)
     wait, last = -math.inf, -math.inf
-    for k in sorted(range(len(foes)), key=lambda i: foes[i].foe.conflict_s):
-        first, until = foes[k].foe.conflict_s
+    for k in sorted(range(len(foes)), key=conflicts.__getitem__):
+        first, until = conflicts[k]
         if first - last > length + CONFLICT_MARGIN_M:
             wait = first - CONFLICT_MARGIN_M
         last = max(last, until)
@@ -185,16 +179,18 @@ def _waiting_places(foes: tuple[FoePath, ...], ego: EgoOnRoute) -> list[float]:
     return places
 
 
-def _no_gap(situation: Situation, matches: FoeMatches, k: int) -> bool:
-    """Tell whether somebody of a stream arrives before the ego has cleared the conflict, and leaves after it enters."""
-    foe, ego = matches.foes[k].foe, situation.ego
-    enters = _way_time(foe.conflict_s[0] - ego.front_s, ego.speed_mps)
-    clears = _way_time(foe.conflict_s[1] - ego.rear_s, ego.speed_mps)
-    speed = np.maximum(matches.speed[:, k], 1e-3)
-    half = situation.actors.half_length
-    arrives = (foe.conflict_path_s[0] - matches.s[:, k] - half) / speed
-    leaves = (foe.conflict_path_s[1] - matches.s[:, k] + half) / speed
-    comes = matches.on[:, k] & (matches.speed[:, k] > STANDS_MPS)
+def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
+    """Tell whether somebody of a stream arrives before the ego has cleared the conflict, and leaves after it enters.
+
+    `matches` are the actors' [A] with this stream.
+    """
+    enters = _way_time(float(foe["own_s"]) - ego.front_s, ego.speed)
+    clears = _way_time(float(foe["own_until_s"]) - ego.rear_s, ego.speed)
+    speed = np.maximum(matches["speed"], 1e-3)
+    half = actors["half_length"]
+    arrives = (foe["meets"] - matches["s"] - half) / speed
+    leaves = (foe["leaves"] - matches["s"] + half) / speed
+    comes = matches["on"] & (matches["speed"] > STANDS_MPS)
     return bool((comes & (leaves > enters) & (arrives < clears + GAP_MARGIN_S)).any())
 
 

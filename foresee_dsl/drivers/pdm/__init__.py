@@ -11,23 +11,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from foresee_dsl.drivers.pdm.decision import decide
 from foresee_dsl.drivers.pdm.route import Route, build_route
-from foresee_dsl.drivers.pdm.rules import signal_brakings
-from foresee_dsl.drivers.pdm.signals import SignalMemory
-from foresee_dsl.drivers.pdm.situation import Car, car_of, classes
-from foresee_dsl.drivers.pdm.tracking import go_on
-from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.tracking import Tracker
+from foresee_dsl.drivers.pdm.situation import ego_record, signal_brakings, write_state
+from foresee_dsl.drivers.protocol import Control, FloatArray, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.tracking import SignalMemory, Tracker
 from foresee_dsl.errors import DriverError
+from foresee_dsl.kernels.pdm.control import go_on
+from foresee_dsl.kernels.pdm.decision import decide
+from foresee_dsl.kernels.pdm.records import Records
 
 
 class _Task(NamedTuple):
-    """What holds for a whole run; `numbers` are those of the `car`, as the kernels take them."""
+    """What holds for a whole run: the route, the ego's record [1] and that as floats, and its strongest braking."""
 
     route: Route
-    car: Car
+    egos: Records
     numbers: FloatArray
+    strongest_mps2: float
 
 
 class _Plan(NamedTuple):
@@ -54,8 +54,8 @@ class PdmDriver:
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and take up a new mission; the seed is not used."""
-        car = car_of(vehicle)
-        self._task = _Task(build_route(mission, vehicle), car, np.array(car))
+        egos = ego_record(vehicle)
+        self._task = _Task(build_route(mission, vehicle), egos, egos.view(np.float64), float(egos["strongest"][0]))
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan = None
 
@@ -66,56 +66,17 @@ class PdmDriver:
         Raises:
             DriverError: `reset` was not called.
         """
-        task, plan, ego = self._task, self._plan, observation.ego
+        task, plan = self._task, self._plan
         if task is None:
             raise DriverError("the driver pdm was stepped before reset")
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
-        if plan is None or measured_s != plan.measured_s:
-            offset, wish, answer = self._decide(task, observation, ego)
-            self._plan = _Plan(measured_s, offset, wish)
-        else:
-            route = task.route
-            answer = go_on(
-                ego.x,
-                ego.y,
-                ego.heading_rad,
-                ego.speed_mps,
-                ego.acceleration_mps2,
-                task.numbers,
-                route.coarse,
-                route.table,
-                route.origin_s,
-                plan.offset_m,
-                plan.acceleration_mps2,
-            )
-        return Control(*answer)
-
-    def _decide(
-        self, task: _Task, observation: Observation, ego: EgoState
-    ) -> tuple[float, float, tuple[float, float, float]]:
-        """Return the offset and the acceleration of the best proposal, and what to do for them now."""
-        route, foes = task.route, task.route.foe_table
+        route, egos = task.route, task.egos
+        write_state(task.numbers, observation.ego)
+        if plan is not None and measured_s == plan.measured_s:
+            return Control(*go_on(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        pedestrian, obstacle, speeds_up = classes(tracks.kinds)
-        return decide(
-            ego.x,
-            ego.y,
-            ego.heading_rad,
-            ego.speed_mps,
-            ego.acceleration_mps2,
-            task.numbers,
-            route.coarse,
-            route.table,
-            route.origin_s,
-            foes.numbers,
-            foes.walking,
-            foes.points,
-            foes.first,
-            foes.junctions,
-            foes.first_of,
-            signal_brakings(route, task.car.strongest, signals),
-            tracks.table,
-            pedestrian,
-            obstacle,
-            speeds_up,
-        )
+        braking = signal_brakings(route, task.strongest_mps2, signals)
+        road = route.points, route.coarse, route.foes, route.paths, route.junctions
+        offset, wish, answer = decide(egos, tracks.table, *road, braking)
+        self._plan = _Plan(measured_s, offset, wish)
+        return Control(*answer)

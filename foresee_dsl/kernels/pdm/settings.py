@@ -70,9 +70,10 @@ amber decision, so that a law-abiding late braker raises no alarm, and a runner 
 FOE_ACCELERATION_MPS2 = 1.5
 """PDM's acceleration, taken for a priority vehicle that is slower than the limit."""
 
-SPEEDS_UP_MPS2 = {"pedestrian": 0.3, "bicycle": 1.0}
-"""Ours: who crosses on foot or on a bicycle may speed up by this, so that the far end of the predicted footprint runs
-ahead of constant velocity; a cyclist who sets off gains about that."""
+PEDESTRIAN_SPEEDS_UP_MPS2 = 0.3
+BICYCLE_SPEEDS_UP_MPS2 = 1.0
+"""Ours: a pedestrian or cyclist may speed up by this, so that the far end of the predicted footprint runs ahead of
+constant velocity; a cyclist who sets off gains about that."""
 
 # --- signals and right of way ------------------------------------------------------------------------------------
 STOP_MARGIN_M = 0.5

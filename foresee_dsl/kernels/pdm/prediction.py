@@ -1,0 +1,190 @@
+"""Where the others will be: constant velocity, along a crossing stream's path, along the road, or straight on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from foresee_dsl.kernels.compiling import compiled, inner
+from foresee_dsl.kernels.pdm import settings as cfg
+from foresee_dsl.kernels.pdm.records import (
+    ACTORS,
+    EGOS,
+    FOES,
+    MATCH,
+    MATCHES,
+    PATHS,
+    PREDICTED,
+    ROUTE,
+    FloatArray,
+    Records,
+)
+from foresee_dsl.kernels.pdm.route import grid_point, project_predicted
+from foresee_dsl.kernels.pdm.situation import ALIGNED_COSINE, reach_of
+
+TIMES_S: FloatArray = np.arange(round(cfg.HORIZON_S / cfg.ROLLOUT_STEP_S) + 1, dtype=np.float64) * cfg.ROLLOUT_STEP_S
+"""[T] the frames of every roll-out and prediction."""
+FRAMES = len(TIMES_S)
+PATH_M = 1.0
+"""Spacing of the crossing streams' paths."""
+PATH_STRIDE = 2
+STEEPEST_BEND = 0.6
+"""Ours: offset times curvature; at 1 the centre of the bend is reached, and the route's coordinates end."""
+CREEP_MPS = 4.0
+CREEP_BRAKING_MPS2 = 2.0
+"""Ours: a vehicle that waits inside the junction for the ego creeps slower than this, and is trusted to stop with this
+braking."""
+FOE_COSINE = math.cos(cfg.FOE_HEADING_RAD)
+
+
+@compiled(ACTORS, FOES, PATHS)
+def match(actors: Records, foes: Records, paths: Records) -> Records:
+    """Find the actors on the paths of crossing streams, [A, F]; an actor in the ego's lane is on none."""
+    matches = np.empty((len(actors), len(foes)), MATCH)
+    for f in range(len(foes)):
+        foe = foes[f]
+        start, on_foot = foe["first"], foe["walking"]
+        reach = 2 * cfg.FOE_REACH_M if on_foot else cfg.FOE_REACH_M
+        for a in range(len(actors)):
+            one, found = actors[a], matches[a, f]
+            x, y = one["x"], one["y"]
+            i, nearest = start, np.inf
+            for j in range(start, foe["end"], PATH_STRIDE):
+                dx, dy = x - paths[j]["x"], y - paths[j]["y"]
+                away = dx * dx + dy * dy
+                if away < nearest:
+                    i, nearest = j, away
+            rx, ry, tx, ty = x - paths[i]["x"], y - paths[i]["y"], paths[i]["cos"], paths[i]["sin"]
+            s = (i - start) * PATH_M - foe["added"] + rx * tx + ry * ty
+            d = ry * tx - rx * ty
+            cosine = one["cos"] * tx + one["sin"] * ty
+            # Somebody on foot may use a crossing in either direction; somebody who stands faces anywhere.
+            aligned = (abs(cosine) if on_foot else cosine) > FOE_COSINE or (on_foot and one["speed"] < cfg.COAST_MPS)
+            there = aligned and abs(d) < reach and s < foe["length"]
+            found["on"] = there and not one["own_lane"] and not one["obstacle"] and on_foot == one["pedestrian"]
+            found["s"], found["speed"], found["d"] = s, cosine * one["speed"], d
+    return matches
+
+
+@inner
+def _nearest_foe(matches: Records, pedestrian: bool) -> int:
+    """Return the stream whose path an actor is nearest to, of its matches [F]; -1 for none."""
+    best, nearest = -1, np.inf
+    for f in range(len(matches)):
+        if matches[f]["on"] and abs(matches[f]["d"]) < nearest:
+            best, nearest = f, abs(matches[f]["d"])
+    # Only a pedestrian who walks along the path follows it; the predictions of the others go straight.
+    return -1 if best >= 0 and pedestrian and matches[best]["speed"] <= 0 else best
+
+
+@inner
+def _stopping_point(entry: float, conflict: float, front_s: float, speed: float) -> float:
+    """Return where somebody who must give way is trusted to stop: at the entry, else (creeping) at the conflict;
+    infinite for nowhere."""
+    if front_s < entry and speed * speed <= 2 * cfg.FOE_STOPS_MPS2 * (entry - front_s):
+        return entry
+    if front_s < conflict and speed < CREEP_MPS and speed * speed <= 2 * CREEP_BRAKING_MPS2 * (conflict - front_s):
+        return conflict
+    return np.inf
+
+
+@inner
+def _on_path(actor: np.void, found: np.void, foe: np.void, paths: Records, out: Records) -> None:
+    """Predict an actor along a crossing stream's path, its offset kept; one that must give way and can is taken to
+    stop. `found` is its match; `out` is filled, [T]."""
+    s0, speed, d = found["s"], found["speed"], found["d"]
+    begin, count, half, stop, room = foe["first"], foe["end"] - foe["first"], actor["half_length"], np.inf, 0.0
+    if not foe["has_priority"] and speed > cfg.COAST_MPS:
+        stop = _stopping_point(foe["entry"], foe["meets"], s0 + half, speed)
+        room = max(stop - s0 - half, 1e-3)
+    for n in range(FRAMES):
+        s, one = s0 + speed * TIMES_S[n], out[n]
+        if stop < np.inf:
+            # v^2 / 2b = room, so that it stands after 2 room / v.
+            t = min(TIMES_S[n], 2 * room / speed)
+            s = s0 + speed * t - speed * speed / (4 * room) * t * t
+        i = min(max((s + foe["added"]) / PATH_M, 0.0), count - 1.001)
+        j = max(int(i), 0)
+        point = paths[begin + j]
+        part, cos, sin = (i - j) * PATH_M, point["cos"], point["sin"]
+        one["x"] = point["x"] + part * cos - d * sin
+        one["y"] = point["y"] + part * sin + d * cos
+        one["cos"], one["sin"], one["half_length"] = cos, sin, half
+
+
+@inner
+def _straight(actor: np.void, out: Records) -> None:
+    """Predict an actor straight on: fill `out` [T]."""
+    x, y, cos, sin = actor["x"], actor["y"], actor["cos"], actor["sin"]
+    speed, half = actor["speed"], actor["half_length"]
+    rate = actor["speeds_up"] if speed > cfg.COAST_MPS else 0.0
+    for n in range(FRAMES):
+        t, one = TIMES_S[n], out[n]
+        grows = rate * (t * t) / 4  # half of how far the front may run ahead
+        distance = speed * t + grows
+        one["x"], one["y"] = x + distance * cos, y + distance * sin
+        one["cos"], one["sin"], one["half_length"] = cos, sin, half + grows
+
+
+@inner
+def _on_road(actor: np.void, route: Records, out: Records) -> None:
+    """Predict an actor in the route's own coordinates, with constant speed along it and across it: fill `out` [T]."""
+    cos, sin, speed, half = actor["cos"], actor["sin"], actor["speed"], actor["half_length"]
+    s0, d0, road = actor["s"], actor["d"], route[actor["point"]]
+    turn_cos = cos * road["cos"] + sin * road["sin"]
+    turn_sin = sin * road["cos"] - cos * road["sin"]
+    drift = turn_sin if abs(turn_sin) > cfg.DRIFT_DEADBAND_RAD else 0.0
+    for n in range(FRAMES):
+        s, d, one = s0 + speed * turn_cos * TIMES_S[n], d0 + speed * drift * TIMES_S[n], out[n]
+        road = route[grid_point(route, s)]
+        part, base_cos, base_sin = s - road["s"], road["cos"], road["sin"]
+        one["x"] = road["x"] + part * base_cos - d * base_sin
+        one["y"] = road["y"] + part * base_sin + d * base_cos
+        one["cos"] = base_cos * turn_cos - base_sin * turn_sin
+        one["sin"] = base_sin * turn_cos + base_cos * turn_sin
+        one["half_length"], one["s"], one["d"] = half, s, d
+
+
+@inner
+def _add_reach(actors: Records, route: Records, out: Records) -> None:
+    """Fill the extents along and across the route and the speed along it."""
+    last = out.shape[1] - 1
+    for a in range(len(actors)):
+        half_width = actors[a]["half_width"]
+        for n in range(last + 1):
+            one = out[a, n]
+            road = route[grid_point(route, one["s"])]
+            cos, sin, half = one["cos"], one["sin"], one["half_length"]
+            turn_cos = abs(cos * road["cos"] + sin * road["sin"])
+            turn_sin = abs(sin * road["cos"] - cos * road["sin"])
+            one["reach_s"] = half * turn_cos + half_width * turn_sin
+            one["reach_d"] = half * turn_sin + half_width * turn_cos
+            before, after = max(n - 1, 0), min(n + 1, last)
+            one["speed_s"] = (out[a, after]["s"] - out[a, before]["s"]) / ((after - before) * cfg.ROLLOUT_STEP_S)
+
+
+@compiled(EGOS, ACTORS, FOES, PATHS, MATCHES, ROUTE)
+def predict(egos: Records, actors: Records, foes: Records, paths: Records, matches: Records, route: Records) -> Records:
+    """Predict all actors over the horizon, [A, T].
+
+    Args:
+        egos: [1]. actors: [A]. foes: [F] the crossing streams that `matches` [A, F] are of. paths: their points.
+        route: the route's points.
+    """
+    out, free = np.empty((len(actors), FRAMES), PREDICTED), np.empty(len(actors), dtype=np.bool_)
+    for a in range(len(actors)):
+        one, f = actors[a], _nearest_foe(matches[a], actors[a]["pedestrian"])
+        road = route[one["point"]]
+        cosine = one["cos"] * road["cos"] + one["sin"] * road["sin"]
+        along = abs(one["d"]) < cfg.ALIGNED_REACH_M and abs(cosine) > ALIGNED_COSINE
+        free[a] = f >= 0 or not along or road["curvature"] * one["d"] >= STEEPEST_BEND
+        if f >= 0:
+            _on_path(one, matches[a, f], foes[f], paths, out[a])
+        elif free[a]:
+            _straight(one, out[a])
+        else:
+            _on_road(one, route, out[a])
+    project_predicted(free, out, route, egos[0]["s"], reach_of(egos[0]))
+    _add_reach(actors, route, out)
+    return out

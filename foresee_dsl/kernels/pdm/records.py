@@ -1,0 +1,218 @@
+"""The records of the driver `pdm`: the ego, the others, the route, junctions and crossing streams, proposals.
+
+Lengths are in m, angles in rad (counter-clockwise from east), speeds in m/s, accelerations in m/s^2. `s` is the length
+along the route, `d` the offset from it (left positive). [A] counts actors, [F] crossing streams, [P] proposals, [O]
+offsets that are tried, [T] frames of a prediction or roll-out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.kernels.records import array_of, dtype_of
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Records = NDArray[np.void]
+"""An array of one of the records below."""
+
+
+class Ego(NamedTuple):
+    """The vehicle that is driven: what it can do, its state, and where it is on the route. All fields are floats.
+
+    Attributes:
+        length, width, wheelbase: of the vehicle. front, centre: from the rear axle forwards to the front bumper and to
+            the middle of the footprint.
+        sharpest: largest curvature, 1/m. steer_max: largest front-wheel angle. grip: acceleration that the tyres hold,
+            as far as the driver uses it. motor, brakes: largest acceleration and braking. strongest: braking with grip.
+        x, y, heading, speed, acceleration: of the footprint's middle, now.
+        s, d, heading_error: of the rear axle's middle on the route. forward: the speed, never negative.
+        front_s, rear_s: length along the route of the bumpers.
+    """
+
+    length: float
+    width: float
+    wheelbase: float
+    front: float
+    centre: float
+    sharpest: float
+    steer_max: float
+    grip: float
+    motor: float
+    brakes: float
+    strongest: float
+    x: float
+    y: float
+    heading: float
+    speed: float
+    acceleration: float
+    s: float
+    d: float
+    heading_error: float
+    forward: float
+    front_s: float
+    rear_s: float
+
+
+class Actor(NamedTuple):
+    """Another road user now.
+
+    Attributes:
+        x, y, cos, sin: place and heading. speed: along the heading, never negative. half_length, half_width: m.
+        speeds_up: acceleration by which its speed may grow.
+        s, d, point: on the route, and the nearest point of the route's grid.
+        pedestrian, obstacle: its class. own_lane: it is in the ego's lane, in its direction.
+        passable: it stands for good, with room to pass in the ego's own lanes.
+    """
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+    speed: float
+    half_length: float
+    half_width: float
+    speeds_up: float
+    s: float
+    d: float
+    point: int
+    pedestrian: bool
+    obstacle: bool
+    own_lane: bool
+    passable: bool
+
+
+class RoutePoint(NamedTuple):
+    """A point of the route's even grid: what is looked up together lies together.
+
+    Attributes:
+        s: length along the route. x, y, cos, sin, heading: place and tangent (the heading unwrapped).
+        curvature: 1/m. profile: the limit, slowed down for bends so that braking stays comfortable.
+        left, right: free width on either side that belongs to lanes of the ego's direction.
+    """
+
+    s: float
+    x: float
+    y: float
+    cos: float
+    sin: float
+    heading: float
+    curvature: float
+    profile: float
+    left: float
+    right: float
+
+
+class Junction(NamedTuple):
+    """A junction on the route: s of its stop line, of its exit, and of where it lies behind the ego (the exit, or the
+    end of its last conflict). `crossed`: other vehicles drive across the ego's way."""
+
+    stop_s: float
+    exit_s: float
+    end_s: float
+    crossed: bool
+
+
+class Foe(NamedTuple):
+    """A stream that crosses or joins the ego's way (`drivers.protocol.Foe`), its path on an even grid.
+
+    Attributes:
+        added: what the straight prolongation adds to lengths along its path. length: of the path as given.
+        entry: length along the path where it enters the junction. meets, leaves: where the conflict begins and ends.
+        own_s, own_until_s: the same conflict along the route.
+        first, end: its points among `PathPoint`s, `end` excluded. junction: the index of its junction.
+        has_priority: the ego must yield to it. walking: it is a crossing for pedestrians.
+    """
+
+    added: float
+    length: float
+    entry: float
+    meets: float
+    leaves: float
+    own_s: float
+    own_until_s: float
+    first: int
+    end: int
+    junction: int
+    has_priority: bool
+    walking: bool
+
+
+class PathPoint(NamedTuple):
+    """A point of a crossing stream's path, and its tangent."""
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+
+class Match(NamedTuple):
+    """An actor on the path of a crossing stream: length along it, speed along it, offset; `on`: it follows it."""
+
+    s: float
+    speed: float
+    d: float
+    on: bool
+
+
+class Predicted(NamedTuple):
+    """A predicted footprint.
+
+    Attributes:
+        x, y, cos, sin: centre and heading. half_length: growing where the speed is uncertain. s, d: on the route.
+        reach_s, reach_d: half of its extent along and across the route. speed_s: speed along the route.
+    """
+
+    x: float
+    y: float
+    cos: float
+    sin: float
+    half_length: float
+    s: float
+    d: float
+    reach_s: float
+    reach_d: float
+    speed_s: float
+
+
+class Leader(NamedTuple):
+    """What the ego must stay behind: s of its rear, and how fast that moves along the route."""
+
+    s: float
+    speed: float
+
+
+class Rolled(NamedTuple):
+    """One frame of a proposal: s, d and speed of the rear axle, slope d'(s), the footprint's centre and heading."""
+
+    s: float
+    d: float
+    speed: float
+    slope: float
+    x: float
+    y: float
+    cos: float
+    sin: float
+
+
+class Conflict(NamedTuple):
+    """How a proposal meets the others in a frame: a collision to blame for, too little air, collides within TTC_S."""
+
+    hit: bool
+    close: bool
+    ttc: bool
+
+
+EGO, ACTOR, ROUTE_POINT, JUNCTION, FOE = (dtype_of(kind) for kind in (Ego, Actor, RoutePoint, Junction, Foe))
+PATH_POINT, MATCH, PREDICTED, LEADER = (dtype_of(kind) for kind in (PathPoint, Match, Predicted, Leader))
+ROLLED, CONFLICT = dtype_of(Rolled), dtype_of(Conflict)
+
+EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (array_of(kind) for kind in (Ego, Actor, RoutePoint, Junction, Foe))
+"""The kernels' types of [1], [A], [N], [J] and [F] of them."""
+PATHS, MATCHES, PREDICTION = array_of(PathPoint), array_of(Match, 2), array_of(Predicted, 2)
+LEADERS, ROLLOUT, CONFLICTS = array_of(Leader, 2), array_of(Rolled, 2), array_of(Conflict, 2)

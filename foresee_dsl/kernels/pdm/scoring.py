@@ -1,0 +1,220 @@
+"""Scores: no collision to blame, within the lanes; then progress, time to collision, comfort, clearance, centring."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from foresee_dsl.kernels.compiling import FLOATS, compiled, inner
+from foresee_dsl.kernels.pdm import settings as cfg
+from foresee_dsl.kernels.pdm.prediction import TIMES_S
+from foresee_dsl.kernels.pdm.records import (
+    ACTORS,
+    CONFLICT,
+    EGOS,
+    PREDICTION,
+    ROLLOUT,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Records,
+)
+from foresee_dsl.kernels.pdm.rollout import BRAKING, decay_length, place
+from foresee_dsl.kernels.pdm.route import grid_point
+
+STEERS_ASIDE_M = 0.7
+"""Ours: a proposal that moves aside by more than this is to blame for what comes from behind."""
+LEAVES_M = 0.05
+"""Ours: rounding and smoothing of the lanes' edges."""
+STANDS_MPS = 0.1
+NEAR_M = 6.0
+"""Ours: actors whose predicted footprints stay farther aside than this from the route are left out."""
+
+SLACK_M = 1e-6
+"""Ours: far over rounding."""
+
+
+@inner
+def _near(ego: np.void, predicted: Records, rolled: Records) -> tuple[BoolArray, bool]:
+    """Tell which actors come near the stretch that any proposal covers, [A], and whether anyone does."""
+    found, anyone, ends_s = np.zeros(len(predicted), np.bool_), False, rolled[0, 0]["s"]
+    for p in range(rolled.shape[0]):
+        for t in range(rolled.shape[1]):
+            ends_s = max(ends_s, rolled[p, t]["s"])
+    start, end = rolled[0, 0]["s"] - ego["length"], ends_s + 2 * ego["length"]
+    for a in range(len(predicted)):
+        for t in range(predicted.shape[1]):
+            one = predicted[a, t]
+            beside = abs(one["d"]) - one["reach_d"] < NEAR_M
+            if beside and one["s"] + one["reach_s"] > start and one["s"] - one["reach_s"] < end:
+                found[a], anyone = True, True
+                break
+    return found, anyone
+
+
+@inner
+def _compare(
+    ego: np.void, actor: np.void, predicted: Records, rolled: Records, moves_aside: bool, found: Records
+) -> None:
+    """Mark the conflicts of a proposal with one actor, all of them [T]."""
+    half_l, half_w, margin = ego["length"] / 2, ego["width"] / 2, cfg.COLLISION_MARGIN_M
+    width, pace = actor["half_width"], actor["speed"]
+    side = cfg.PEDESTRIAN_CLEARANCE_M if actor["pedestrian"] else cfg.CLEARANCE_M
+    first, own = predicted[0], rolled[0]
+    behind_at_first = (first["x"] - own["x"]) * own["cos"] + (first["y"] - own["y"]) * own["sin"] < -half_l
+    for t in range(len(predicted)):
+        other, own = predicted[t], rolled[t]
+        dx, dy, ego_cos, ego_sin, v = other["x"] - own["x"], other["y"] - own["y"], own["cos"], own["sin"], own["speed"]
+        along, across = dx * ego_cos + dy * ego_sin, dy * ego_cos - dx * ego_sin
+        length = other["half_length"]
+        # Nobody is near outside of a box that holds all that is asked for below.
+        most = length + width + SLACK_M
+        if abs(along) > half_l + most + max(margin, v * cfg.TTC_S):
+            continue
+        if abs(across) > half_w + most + max(side, margin, pace * cfg.TTC_S):
+            continue
+        turn_cos = other["cos"] * ego_cos + other["sin"] * ego_sin
+        turn_sin = other["sin"] * ego_cos - other["cos"] * ego_sin
+        size_cos, size_sin = abs(turn_cos), abs(turn_sin)
+        room_along = abs(along) - (half_l + length * size_cos + width * size_sin)
+        room_across = abs(across) - (half_w + length * size_sin + width * size_cos)
+        there = max(
+            abs(along * turn_cos + across * turn_sin) - (length + half_l * size_cos + half_w * size_sin),
+            abs(across * turn_cos - along * turn_sin) - (width + half_l * size_sin + half_w * size_cos),
+        )
+        moves = v > STANDS_MPS
+        # It is not to blame when it stands, nor from behind unless it moves aside.
+        if moves and (moves_aside or not (behind_at_first and along < -half_l)):
+            found[t]["hit"] |= max(room_along, room_across, there) < margin
+            found[t]["close"] |= room_along < margin and room_across < side and there < side
+        if moves and along > 0:
+            ahead = min(max(v - pace * turn_cos, 0.0), v) * cfg.TTC_S
+            inwards = max(-np.sign(across) * pace * turn_sin, 0.0) * cfg.TTC_S
+            found[t]["ttc"] |= room_along < ahead and room_across < inwards
+
+
+@inner
+def _compare_all(
+    ego: np.void, actors: Records, near: BoolArray, predicted: Records, rolled: Records, offsets: FloatArray
+) -> Records:
+    """Return the conflicts of each proposal in each frame with those actors that are near, [P, T]."""
+    found = np.zeros(rolled.shape, CONFLICT)
+    for a in range(len(near)):
+        if near[a]:
+            for p in range(len(offsets)):
+                aside = abs(offsets[p] - ego["d"]) > STEERS_ASIDE_M
+                _compare(ego, actors[a], predicted[a], rolled[p], aside, found[p])
+    return found
+
+
+@inner
+def find_conflicts(
+    egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray, route: Records
+) -> Records:
+    """Return the conflicts of proposals that have no place on the map yet, [P, T]; arguments as `conflicts`."""
+    near, anyone = _near(egos[0], predicted, rolled)
+    if anyone:
+        place(egos[0], route, rolled)
+    return _compare_all(egos[0], actors, near, predicted, rolled, offsets)
+
+
+@compiled(EGOS, ACTORS, PREDICTION, ROLLOUT, FLOATS)
+def conflicts(egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray) -> Records:
+    """Compare footprints: return the conflicts of each proposal in each frame, [P, T].
+
+    Args:
+        egos: [1]. actors: [A]. predicted: [A, T] their predictions. rolled: [P, T]. offsets: [P] they head for.
+    """
+    return _compare_all(egos[0], actors, _near(egos[0], predicted, rolled)[0], predicted, rolled, offsets)
+
+
+@inner
+def _keeps_lanes(rolled: Records, route: Records, half: float) -> bool:
+    """Tell whether a proposal [T] leaves the lanes no farther than the ego does now."""
+    at_first, most = 0.0, -np.inf
+    for t in range(len(rolled)):
+        d, road = rolled[t]["d"], route[grid_point(route, rolled[t]["s"])]
+        out = max(d + half - road["left"], half - d - road["right"])
+        if t == 0:
+            at_first = max(out, 0.0)
+        most = max(most, out)
+    return most <= at_first + LEAVES_M
+
+
+@inner
+def rate(
+    ego: np.void,
+    route: Records,
+    rolled: Records,
+    conflict: Records,
+    offset: FloatArray,
+    acceleration: FloatArray,
+    points: FloatArray,
+    collides: IntArray,
+) -> None:
+    """Fill points and the frame of the first collision (their number for none), [P].
+
+    First `points` tells who is allowed: 0, else -1.
+
+    Args:
+        ego: the ego. route: the route's points. rolled: [P, T]. conflict: [P, T].
+        offset: [P] what each heads for. acceleration: [P] the first one. points, collides: see above.
+    """
+    frames, best, half = rolled.shape[1], 0.0, ego["width"] / 2
+    for p in range(len(points)):
+        collides[p] = frames
+        for t in range(frames - 1, -1, -1):
+            if conflict[p, t]["hit"]:
+                collides[p] = t
+        brakes = p >= len(points) - BRAKING
+        allowed = collides[p] == frames and (brakes or _keeps_lanes(rolled[p], route, half))
+        points[p] = 0.0 if allowed else -1.0
+        if allowed:
+            best = max(best, rolled[p, frames - 1]["s"] - rolled[p, 0]["s"])
+    for p in range(len(points)):
+        if points[p] < 0.0:
+            continue
+        near, touches = 0, 0
+        for t in range(frames):
+            near += conflict[p, t]["close"]
+            touches += conflict[p, t]["ttc"]
+        error = offset[p] - ego["d"]
+        lateral = ego["forward"] ** 2 * abs(error) / decay_length(ego["forward"], error, ego["sharpest"]) ** 2
+        comfort = acceleration[p] > -cfg.COMFORT_BRAKING_MPS2 and lateral < cfg.COMFORT_LATERAL_MPS2
+        aside = 0.5 * abs(offset[p]) + 0.5 * abs(error)
+        way = rolled[p, frames - 1]["s"] - rolled[p, 0]["s"]
+        points[p] = (
+            cfg.PROGRESS_WEIGHT * (min(way / best, 1.0) if best > 1.0 else 1.0)
+            + (0.0 if touches > 0 else cfg.TTC_WEIGHT)
+            + (cfg.COMFORT_WEIGHT if comfort else 0.0)
+            + cfg.CLEARANCE_WEIGHT * (1.0 - near / frames)
+            - cfg.CENTRING_WEIGHT * min(aside / cfg.CENTRING_SCALE_M, 1.0)
+        )
+
+
+@inner
+def choose(points: FloatArray, collides: IntArray, rolled: Records) -> int:
+    """Return the best proposal; where all collide (or leave the lanes) the latest collision, then the slowest one.
+
+    Args:
+        points, collides: of each proposal, [P]. rolled: [P, T].
+    """
+    best, latest, frames = 0, 0, rolled.shape[1]
+    for p in range(len(points)):
+        if points[p] > points[best]:
+            best = p
+        latest = max(latest, collides[p])
+    if points[best] >= 0:
+        return best
+    emergency = latest < frames and TIMES_S[min(latest, frames - 1)] < cfg.EMERGENCY_S
+    best = 0
+    for p in range(1, len(points)):
+        impact = rolled[p, min(collides[p], frames - 1)]["speed"]
+        least = rolled[best, min(collides[best], frames - 1)]["speed"]
+        # Within 2 s the speed at the impact counts, before that the time that is won.
+        if emergency:
+            better = impact < least or (impact == least and collides[p] > collides[best])
+        else:
+            better = collides[p] > collides[best] or (collides[p] == collides[best] and impact < least)
+        if better:
+            best = p
+    return best

@@ -1,0 +1,182 @@
+"""The tracker's loops: states moved on along their arcs, corrected by what was measured, and read at the present."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.kernels.compiling import FLAG, FLOAT, HYPERCUBE, INTS, TABLE, compiled
+from foresee_dsl.kernels.records import array_of, dtype_of
+
+DOUBT_MPS = 0.2
+"""Ours: by how much a second each side of a moving object grows while it is not seen; what a constant acceleration of
+0.3 m/s^2 adds to its way in 1.5 s."""
+STANDS_MPS = 0.25
+"""Ours: slower than this after smoothing is standing still; over three times the noise of a smoothed speed."""
+SPEED_NOISE_MPS = 0.15
+HEADING_NOISE_RAD = math.radians(2.0)
+WALKER_HEADING_NOISE_RAD = math.radians(10.0)
+PLACE_NOISE_M = 0.1
+PLACE_NOISE_PER_M = 0.003
+"""Standard deviations that the filters assume, about those of the standard sensors (`simulate/sensing`)."""
+JUMP = 6.0
+"""Ours: an object this many standard deviations (of one measurement) off where it was expected has begun something new,
+and its filter starts again. Two of them are the noise of the prediction; noise alone hardly ever does that."""
+
+X, Y, HEADING, SPEED, LENGTH, WIDTH, ACCELERATION, YAW_RATE = range(8)
+"""Columns of the filters' states, [A, 8]; the first six are measured."""
+MEASURED = 6
+DRIVES, STANDS, WALKS = range(3)
+"""How somebody moves, as far as the gains go."""
+OTHER, BICYCLE, PEDESTRIAN, OBSTACLE = range(4)
+"""Classes of objects that kernels tell apart (`Track.kind`)."""
+SETTLED = 60
+"""Gains have settled after so many measurements, 3 s."""
+BIN_M = 20.0
+BINS = 5
+PLACE_NOISES_M = PLACE_NOISE_M + PLACE_NOISE_PER_M * BIN_M * (np.arange(BINS) + 0.5)
+"""[bins] of places, by distance."""
+_JUMPS = JUMP * np.array(
+    [
+        [PLACE_NOISES_M] * 3,
+        [PLACE_NOISES_M] * 3,
+        [[noise] * BINS for noise in (HEADING_NOISE_RAD, HEADING_NOISE_RAD, WALKER_HEADING_NOISE_RAD)],
+        [[SPEED_NOISE_MPS] * BINS] * 3,
+    ]
+)
+"""[4, mode, bins] differences of x, y, heading and speed from which on a filter starts again."""
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Records = NDArray[np.void]
+
+
+class Track(NamedTuple):
+    """An object at the present moment: m, rad, m/s; along its heading, the speed never negative.
+
+    Attributes:
+        length, width: grown by doubt where it is not seen. lost_s: how long it has not been seen. kind: `OTHER` etc.
+    """
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    length: float
+    width: float
+    acceleration: float
+    yaw_rate: float
+    lost_s: float
+    kind: int
+
+
+class Sighting(NamedTuple):
+    """What is known of the measurements of an object: how many there were, when the last one was (s), its class."""
+
+    times: int
+    last_s: float
+    kind: int
+
+
+class Scan(NamedTuple):
+    """An object list: where the ego was (m), when it was measured and how long after the one before (s)."""
+
+    ego_x: float
+    ego_y: float
+    measured_s: float
+    passed_s: float
+
+
+TRACK, SIGHTING, SCAN = dtype_of(Track), dtype_of(Sighting), dtype_of(Scan)
+TRACKS, _SIGHTINGS = array_of(Track), array_of(Sighting)
+
+
+@compiled(TABLE, FLOAT)
+def move(state: FloatArray, dt: float) -> None:
+    """Move everybody, [A, 8], on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
+    for a in range(len(state)):
+        speed, turned = state[a, SPEED], state[a, YAW_RATE] * dt
+        after = max(speed + state[a, ACCELERATION] * dt, 0.0)
+        # The noise of a speed that cannot be negative would carry on who stands.
+        way = 0.0 if speed < STANDS_MPS else (speed + after) * (dt / 2)
+        middle = state[a, HEADING] + turned / 2
+        state[a, X] += way * math.cos(middle)
+        state[a, Y] += way * math.sin(middle)
+        state[a, HEADING] += turned
+        state[a, SPEED] = after
+
+
+@compiled(TABLE, _SIGHTINGS, FLOAT, FLOAT, FLAG)
+def present(state: FloatArray, sightings: Records, time_s: float, measured_s: float, some_lost: bool) -> Records:
+    """Return the tracks [A] of a state [A, 8] of `measured_s`, carried on to `time_s`: the lost ones have grown, the
+    standing ones have no speed. `some_lost`: not everybody was in the last object list."""
+    tracks = np.empty(len(state), TRACK)
+    if time_s > measured_s:
+        state = state.copy()
+        move(state, time_s - measured_s)
+    for a in range(len(state)):
+        one, last_s = tracks[a], sightings[a]["last_s"]
+        one["x"], one["y"], one["heading"], one["speed"] = state[a, X], state[a, Y], state[a, HEADING], state[a, SPEED]
+        one["length"], one["width"] = state[a, LENGTH], state[a, WIDTH]
+        one["acceleration"], one["yaw_rate"] = state[a, ACCELERATION], state[a, YAW_RATE]
+        lost_s = time_s - last_s if some_lost and last_s < measured_s else 0.0
+        one["lost_s"], one["kind"] = lost_s, sightings[a]["kind"]
+        if one["speed"] < STANDS_MPS:
+            one["speed"], one["acceleration"] = 0.0, 0.0
+        else:
+            one["length"] += 2 * DOUBT_MPS * lost_s
+            one["width"] += 2 * DOUBT_MPS * lost_s
+    return tracks
+
+
+@compiled(TABLE, _SIGHTINGS, FLOAT, FLOAT)
+def fade(state: FloatArray, sightings: Records, measured_s: float, share: float) -> float:
+    """Let acceleration and yaw rate fade of who is not seen, in place; return how long the longest is lost, s."""
+    longest = 0.0
+    for a in range(len(state)):
+        last_s = sightings[a]["last_s"]
+        if last_s < measured_s:
+            state[a, ACCELERATION] *= share
+            state[a, YAW_RATE] *= share
+            longest = max(longest, measured_s - last_s)
+    return longest
+
+
+@compiled(TABLE, _SIGHTINGS, INTS, TABLE, array_of(Scan), HYPERCUBE)
+def correct(
+    state: FloatArray, sightings: Records, which: IntArray, measured: FloatArray, scans: Records, gains: FloatArray
+) -> None:
+    """Correct some states by what was measured, in place.
+
+    Args:
+        state: [A, 8]. sightings: [A]. which: [N] the actors that were measured. measured: [N, 6].
+        scans: [1] of what list that is. gains: [8, mode, bins, times].
+    """
+    scan, off = scans[0], np.empty(8)
+    for n in range(len(which)):
+        one, seen = state[which[n]], sightings[which[n]]
+        for column in range(MEASURED):
+            off[column] = measured[n, column] - one[column]
+        off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
+        off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
+        # A filter that waited knows less: it goes on as one that has seen less.
+        missed = int(np.rint((scan["measured_s"] - seen["last_s"]) * (1 / scan["passed_s"]))) - 1
+        count = max(seen["times"] - 2 * max(missed, 0), 1)
+        seen["last_s"] = scan["measured_s"]
+        away = math.hypot(measured[n, X] - scan["ego_x"], measured[n, Y] - scan["ego_y"])
+        place = max(min(int(away * (1 / BIN_M)), BINS - 1), 0)
+        mode = WALKS if seen["kind"] == PEDESTRIAN else STANDS if one[SPEED] < STANDS_MPS else DRIVES
+        for column in range(SPEED + 1):
+            if abs(off[column]) > _JUMPS[column, mode, place]:
+                count = 0
+        for column in range(8):
+            one[column] += gains[column, mode, place, count] * off[column]
+        one[SPEED] = max(one[SPEED], 0.0)
+        if count == 0:
+            one[ACCELERATION] = 0.0
+        if count == 0 or mode != DRIVES:
+            one[YAW_RATE] = 0.0
+        seen["times"] = min(count + 1, SETTLED - 1)
