@@ -19,19 +19,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import njit, typeof, types
+from numba import njit, types
 
-PACKAGE = Path(__file__).parent.parent
-KERNEL_FILES = "kernels/**/*.py drivers/**/*.py"
-_CONSTANTS = ("settings.py", "foes.py")
-"""Files of constants that kernels outside of this package take."""
 F = TypeVar("F", bound=Callable[..., Any])
-_type_of: Callable[[object], Any] = typeof
 
 FLOAT, INT, FLAG = types.float64, types.int64, types.boolean
-FLOATS, INTS, FLAGS = types.float64[::1], types.int64[::1], types.boolean[::1]
+FLOATS, INTS = types.float64[::1], types.int64[::1]
 """[N], in one piece."""
-TABLE, INT_TABLE, FLAG_TABLE = types.float64[:, ::1], types.int64[:, ::1], types.boolean[:, ::1]
+TABLE = types.float64[:, ::1]
 """[M, N], in one piece."""
 ANY_TABLE = types.float64[:, :]
 """[M, N], a part of another one, perhaps."""
@@ -51,20 +46,19 @@ def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's type
     """Compile a function for these types of arguments.
 
     Args:
-        signature: of each argument, one of the types above, or a named tuple of numbers as an example.
+        signature: of each argument, one of the types above or of `records.array_of`.
     """
-    kinds = tuple(_type_of(kind) if isinstance(kind, tuple) else kind for kind in signature)
 
     def compile_it(function: F) -> F:
         # numba (0.68.1) compiles anew when the function's own file changes, but not when one does that it takes
-        # functions or constants from. It keeps a function under its name, so the name holds the state of all of them.
-        function.__qualname__ += "_" + state_of(PACKAGE, KERNEL_FILES)
+        # functions or constants from. It keeps a function under its name, so the name holds the state of this folder.
+        function.__qualname__ += "_" + state_of(Path(__file__).parent)
         try:
-            made = njit(kinds, cache=True, error_model="numpy")(function)
+            made = njit(signature, cache=True, error_model="numpy")(function)
             _announce_once(made)
             return cast(F, made)
         except RuntimeError:  # nowhere to keep it: neither beside the module nor in a user's folder
-            return cast(F, njit(kinds, error_model="numpy")(function))
+            return cast(F, njit(signature, error_model="numpy")(function))
 
     return compile_it
 
@@ -79,16 +73,9 @@ def _announce_once(made: object) -> None:
 
 
 @cache
-def state_of(folder: Path, patterns: str) -> str:
-    """Return a short hash of the contents of all files in a folder that hold kernels or their constants.
-
-    Args:
-        folder: where the patterns begin. patterns: such as `kernels/*.py`, with spaces between them.
-    """
+def state_of(folder: Path) -> str:
+    """Return a short hash of the contents of all Python files in a folder and those within it."""
     found = hashlib.sha256()
-    for pattern in patterns.split():
-        for file in sorted(folder.glob(pattern)):
-            content, in_house = file.read_bytes(), file.relative_to(folder).parts[0] == "kernels"
-            if in_house or b"kernels.compiling import" in content or file.name in _CONSTANTS:
-                found.update(content)
+    for file in sorted(folder.rglob("*.py")):
+        found.update(file.read_bytes())
     return found.hexdigest()[:12]

@@ -19,7 +19,8 @@ from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
-from foresee_dsl.kernels.compiling import FLOAT, FLOATS, KERNEL_FILES, PACKAGE, compiled, state_of
+from foresee_dsl.kernels import compiling
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, state_of
 from foresee_dsl.kernels.pdm import proposals, right_of_way
 from foresee_dsl.kernels.pdm import route as route_kernels
 from foresee_dsl.kernels.pdm.decision import decide
@@ -126,14 +127,14 @@ def test_a_first_import_fills_the_cache_and_the_second_one_uses_it(tmp_path: Pat
 
 
 def test_a_kernel_is_compiled_anew_when_any_of_the_kernels_files_changes(tmp_path: Path) -> None:
-    (tmp_path / "kernels").mkdir()
+    (tmp_path / "pdm").mkdir()
     states = []
-    for name, content in (("a", "X = 1"), ("b", "Y = 1"), ("b", "Y = 2"), ("a", "X = 2"), ("a", "X = 2")):
-        (tmp_path / "kernels" / f"{name}.py").write_text(content, encoding="utf-8")
+    for name, content in (("a", "X = 1"), ("pdm/b", "Y = 1"), ("pdm/b", "Y = 2"), ("a", "X = 2"), ("a", "X = 2")):
+        (tmp_path / f"{name}.py").write_text(content, encoding="utf-8")
         state_of.cache_clear()
-        states.append(state_of(tmp_path, "kernels/*.py"))
+        states.append(state_of(tmp_path))
     assert len(set(states)) == 4 and states[-1] == states[-2]
-    assert state_of(PACKAGE, KERNEL_FILES) in decide.py_func.__qualname__
+    assert state_of(Path(str(compiling.__file__)).parent) in decide.py_func.__qualname__
 
 
 def test_offsets_are_rounded_as_python_does() -> None:

@@ -1,6 +1,6 @@
 """The constants of the `frenetix` driver, each with its source.
 
-What it shares with `pdm` (signals, right of way, predictions, air beside others) has its constants in `pdm_settings`.
+What it shares with `pdm` (signals, right of way, predictions, air beside others) is in `kernels.pdm.settings`.
 Werling: Werling, Ziegler, Kammel, Thrun 2010, "Optimal Trajectory Generation for Dynamic Street Scenarios in a Frenet
 Frame", the method that the library implements.
 """
@@ -71,7 +71,7 @@ LONGITUDINAL_JERK_WEIGHT = 0.1
 """Werling weights jerk with 0.1 against the end state's errors."""
 NEAR_WEIGHT = 3.0
 PRESSED_WEIGHT = 3.0
-"""Ours: share of the frames with less air than `pdm_settings` asks for, and with less than its time to collision."""
+"""Ours: share of the frames with less air than `pdm` asks for, and with less than its time to collision."""
 DOUBT_MPS = 0.5
 DOUBT_M = 1.5
 """Ours: half the length of who moves grows by this much a second, up to 1.5 m: a speed that is 0.5 m/s off."""
