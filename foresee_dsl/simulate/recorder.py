@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.simulate.actors.states import IntArray, StateTable
+from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.triggers.record import DirectorRecord
-from foresee_dsl.simulate.world import World
 
 FloatArray = NDArray[np.float64]
 
@@ -41,15 +41,15 @@ class Recorder:
         """Note something that changed how an actor behaves."""
         self.events.append(Event(round(time_s, 6), actor, what, detail or {}))
 
-    def frame(self, world: World) -> FloatArray:
+    def frame(self, signals: Signals) -> FloatArray:
         """Write down where everybody is, and what the signals show.
 
         Returns:
             [A, 7] the columns of `Trace.states`; not to be changed.
         """
-        now_s = world.now_s
+        now_s = signals.now_s
         if now_s >= self._until_s:
-            self._look_at_signals(world)
+            self._look_at_signals(signals)
         self._now_s.append(now_s)
         states, lanes, along = self._state_table.frame()
         self._rows.append(states)
@@ -57,9 +57,9 @@ class Recorder:
         self._along.append(along)
         return states
 
-    def _look_at_signals(self, world: World) -> None:
+    def _look_at_signals(self, signals: Signals) -> None:
         """Note the stages that are shown from this frame on, and when (in SUMO's time) they began."""
-        shown = [world.shown(signal.tls) for signal in self._signals]
+        shown = [signals.shown(signal.tls) for signal in self._signals]
         self._until_s = min((until for *_, until in shown), default=math.inf)
         self._shown.append((len(self._now_s), [stage for stage, *_ in shown], [since for _, since, _ in shown]))
 

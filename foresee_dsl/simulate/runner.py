@@ -109,7 +109,7 @@ class _Run:
         steps = 0
         while True:
             self._director.step()
-            states = self._recorder.frame(self._world)
+            states = self._recorder.frame(self._world.signals)
             observation = self._sensing.observe(states)
             decision = self._look(states)
             if decision is not None:
@@ -170,7 +170,7 @@ class _Run:
         for passage, room in simulation.progress.ahead(simulation.ego, simulation.frame, SIGNAL_AHEAD_M):
             tls, link = passage.movement.tls, passage.movement.link
             if room >= 0 and tls is not None and link >= 0:
-                if self._world.colour(tls, link) in ("red", "amber"):
+                if self._world.signals.colour(tls, link) in ("red", "amber"):
                     return True
                 break
         cos, sin = np.cos(simulation.ego.heading), np.sin(simulation.ego.heading)

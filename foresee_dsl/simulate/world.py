@@ -1,10 +1,10 @@
-"""SUMO behind a small door: the only module that imports libsumo.
+"""SUMO with the network of a test case: the only module that imports libsumo.
 
 One SUMO lives in a process (libsumo allows no more). It is started once per network; an empty state is kept in
 memory-backed storage, and every run begins by loading it, which is ten times faster than a restart.
 
 Positions are SUMO's: the middle of the front bumper (`bodies` makes footprints of them). Headings are radians
-counter-clockwise from east on this side of the door, degrees clockwise from north on SUMO's.
+counter-clockwise from east in this package, degrees clockwise from north in SUMO.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.bundle import PlacedActor, Signal, SumoBundle
-from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.errors import SimulationError
+from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.sumo_options import memory_folder, options
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -33,14 +33,15 @@ GHOST_TYPE = "ghost"
 MATCH_M = 5.0
 """How far from a point SUMO looks for a lane in moveToXY. Ours: 5 us a call with 5 m, 33 us with SUMO's 100 m."""
 ON_LANE_M = 1e-3
-"""The same for who stands on the middle of a lane inside a junction, where lanes overlap: with 5 m SUMO takes any of
-them, of another way too. Ours: it stands on the very shape, and lanes that begin together soon lie further apart."""
+"""The same for a vehicle on the middle of a lane inside a junction, where lanes overlap: with 5 m SUMO 1.28 takes any
+of them, of another movement too. Ours: the vehicle is on the very shape, and lanes that begin together soon lie further
+apart."""
 LANE_CHANGE_MODE = 1024 + 512 + 4 + 1
-"""Changes lane for its route and to cooperate, gently. Ours: changes for speed or to keep right hang on accumulators
-that no description can restore."""
+"""Changes lane for its route and to cooperate, gently. Ours: changes for speed or to keep right depend on
+accumulators inside SUMO that no clip can restore."""
 LANE_CHANGE_MODEL = {"lcStrategic": "10000", "lookAheadSpeed": "10"}
 """Looks for the lane that its route needs from where it is to its end. Ours: SUMO's vehicles look as far as the speed
-of their last 10 s takes them, which no description holds (measured: a bus off by 32 m after 10 s)."""
+of their last 10 s takes them, which no clip can state (measured with SUMO 1.28: a bus off by 32 m after 10 s)."""
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
 """Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
 without the red light."""
@@ -49,12 +50,10 @@ _CRAWLS_MPS = 0.1
 _ASKS = 8
 """Speed mode: drives what it is told, but asks at a junction whether it may."""
 
-_COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
-
 
 @dataclass(slots=True)
 class _Known:
-    """What the door remembers of a vehicle that is in SUMO."""
+    """What is known of a vehicle that SUMO drives."""
 
     cruise_mps: float = 0.0
     edge: str = ""  # the last one that is no junction's, with the underscore that lane ids have after it
@@ -94,13 +93,11 @@ class World:
             SimulationError: a file is missing, or SUMO refused it.
         """
         for file in (bundle.net_file, bundle.types_file):
-            if not file.is_file():  # asked before: SUMO can take the process down with it when it fails to load
+            if not file.is_file():  # asked first: SUMO 1.28 can end the whole process when a file fails to load
                 raise SimulationError(f"{file} is gone; compile the test case again")
         self._sumo = _import_libsumo()
         self._errors: tuple[type[Exception], ...] = (self._sumo.TraCIException, self._sumo.libsumo.FatalTraCIError)
-        # What is asked or said at every step goes without the Python around it (0.1 us a call).
-        self._swig = self._sumo.libsumo._libsumo
-        self._now = 0.0
+        self.signals = Signals(self._sumo, bundle)
         self.key = bundle.key
         self._vehicles: dict[str, _Known] = {}
         self._on_road: tuple[str, ...] = ()
@@ -108,9 +105,6 @@ class World:
         self._lanes: list[str] = []
         self._routes: dict[tuple[str, ...], str] = {}
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
-        self._signals: dict[str, Signal] = {}
-        self._shown: dict[str, tuple[int, float, float]] = {}
-        self._states_shown: dict[str, str] = {}
         self._limits: dict[str, float] = {}
         self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
@@ -152,22 +146,13 @@ class World:
     def reset(self, bundle: SumoBundle) -> None:
         """Empty the world and set the signals as the scene says (others at the beginning of their first stage)."""
         self._sumo.simulation.loadState(str(self._empty))
-        self._now = self._sumo.simulation.getTime()
         self._vehicles.clear()
         self._on_road, self._names, self._lanes = (), (), []
         self._routes.clear()
         self._bodies.clear()
-        self._shown.clear()
-        self._signals = {s.tls: s for s in bundle.signals.values()}
-        self.start_signals(bundle, STEP_S)
-
-    def start_signals(self, bundle: SumoBundle, lead_s: float) -> None:
-        """Set the signals so that they are as the scene says after `lead_s`."""
-        begins = {junction: (stage, elapsed) for junction, stage, elapsed in bundle.scene.signals}
-        for signal in bundle.signals.values():
-            stage, elapsed = begins.get(signal.junction, (signal.stages[signal.phases[0].stage], 0.0))
-            phase, left = signal.phase_at(stage, elapsed)
-            self.set_phase(signal.tls, phase, left + lead_s)
+        self.signals = Signals(self._sumo, bundle)
+        self.signals.now_s = self._sumo.simulation.getTime()
+        self.signals.start(bundle, STEP_S)
 
     def step(self) -> None:
         """Let SUMO simulate one step of 0.05 s.
@@ -176,8 +161,8 @@ class World:
             SimulationError: SUMO broke.
         """
         try:
-            self._swig.simulation_step(0)
-            self._now = self._swig.simulation_getTime()
+            self._sumo.simulation.step(0)
+            self.signals.now_s = self._sumo.simulation.getTime()
         except self._errors as err:
             raise SimulationError(f"SUMO stopped: {err}") from err
 
@@ -186,8 +171,8 @@ class World:
     def add_vehicle(self, actor: PlacedActor) -> None:
         """Put an actor that has a route into the world where it is placed, exactly.
 
-        The route's first edge is the one it stands on; on a junction, the one before the junction, and that is allowed
-        for who has just left it, too: SUMO then knows where its rear is. After the next `step`, `settle` gives it its
+        The route's first edge is the one it is on; on a junction, the one before the junction, and that is allowed
+        for a vehicle that has just left it, too: SUMO then knows where its rear is. After the next `step`, `settle` gives it its
         speed: SUMO computes one of its own for the placement.
 
         Raises:
@@ -226,8 +211,8 @@ class World:
 
         Args:
             vehicle: its id. speed_mps: m/s.
-            free: it may drive into the junction ahead. SUMO takes who does not ask there for one that has stopped at
-                its stop sign already.
+            free: it may drive into the junction ahead. SUMO counts a vehicle that does not ask there as one that has
+                stopped at its stop sign already.
         """
         self._sumo.vehicle.setSpeedMode(vehicle, 0 if free else _ASKS)
         self._sumo.vehicle.setSpeed(vehicle, speed_mps)
@@ -238,9 +223,9 @@ class World:
         self._sumo.vehicle.setSpeedMode(vehicle, _OBEYS)
 
     def settle(self, vehicle: str, speed_mps: float, acceleration_mps2: float) -> None:
-        """Say what speed a vehicle had during the last step; SUMO goes on from it."""
+        """State what speed a vehicle had during the last step; SUMO continues from it."""
         try:  # noqa: SIM105  at every step: `contextlib.suppress` costs as much as the call
-            self._swig.vehicle_setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
+            self._sumo.vehicle.setPreviousSpeed(vehicle, speed_mps, acceleration_mps2)
         except self._errors:  # a body may have come to the end of its route
             pass
 
@@ -264,7 +249,7 @@ class World:
             x_front: m.
             y_front: m.
             heading_rad: counter-clockwise from east.
-            lane: the lane that it is on; without, SUMO looks for one near the last, which hangs on where that was.
+            lane: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
 
         Raises:
             SimulationError: SUMO refuses the place.
@@ -272,7 +257,7 @@ class World:
         edge, _, index = lane.rpartition("_")
         where = (edge, int(index or -1), x_front, y_front, _degrees(heading_rad), 2, MATCH_M)
         try:
-            self._swig.vehicle_moveToXY(vehicle, *where)
+            self._sumo.vehicle.moveToXY(vehicle, *where)
         except self._errors:
             # SUMO takes it out at the end of its route; it is still there.
             try:
@@ -282,31 +267,32 @@ class World:
                 place = f"({x_front:.2f} m, {y_front:.2f} m)"
                 raise SimulationError(f"SUMO cannot place {vehicle} at {place}: {err}") from err
 
-    def mend_order(self) -> None:
-        """Put bodies that have passed somebody on their lane, or were passed, where they belong in its queue.
+    def correct_lane_order(self) -> None:
+        """Put bodies that have passed another on their lane, or were passed, where they belong in its queue.
 
-        SUMO does not expect that, goes on with the order in which they came, and whoever follows does not see those
-        that are in front of the wrong one (measured: a truck drove through a parked car that the ego had passed).
+        SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order in which they came,
+        and a follower does not see those in front of the wrong one (measured: a truck drove through a parked car that
+        the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is ordered by place without this.
         Bodies must be placed anew before the next step.
         """
         vehicle = self._sumo.vehicle
         for lane in dict.fromkeys(map(self._lane_of, self._bodies)):
-            queue = self._swig.lane_getLastStepVehicleIDs(lane) if lane else ()
+            queue = self._sumo.lane.getLastStepVehicleIDs(lane) if lane else ()
             if len(queue) < 2:
                 continue
-            places = list(map(self._swig.vehicle_getLanePosition, queue))
+            places = list(map(vehicle.getLanePosition, queue))
             if places == sorted(places):
                 continue
             for k in [k for k in range(1, len(queue)) if places[k] < places[k - 1]]:
                 bodies = [name for name in (queue[k], queue[k - 1]) if name in self._bodies]
-                # rather a stand-in than the ego, which would be a newcomer on a junction
+                # rather a stand-in than the ego, which would count as just arrived on a junction
                 for name in sorted(bodies, key=lambda name: self._bodies[name][0] != GHOST_TYPE)[:1]:
                     vehicle.remove(name)
                     self._add_body(name)
 
     def _lane_of(self, vehicle: str) -> str:
         try:
-            return str(self._swig.vehicle_getLaneID(vehicle))
+            return str(self._sumo.vehicle.getLaneID(vehicle))
         except self._errors:
             return ""  # at the end of its route
 
@@ -326,23 +312,23 @@ class World:
     def vehicles(self) -> Seen:
         """Return where every vehicle that SUMO drives is now; those that have left the road are forgotten."""
         # Asking for each value is cheaper than SUMO's subscriptions (14 us to 27 us).
-        swig = self._swig
-        on_road = swig.vehicle_getIDList()
+        vehicle = self._sumo.vehicle
+        on_road = vehicle.getIDList()
         if on_road != self._on_road:
             self._count(on_road)
         names = self._names
-        places = list(chain.from_iterable(map(swig.vehicle_getPosition, names)))
-        lanes = list(map(swig.vehicle_getLaneID, names))
+        places = list(chain.from_iterable(map(vehicle.getPosition, names)))
+        lanes = list(map(vehicle.getLaneID, names))
         changed = []
         if lanes != self._lanes:
             changed = [pair for pair in zip(names, lanes, strict=True) if self._vehicles[pair[0]].lane != pair[1]]
             self._lanes = lanes
-        for vehicle, lane in changed:
-            known = self._vehicles[vehicle]
+        for name, lane in changed:
+            known = self._vehicles[name]
             known.lane = lane
             if known.cruise_mps and not lane.startswith((":", known.edge)):
-                self._limit_speed(vehicle, known, lane)
-        return Seen(names, places, list(map(swig.vehicle_getSpeed, names)), changed)
+                self._limit_speed(name, known, lane)
+        return Seen(names, places, list(map(vehicle.getSpeed, names)), changed)
 
     def _forget(self, vehicle: str) -> None:
         """Do not count a vehicle among those that SUMO drives any more."""
@@ -379,14 +365,14 @@ class World:
     def limit_speed(self, vehicle: str, speed_mps: float) -> None:
         """Let a vehicle drive at most this, which is no more than its cruise speed, until that is set anew."""
         if vehicle in self._vehicles:
-            self._swig.vehicle_setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
+            self._sumo.vehicle.setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
 
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
         """Set how fast a vehicle gains speed at most."""
         self._sumo.vehicle.setAccel(vehicle, acceleration_mps2)
 
     def ignore(self, vehicle: str, what: str, *, on: bool = True) -> None:
-        """Let a vehicle ignore `signals` (and who has green there) or `priority`, or obey again."""
+        """Let a vehicle ignore `signals` (and vehicles that have green there) or `priority`, or obey again."""
         known = self._vehicles[vehicle]
         (known.ignores.add if on else known.ignores.discard)(what)
         mode = _IGNORES_SIGNALS if "signals" in known.ignores else _IGNORES_PRIORITY if known.ignores else _OBEYS
@@ -395,43 +381,6 @@ class World:
     def change_lane(self, vehicle: str, side: int) -> None:
         """Ask for a change by one lane: 1 to the left, -1 to the right; kept there for 60 s."""
         self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
-
-    # --- signals ---------------------------------------------------------------------------------------------------
-
-    def set_phase(self, tls: str, phase: int, left_s: float) -> None:
-        """Show a phase for the time that is left of it; the program goes on from there."""
-        self._shown.pop(tls, None)
-        self._sumo.trafficlight.setPhase(tls, phase)
-        self._sumo.trafficlight.setPhaseDuration(tls, left_s)
-
-    @property
-    def now_s(self) -> float:
-        """SUMO's time."""
-        return self._now
-
-    def stage(self, tls: str) -> tuple[int, float]:
-        """Return the stage that a signal shows (index) and the time since it began."""
-        stage, since_s, _ = self.shown(tls)
-        return stage, self._now - since_s
-
-    def shown(self, tls: str) -> tuple[int, float, float]:
-        """Return the stage that a signal shows, when it began, and until when it goes on like that, in SUMO's time."""
-        known = self._shown.get(tls)
-        if known is None or self._now >= known[2]:
-            phase = self._signals[tls].phases[self._sumo.trafficlight.getPhase(tls)]
-            until = self._sumo.trafficlight.getNextSwitch(tls)
-            known = self._shown[tls] = phase.stage, until - phase.duration_s - phase.since_stage_s, until
-            self._states_shown[tls] = str(self._sumo.trafficlight.getRedYellowGreenState(tls))
-        return known
-
-    def state(self, tls: str) -> str:
-        """Return the state string that a signal shows now."""
-        self.shown(tls)
-        return self._states_shown[tls]
-
-    def colour(self, tls: str, link: int) -> SignalColour:
-        """Return what a signal shows to one of its links."""
-        return _COLOURS.get(self.state(tls)[link], "off")
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -460,7 +409,7 @@ class World:
     def _limit_speed(self, vehicle: str, known: _Known, lane: str) -> None:
         """Let a vehicle drive its cruise speed on this edge (not a junction's), over the limit if need be.
 
-        Done anew on every edge, so that it hangs on where the vehicle is and not on where it came from.
+        Done anew on every edge, so that it depends on where the vehicle is and not on where it came from.
         """
         known.edge = lane[: lane.rindex("_") + 1]
         factor = max(1.0, known.cruise_mps / self._speed_limit(known.edge[:-1]))

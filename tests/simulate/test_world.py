@@ -83,7 +83,7 @@ def test_a_body_that_was_passed_is_still_seen(town: Town, mended: bool) -> None:
         world.place("passes", passing.x, passing.y, passing.heading_rad, passing.lane)
         world.step()
         if mended:
-            world.mend_order()
+            world.correct_lane_order()
         world.settle("stands", 0.0, 0.0)
     x, y, _ = _seen(world, "car")
     # SUMO alone would look past it (this is why the order is mended)
@@ -118,14 +118,19 @@ def test_signals_begin_as_the_scene_says(town: Town) -> None:
     signal = town.signals["n11"]
     _, world = _world(town, signals=(("n11", "phase_1", 1.25),))
     world.step()
-    assert world.stage("n11") == (1, pytest.approx(1.25))
-    assert world.state("n11") == signal.phases[1].state
-    assert world.stage("n22") == (0, pytest.approx(0.0))
+    assert world.signals.stage("n11") == (1, pytest.approx(1.25))
+    assert world.signals.state("n11") == signal.phases[1].state
+    assert world.signals.stage("n22") == (0, pytest.approx(0.0))
     left = signal.phases[1].duration_s - 1.25
     for _ in range(round(left / 0.05) + 1):
         world.step()
-    assert world.stage("n11")[0] == 2
-    assert {world.colour("n11", k) for k in range(len(world.state("n11")))} <= {"red", "amber", "green", "off"}
+    assert world.signals.stage("n11")[0] == 2
+    assert {world.signals.colour("n11", k) for k in range(len(world.signals.state("n11")))} <= {
+        "red",
+        "amber",
+        "green",
+        "off",
+    }
 
 
 def test_a_missing_network_is_said(town: Town, tmp_path: Path) -> None:

@@ -183,7 +183,7 @@ class PathActor(Actor):
         for enters, _, tls, link in self.stops:
             stop = enters - KERB_M
             # One that waits there may have been written down a rounding further on.
-            if self.along <= stop + ROUNDING_M and self._world.colour(tls, link) in ("red", "amber"):
+            if self.along <= stop + ROUNDING_M and self._world.signals.colour(tls, link) in ("red", "amber"):
                 return max(stop, self.along)
         return None
 

@@ -94,7 +94,7 @@ class Simulation:
         self.time_s = round(self.frame * STEP_S, 6)
         self._show()
         self.world.step()
-        self.world.mend_order()
+        self.world.correct_lane_order()
         self._settle()
         left = self._traffic.follow()
         self._ego_lane()
@@ -159,7 +159,7 @@ class Simulation:
         """
         world = self.world
         waves, ghosts_from = self._waves()
-        world.start_signals(bundle, (len(waves) + 1) * STEP_S)
+        world.signals.start(bundle, (len(waves) + 1) * STEP_S)
         for body in self.bodies.values():
             body.speed = with_timing(body.placed).speed_mps
         before = {body.id: with_timing(body.in_sumo()) for body in self.bodies.values()}
@@ -305,7 +305,7 @@ class Simulation:
             return None
         for passage, room in self.progress.ahead(actor, self.frame, LOOKS_AHEAD_M):
             tls, link = passage.movement.tls, passage.movement.link
-            if room >= 0 and tls is not None and link >= 0 and self.world.colour(tls, link) == "red":
+            if room >= 0 and tls is not None and link >= 0 and self.world.signals.colour(tls, link) == "red":
                 return passage.entry_s
         return None
 

@@ -173,7 +173,7 @@ class Sensing:
 
     def _scan_of(self, frame: int, pose: Pose, s: float, states: FloatArray) -> _Scan:
         heads = self._heads.near(pose, s, self._sight.signal_range_m)
-        shown = {key: self._simulation.world.colour(*self._links[key]) for key in self._heads.signals(heads)}
+        shown = {key: self._simulation.world.signals.colour(*self._links[key]) for key in self._heads.signals(heads)}
         return _Scan(frame, round((frame - self._began) * STEP_S, 6), pose, states, heads, shown)
 
     def _s(self) -> float:

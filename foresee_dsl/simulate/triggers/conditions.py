@@ -157,13 +157,13 @@ class Conditions:
         if signal is None:
             return None
         if condition.actor is None:
-            stage, _ = self._simulation.world.stage(signal.tls)
+            stage, _ = self._simulation.world.signals.stage(signal.tls)
             return Outcome(signal.stages[stage] == state, decides=condition)
         actor = self._actor(condition.actor)
         link = None if actor is None else self._link(actor, junction, signal.tls)
         if link is None:
             return None
-        return Outcome(self._simulation.world.colour(*link) == state, decides=condition)
+        return Outcome(self._simulation.world.signals.colour(*link) == state, decides=condition)
 
     def _link(self, actor: Actor, junction: str, tls: str) -> tuple[str, int] | None:
         """Return which signal, and which of its links, an actor has to look at until it has left a junction."""

@@ -1,0 +1,57 @@
+"""What the signals of SUMO's world show, asked of SUMO only when one may have switched."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+from foresee_dsl.compile.bundle import Signal, SumoBundle
+from foresee_dsl.drivers.protocol import SignalColour
+
+_COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
+
+
+class Signals:
+    """The signals of one run."""
+
+    def __init__(self, sumo: ModuleType, bundle: SumoBundle) -> None:
+        self._lights = sumo.trafficlight
+        self._signals: dict[str, Signal] = {signal.tls: signal for signal in bundle.signals.values()}
+        self._shown: dict[str, tuple[int, float, float]] = {}
+        self._states: dict[str, str] = {}
+        self.now_s = 0.0
+        """SUMO's time."""
+
+    def start(self, bundle: SumoBundle, lead_s: float) -> None:
+        """Set the signals so that they are as the scene says after `lead_s`; others at the beginning of a stage."""
+        begins = {junction: (stage, elapsed) for junction, stage, elapsed in bundle.scene.signals}
+        for signal in bundle.signals.values():
+            stage, elapsed = begins.get(signal.junction, (signal.stages[signal.phases[0].stage], 0.0))
+            phase, left_s = signal.phase_at(stage, elapsed)
+            self._shown.pop(signal.tls, None)
+            # The phase for the time that is left of it; the program continues from there.
+            self._lights.setPhase(signal.tls, phase)
+            self._lights.setPhaseDuration(signal.tls, left_s + lead_s)
+
+    def stage(self, tls: str) -> tuple[int, float]:
+        """Return the stage that a signal shows (index) and the time since it began."""
+        stage, since_s, _ = self.shown(tls)
+        return stage, self.now_s - since_s
+
+    def shown(self, tls: str) -> tuple[int, float, float]:
+        """Return the stage that a signal shows, when it began, and until when, in SUMO's time."""
+        known = self._shown.get(tls)
+        if known is None or self.now_s >= known[2]:
+            phase = self._signals[tls].phases[self._lights.getPhase(tls)]
+            until_s = self._lights.getNextSwitch(tls)
+            known = self._shown[tls] = phase.stage, until_s - phase.duration_s - phase.since_stage_s, until_s
+            self._states[tls] = str(self._lights.getRedYellowGreenState(tls))
+        return known
+
+    def state(self, tls: str) -> str:
+        """Return the state string that a signal shows now."""
+        self.shown(tls)
+        return self._states[tls]
+
+    def colour(self, tls: str, link: int) -> SignalColour:
+        """Return what a signal shows to one of its links."""
+        return _COLOURS.get(self.state(tls)[link], "off")
