@@ -172,8 +172,8 @@ class World:
         """Put an actor that has a route into the world where it is placed, exactly.
 
         The route's first edge is the one it is on; on a junction, the one before the junction, and that is allowed
-        for a vehicle that has just left it, too: SUMO then knows where its rear is. After the next `step`, `settle` gives it its
-        speed: SUMO computes one of its own for the placement.
+        for a vehicle that has just left it, too: SUMO then knows where its rear is. After the next `step`, `settle`
+        gives it its speed: SUMO computes one of its own for the placement.
 
         Raises:
             SimulationError: SUMO refused route or place.
@@ -270,9 +270,9 @@ class World:
     def correct_lane_order(self) -> None:
         """Put bodies that have passed another on their lane, or were passed, where they belong in its queue.
 
-        SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order in which they came,
-        and a follower does not see those in front of the wrong one (measured: a truck drove through a parked car that
-        the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is ordered by place without this.
+        SUMO 1.28 does not expect that vehicles moved from outside pass each other: it keeps the order in which they
+        came, and a follower does not see those in front of the wrong one (measured: a truck drove through a parked car
+        that the ego had passed). The fault is gone when `lane.getLastStepVehicleIDs` is ordered by place without this.
         Bodies must be placed anew before the next step.
         """
         vehicle = self._sumo.vehicle
