@@ -22,7 +22,7 @@ class Diagnostic:
     Attributes:
         code: stable code such as `FS012`.
         message: one sentence, lower-case start, no full stop: `unknown unit 'kmh'`.
-        help: what to write instead: `did you mean 'km/h'?`; empty where nothing useful can be said.
+        help: what to write instead: `did you mean 'km/h'?`; empty where there is no useful hint.
         path: the file as the user named it.
         span: the place, or None where the whole file is meant.
         source_line: the text of line `span.line`, without its newline (may be cut around the place if very long).

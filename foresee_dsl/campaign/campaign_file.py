@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.campaign.codes import NOT_INSTALLED, NOTHING_THERE
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.drivers.registry import driver_names
 from foresee_dsl.errors import Diagnostic, InputError
@@ -30,6 +29,8 @@ from foresee_dsl.language.model import (
 from foresee_dsl.language.project.addresses import kind_of, parse_address
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
+
+NOT_INSTALLED, NOTHING_THERE = "FS058", "FS059"
 
 _PATTERN = frozenset("*?[")
 

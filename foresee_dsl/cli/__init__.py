@@ -22,9 +22,9 @@ from foresee_dsl.cli.common import BUG, explain_error
 
 COMMANDS = (
     ("Write", "check", "check.check"),
-    ("Write", "explain", "explain.explain"),
+    ("Write", "explain", "check.explain"),
     ("Write", "fmt", "formatting.fmt"),
-    ("Write", "sample", "sampling.sample"),
+    ("Write", "sample", "author.sample"),
     ("Write", "compile", "author.compile_"),
     ("Write", "expand", "author.expand"),
     ("Write", "diff", "compare.diff"),
@@ -34,7 +34,7 @@ COMMANDS = (
     ("Run and derive", "forecast", "runs.forecast"),
     ("Run and derive", "clip", "runs.clip"),
     ("Run and derive", "mutate", "runs.mutate"),
-    ("Run and derive", "repin", "children.repin"),
+    ("Run and derive", "repin", "compare.repin"),
     ("Campaign", "assess", "campaigns.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
@@ -42,10 +42,10 @@ COMMANDS = (
     ("Campaign", "verify", "campaigns.verify"),
     ("Exchange", "import", "formats.import_"),
     ("Exchange", "export", "formats.export"),
-    ("About", "drivers", "author.drivers"),
-    ("About", "models", "author.models"),
-    ("About", "lsp", "lsp.lsp"),
-    ("About", "doctor", "doctor.doctor"),
+    ("About", "drivers", "about.drivers"),
+    ("About", "models", "about.models"),
+    ("About", "lsp", "about.lsp"),
+    ("About", "doctor", "about.doctor"),
 )
 """Every command in the order of the help: its group there, its name, and its function as `MODULE.FUNCTION` of this
 package. A command's module is imported when it is named (or for the help), so a new one costs the others nothing."""

@@ -1,13 +1,19 @@
-"""Commands for authors: compile, expand; and what there is to use: drivers, models."""
+"""Commands that derive from a scenario what it stands for: compile, expand, sample."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, console, print_json
+from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, print_json
+
+if TYPE_CHECKING:
+    from foresee_dsl.language.model import Case, Scenario
+    from foresee_dsl.language.sampling.coverage import Coverage, Reach
 
 
 def compile_(
@@ -51,57 +57,148 @@ def expand(
     show(print_model(expanded_model(load_test_case(address, allow_outside=allow_outside))))
 
 
-def drivers(json: JsonOption = False) -> None:
-    """List the drivers that can be put under test."""
-    from foresee_dsl.drivers.registry import describe_drivers
+# ---- sample ---------------------------------------------------------------------------------------------------------
 
-    found = describe_drivers()
-    if json:
-        keys = ("name", "version", "about", "package")
-        print_json({"schema": 1, "drivers": [dict(zip(keys, d, strict=True)) for d in found]})
-        return
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False)
-    for heading in ("driver", "version", "package", "about"):
-        table.add_column(heading)
-    for d in found:
-        table.add_row(d.name, d.version, d.package, d.doc)
-    console().print(table)
+DEFAULT_COUNT = 20
+"""How many cases are drawn where nothing says how many (ours: what fits on a screen with its coverage)."""
+_WIDTH = 80
+"""Columns of the tables."""
 
 
-def models(
-    catalogue: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="A catalogue; by default the bundled one.")
-    ] = None,
-    json: JsonOption = False,
+class Format(StrEnum):
+    """In what form cases are printed."""
+
+    table = "table"
+    json = "json"
+    cases = "cases"
+
+
+def sample(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario with parameters.")],
+    count: Annotated[int | None, typer.Option("--count", min=1, max=10_000, help="Draw so many cases.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, max=10**9, help="Draw from this seed.")] = None,
+    format_: Annotated[
+        Format,
+        typer.Option("--format", help="table: for people; json: for tools; cases: lines to paste into the scenario."),
+    ] = Format.table,
+    allow_outside: AllowOutsideOption = False,
 ) -> None:
-    """List the models of vehicles, people and things that scenarios can name."""
-    from foresee_dsl.compile.catalogue import spec_of
-    from foresee_dsl.language.project.loading import load_catalogue
+    """Draw cases of a scenario, or show those that it has, and say how much of the ranges they reach.
 
-    specs = [spec_of(model) for model in load_catalogue(catalogue).values()]
-    if json:
-        from dataclasses import asdict
+    The same file, count and seed give the same cases on every machine.
 
-        print_json({"schema": 1, "models": [asdict(s) | {"rear_overhang_m": s.rear_overhang_m} for s in specs]})
+    Without --count and --seed the scenario's own cases are shown, those of `cases ... from seed` among them.
+
+    [dim]foresee sample my.foresee
+    foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
+    """
+    from foresee_dsl.language.project.loading import Project
+    from foresee_dsl.language.sampling.coverage import coverage
+
+    scenario = Project(allow_outside=allow_outside).whole_scenario(file)
+    cases = _cases(scenario, count, seed)
+    if format_ is Format.cases:
+        _print_cases(cases)
         return
-    from rich.table import Table
+    found = coverage(scenario, cases)
+    if format_ is Format.json:
+        _print_json(file, scenario, cases, found)
+    else:
+        _print_table(scenario, cases, found)
 
-    table = Table(box=None, pad_edge=False)
-    table.add_column("model", no_wrap=True)
-    for heading in ("length", "width", "height", "top", "speeds up", "brakes", "hardest"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for s in specs:
-        table.add_row(
-            s.name,
-            f"{s.length_m:.2f}",
-            f"{s.width_m:.2f}",
-            f"{s.height_m:.2f}",
-            f"{s.max_speed_mps * 3.6:.0f}",
-            f"{s.acceleration_mps2:.1f}",
-            f"{s.braking_mps2:.1f}",
-            f"{s.emergency_braking_mps2:.1f}",
+
+def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[Case]:
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.language import model as m
+    from foresee_dsl.language.sampling.draws import TooFewError, axis_of, draw
+
+    written = scenario.all(m.Case)
+    if count is None and seed is None and written:
+        return written
+    if not any(axis_of(param) for param in scenario.all(m.Param)):
+        raise ForeseeError(f"scenario '{scenario.name}' has no parameter with a range or options, so nothing is drawn")
+    wanted = m.Cases.model_validate(
+        {"count": {"value": count or DEFAULT_COUNT, "unit": ""}, "seed": {"value": seed or 0, "unit": ""}}
+    )
+    try:
+        return draw(scenario, wanted)
+    except TooFewError as error:
+        raise ForeseeError(str(error)) from None
+
+
+def _print_cases(cases: Sequence[Case]) -> None:
+    from foresee_dsl.language.printer import print_item
+
+    for case in cases:
+        typer.echo(f"  {print_item(case)}")
+
+
+def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
+    from foresee_dsl.language.project.concretise import value_text
+    from foresee_dsl.language.sampling.coverage import values_of
+
+    print_json(
+        {
+            "schema": 1,
+            "file": str(file),
+            "scenario": scenario.name,
+            "cases": [
+                {"name": case.name, "values": {n: value_text(v) for n, v in values_of(scenario, case).items()}}
+                for case in cases
+            ],
+            "distinct": found.distinct,
+            "parameters": [
+                {"name": r.name, "smallest": value_text(r.smallest), "largest": value_text(r.largest),
+                 "reached": r.reached, "bins": r.bins, "of": r.of}
+                for r in found.reaches
+            ],
+            "pairs": {"reached": found.pairs_reached, "of": found.pairs},
+        }
+    )  # fmt: skip
+
+
+def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
+    from foresee_dsl.language.model import Param
+    from foresee_dsl.language.project.concretise import value_text
+    from foresee_dsl.language.sampling.coverage import values_of
+
+    names = [param.name for param in scenario.all(Param)]
+    rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]
+    for block in _blocks(["case", *names], rows):
+        typer.echo("\n".join(block) + "\n")
+    for reach in found.reaches:
+        typer.echo(_reach_text(reach))
+    if found.pairs:
+        share = found.pairs_reached / found.pairs
+        typer.echo(f"pairs of values: {found.pairs_reached} of {found.pairs} occur together ({share:.0%})")
+    if found.distinct < found.cases:
+        again = found.cases - found.distinct
+        typer.echo(
+            f"note: {again} of {found.cases} cases {'repeats' if again == 1 else 'repeat'} the values of another"
         )
-    console().print(table)
-    console().print("Sizes in m, top speed in km/h, speeding up and braking in m/s².", highlight=False)
+
+
+def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
+    """Lay a table out, in several blocks below each other where it is wider than a screen."""
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    blocks: list[list[int]] = [[]]
+    used = widths[0]
+    for k in range(1, len(head)):
+        if blocks[-1] and used + 2 + widths[k] > _WIDTH:
+            blocks.append([])
+            used = widths[0]
+        blocks[-1].append(k)
+        used += 2 + widths[k]
+    return [
+        ["  ".join(row[k].ljust(widths[k]) for k in (0, *columns)).rstrip() for row in (head, *rows)]
+        for columns in blocks
+    ]
+
+
+def _reach_text(reach: Reach) -> str:
+    from foresee_dsl.language.project.concretise import value_text
+
+    share = f"{reach.reached} of {reach.bins} {reach.of} ({reach.reached / reach.bins:.0%})"
+    if reach.of == "options":
+        return f"{reach.name}: {share}"
+    return f"{reach.name}: {value_text(reach.smallest)} to {value_text(reach.largest)}, {share}"

@@ -287,7 +287,7 @@ def verify(
     foresee verify regressions --driver mine[/dim]
     """
     from foresee_dsl.campaign.verify import Status, as_dict, verify_files
-    from foresee_dsl.language.project.loading import recorded_children
+    from foresee_dsl.language.project.addresses import recorded_children
 
     rechecks = verify_files(recorded_children(paths), driver=driver, run_programs=run_programs, jobs=jobs)
     if json:

@@ -1,18 +1,28 @@
-"""The command check: every mistake of some files, in the form that a person or a tool wants."""
+"""The commands check (every mistake of some files, in the form that a person or a tool wants) and explain."""
 
 from __future__ import annotations
 
+import textwrap
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import FAILED, AllowOutsideOption, JsonOption, counted, print_diagnostics, print_json
+from foresee_dsl.cli.common import (
+    FAILED,
+    AllowOutsideOption,
+    JsonOption,
+    console,
+    counted,
+    print_diagnostics,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from foresee_dsl.errors import Diagnostic
+    from foresee_dsl.language.codes.code import Code
     from foresee_dsl.language.project.checked_files import Checked
 
 Paths = Annotated[list[str], typer.Argument(metavar="PATH", help="Files, folders, or test cases (FILE::CASE).")]
@@ -70,9 +80,9 @@ def check(
         found += [mistake for document in result.campaigns for mistake in mistakes_of(document)]
     if places:
         from foresee_dsl.compile import placement_mistakes
-        from foresee_dsl.report.codes import joined
+        from foresee_dsl.language.lints.lint import without_repeated
 
-        found = joined(found, placement_mistakes(result.cases))
+        found = without_repeated(found, placement_mistakes(result.cases))
     shown = [
         d for d in found if d.severity == "error" or (_chosen(d, wanted, True) and not _chosen(d, unwanted, False))
     ]
@@ -84,9 +94,9 @@ def check(
 
 def _codes(given: Iterable[str] | None, option: str) -> tuple[str, ...]:
     """Split `FS301,FS302` and refuse what begins no code."""
-    codes = tuple(code.strip().upper() for said in given or () for code in said.split(",") if code.strip())
+    codes = tuple(code.strip().upper() for part in given or () for code in part.split(",") if code.strip())
     if codes:
-        from foresee_dsl.report.codes import every_code
+        from foresee_dsl.language.codes.code import every_code
 
         for code in codes:
             if not any(known.startswith(code) for known in every_code()):
@@ -105,12 +115,12 @@ def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, fai
         print_json({"schema": 1, "ok": not failed, "files": result.files, "test_cases": len(result.cases),
                     "diagnostics": [to_json(d) for d in shown]})  # fmt: skip
     elif format_ is Format.sarif:
-        from foresee_dsl.report.codes import every_code
+        from foresee_dsl.language.codes.code import every_code
         from foresee_dsl.report.sarif import to_sarif
 
         print_json(to_sarif(shown, every_code()))
     elif format_ is Format.github:
-        from foresee_dsl.report.codes import every_code
+        from foresee_dsl.language.codes.code import every_code
         from foresee_dsl.report.github import render_github
 
         typer.echo(render_github(shown, every_code()), nl=bool(shown))
@@ -128,3 +138,103 @@ def _print_full(result: Checked, shown: Sequence[Diagnostic]) -> None:
     if not any(d.severity == "error" for d in shown):
         warned = "no mistakes, but warnings" if shown else "no mistakes found"
         typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
+
+
+# ---- explain --------------------------------------------------------------------------------------------------------
+
+_FILE = "\n--- "
+"""What begins another file of an example, in front of its name."""
+_PIN = "sha256:5ef2c6120a41"
+"""What stands for a parent's pin in an example."""
+
+
+def explain(
+    code: Annotated[
+        str | None, typer.Argument(metavar="CODE", help="Such as FS012; without one all are listed.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Say what a code means: why it is wrong, what to do, a wrong and a right example.
+
+    [dim]foresee explain FS012
+    foresee explain[/dim]
+    """
+    from foresee_dsl.language.codes.code import every_code
+
+    codes = every_code()
+    if code is None:
+        _list(list(codes.values()), json=json)
+        return
+    name = code.strip().upper()
+    found = codes.get(name)
+    if found is None:
+        typer.echo(f"error: there is no code {code[:40]}{_nearest(name, list(codes))}", err=True)
+        raise typer.Exit(FAILED)
+    if json:
+        print_json({"schema": 1, "codes": [_data(found)]})
+    else:
+        _show(found)
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    from foresee_dsl.language.messages.suggest import closest
+
+    small = [code.lower() for code in known]
+    digits = "".join(c for c in name if c.isdigit())
+    meant = closest(f"fs{digits.zfill(3)}", small) or closest(name.lower(), small)
+    meant = meant.upper() if meant else None
+    return f": did you mean {meant}?" if meant else "; `foresee explain` lists them"
+
+
+def _data(code: Code) -> dict[str, str]:
+    return {
+        "code": code.code,
+        "severity": code.severity,
+        "title": code.title,
+        "explanation": code.explanation,
+        "within": code.frame,
+        "wrong": code.wrong.replace("PIN", _PIN),
+        "right": code.right.replace("PIN", _PIN),
+    }
+
+
+def _list(codes: list[Code], *, json: bool) -> None:
+    if json:
+        print_json({"schema": 1, "codes": [_data(code) for code in codes]})
+        return
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for code in codes:
+        tint = "cyan" if code.severity == "warning" else "red"
+        table.add_row(Text(code.code, tint), Text(code.severity), Text(code.title))
+    console().print(table)
+
+
+def _show(code: Code) -> None:
+    from rich.text import Text
+
+    from foresee_dsl.editor.highlight import show
+    from foresee_dsl.language.codes.examples import FRAMES
+
+    out = console()
+    tint = "cyan" if code.severity == "warning" else "red"
+    out.print(Text.assemble((code.code, f"bold {tint}"), (f" {code.severity}: ", tint), (code.title, "bold")))
+    out.print()
+    out.print(Text(code.explanation))
+    within = FRAMES[code.frame].within
+    right = _without_repeats(code.wrong, code.right)
+    for word, example in (("wrong", code.wrong), ("right", right)):
+        if example:
+            where = f", {within}" if within and _FILE not in example and not example.startswith("$") else ""
+            out.print(Text(f"\n{word}{where}:"))
+            show(textwrap.indent(example.rstrip("\n").replace("PIN", _PIN), "  ") + "\n")
+
+
+def _without_repeats(wrong: str, right: str) -> str:
+    """Return the right example without the files that are as in the wrong one."""
+    shown = wrong.split(_FILE)
+    first, *files = right.split(_FILE)
+    repeated = [f"{part.partition(chr(10))[0]} (as above)" if part in shown[1:] else part for part in files]
+    return _FILE.join([first, *repeated])

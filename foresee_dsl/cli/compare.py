@@ -1,4 +1,4 @@
-"""Commands that compare by meaning: diff, and what git calls: textconv, git-diff."""
+"""Commands that compare by meaning: diff, what git calls (textconv, git-diff), and repin after a parent's edit."""
 
 from __future__ import annotations
 
@@ -7,12 +7,19 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foresee_dsl.cli.common import FAILED, AllowOutsideOption, JsonOption, print_json
 from foresee_dsl.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from foresee_dsl.errors import Diagnostic
+    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.language.repinning.repin import Child
 
 
 class Format(StrEnum):
@@ -41,7 +48,8 @@ def diff(
     foresee diff a.foresee::r01 a.foresee::r02
     foresee diff out/children/scenario7/red_light_runner_r02_p1_m3.foresee[/dim]
     """
-    from foresee_dsl.language.diff import compare_addresses, parent_address, render_groups, render_markdown
+    from foresee_dsl.language.diff.addresses import compare_addresses, parent_address
+    from foresee_dsl.language.diff.rendering import render_groups, render_markdown
 
     first, second = (old, new) if new else (parent_address(old), old)
     found = compare_addresses(first, second, allow_outside=allow_outside)
@@ -65,7 +73,7 @@ def textconv(
 
     [dim]git config diff.foresee.textconv "foresee textconv"[/dim]
     """
-    from foresee_dsl.language.diff import plain_text
+    from foresee_dsl.language.diff.plain import plain_text
     from foresee_dsl.language.parser import load
 
     content = file.read_bytes()
@@ -94,15 +102,17 @@ _GIT_ARGUMENTS = 7
 
 
 def _git_diff(path: str, old: Path, new: Path) -> str:
-    from foresee_dsl.language.diff import diff_models, render_groups, texts
+    from foresee_dsl.language.diff.compare import diff_models
+    from foresee_dsl.language.diff.plain import texts
+    from foresee_dsl.language.diff.rendering import render_groups
     from foresee_dsl.language.parser import load
 
     try:
         a, b = load(old, shown_as=path).model, load(new, shown_as=path).model
-        changes, told = diff_models(a, b), texts(a, b)
+        changes, texts_only = diff_models(a, b), texts(a, b)
     except InputError:  # added, removed, of another kind, or with mistakes: in text
         return _text_diff(path, old, new)
-    return f"foresee diff {path}\n\n{render_groups(changes, told, colour=_colour())}\n"
+    return f"foresee diff {path}\n\n{render_groups(changes, texts_only, colour=_colour())}\n"
 
 
 def _text_diff(path: str, old: Path, new: Path) -> str:
@@ -121,3 +131,63 @@ def _lines(file: Path) -> list[str]:
 def _colour() -> bool:
     """Whether colours reach a terminal: our own, or that of git's pager."""
     return (sys.stdout.isatty() or "GIT_PAGER_IN_USE" in os.environ) and "NO_COLOR" not in os.environ
+
+
+# ---- repin ----------------------------------------------------------------------------------------------------------
+
+
+def repin(
+    paths: Annotated[list[Path], typer.Argument(metavar="CHILD", help="Clips and mutants, or folders of them.")],
+    write: Annotated[
+        bool, typer.Option("--write/--dry-run", help="Write the new pins; by default only say what would happen.")
+    ] = False,
+    run: Annotated[
+        bool, typer.Option("--run", help="Drive every stale child before and after: the same verdict?")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Show what a parent's edit does to its stale children, and write their new pins.
+
+    A child that no longer fits its parent is a conflict: it is named, left alone, and the exit code is 1.
+
+    [dim]foresee repin out/children
+    foresee repin regressions --write
+    foresee repin clip.foresee --run[/dim]
+    """
+    from foresee_dsl.language.repinning.repin import State, plan
+    from foresee_dsl.language.repinning.repin import write as write_pins
+
+    children = plan(paths, _placement)
+    verdicts = _verdicts(children) if run else {}
+    written = write_pins(children) if write else ()
+    failed = [child for child in children if child.state in (State.CONFLICT, State.BLOCKED)]
+    if json:
+        listed = [child.as_dict() | {"verdict": verdicts.get(child.file)} for child in children]
+        print_json({"schema": 1, "ok": not failed, "written": [str(file) for file in written], "children": listed})
+    else:
+        _print(children, verdicts, write=write)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+def _placement(case: TestCase) -> Sequence[Diagnostic]:
+    """Build the network and place every actor."""
+    from foresee_dsl.compile import placement_mistakes
+
+    return placement_mistakes([case])
+
+
+def _verdicts(children: Sequence[Child]) -> dict[Path, tuple[str, str]]:
+    """Drive the stale children under their old parent and under the new one; what each run ended with."""
+    from foresee_dsl.campaign.repin_effects import before_and_after
+    from foresee_dsl.language.repinning.repin import State
+
+    return before_and_after([child for child in children if child.state is State.STALE])
+
+
+def _print(children: Sequence[Child], verdicts: dict[Path, tuple[str, str]], *, write: bool) -> None:
+    from foresee_dsl.language.repinning.text import describe, summary
+
+    for child in children:
+        typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)
+    typer.echo(summary(children, written=write))

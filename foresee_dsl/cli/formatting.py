@@ -60,7 +60,7 @@ def fmt(
             _format_file(file, tally, check_only=check_only, show_diff=show_diff)
         except InputError as error:
             tally.mistakes |= dict.fromkeys(error.diagnostics)
-        except BrokenPipeError:  # nobody reads the diff any more: `main` says nothing then
+        except BrokenPipeError:  # the reader of the diff has gone: `main` exits quietly
             raise
         except OSError as error:
             message = f"this file cannot be written: {(error.strerror or str(error)).lower()}"
@@ -70,7 +70,7 @@ def fmt(
     if tally.mistakes:
         print_diagnostics(tuple(tally.mistakes))
     elif not tally.changed:
-        typer.echo("1 file is as it should be" if tally.files == 1 else f"{tally.files} files are as they should be")
+        typer.echo("1 file is formatted already" if tally.files == 1 else f"{tally.files} files are formatted already")
     if tally.mistakes or (tally.changed and (check_only or show_diff)):
         raise typer.Exit(FAILED)
 
@@ -123,7 +123,7 @@ def _format_stdin(*, check_only: bool, show_diff: bool) -> None:
     if show_diff:
         _print_diff(before, after, "<stdin>")
     elif check_only:
-        typer.echo("<stdin> is as it should be" if after == before else "would change <stdin>")
+        typer.echo("<stdin> is formatted already" if after == before else "would change <stdin>")
     else:
         sys.stdout.buffer.write(after.encode("utf-8"))  # bytes: neither the locale nor the system changes them
         sys.stdout.buffer.flush()

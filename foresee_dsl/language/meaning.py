@@ -9,29 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from foresee_dsl.language.model import (
-    Actor,
-    Case,
-    Cases,
-    Clip,
-    Doc,
-    Ego,
-    Expect,
-    Fidelity,
-    Item,
-    Network,
-    Param,
-    Quantity,
-    Require,
-    Risk,
-    Scenario,
-    Tags,
-    Traffic,
-    UseModels,
-    UseNetwork,
-    VehicleModel,
-    When,
-)
+from foresee_dsl.language import model as m
 from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1
@@ -42,26 +20,34 @@ SIGNIFICANT_DIGITS = 9
 a conversion (`50 km/h` is 13.888888888... m/s)."""
 
 _HASH_DIGITS = 12
-_NO_MEANING = (Doc, Tags, Risk, Fidelity, UseNetwork, UseModels, Network, Param, Case, Cases, Require)
+_NO_MEANING = (
+    m.Doc,
+    m.Tags,
+    m.Risk,
+    m.Fidelity,
+    m.UseNetwork,
+    m.UseModels,
+    m.Network,
+    m.Param,
+    m.Case,
+    m.Cases,
+    m.Require,
+)
 """Statements of a scenario or clip that its own part of the hash leaves out (the network and models enter apart)."""
 
-_GROUPS: tuple[tuple[str, tuple[type[Item], ...]], ...] = (
-    ("ego", (Ego,)),
-    ("actors", (Actor,)),
-    ("traffic", (Traffic,)),
-    ("whens", (When,)),
-)
-"""Statements whose order among their like is kept: it gives the actors their ids and the triggers their turn."""
+ORDERED: Mapping[type[m.Item], str] = {m.Ego: "ego", m.Actor: "actors", m.Traffic: "traffic", m.When: "whens"}
+"""Statements whose order among their like counts, with their key in the hash: it gives the actors their ids and the
+triggers their turn."""
 
 _Json = object
-_Kept = TypeVar("_Kept")
-_MOST_KEPT = 1000
-_KEPT: dict[int, tuple[object, _Json]] = {}
+_T = TypeVar("_T")
+_CACHE_SIZE = 1000
+_CACHE: dict[int, tuple[object, _Json]] = {}
 """The content of items by identity (they are never changed): the children of a clip share nearly all of theirs."""
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 
-def meaning_hash(scenario: Scenario, network: Network | Path, models: Mapping[str, VehicleModel]) -> str:
+def meaning_hash(scenario: m.Scenario, network: m.Network | Path, models: Mapping[str, m.VehicleModel]) -> str:
     """Return the hash of what a concrete scenario means: `sha256:` and 12 hexadecimal digits.
 
     Args:
@@ -74,12 +60,12 @@ def meaning_hash(scenario: Scenario, network: Network | Path, models: Mapping[st
         {
             "scenario": _body(scenario.body),
             "network": _network(network),
-            "models": {name: _kept(models[name], _model) if name in models else None for name in named},
+            "models": {name: _cached(models[name], _model) if name in models else None for name in named},
         }
     )
 
 
-def clip_pin(clip: Clip, parent_meaning: str) -> str:
+def clip_pin(clip: m.Clip, parent_meaning: str) -> str:
     """Return what a mutant pins: the clip's meaning (without risk, fidelity, doc and name) over its parent's."""
     return _digest({"clip": _body(clip.body), "parent": parent_meaning})
 
@@ -91,15 +77,20 @@ def pin_of(case: TestCase) -> str:
     return case.meaning
 
 
-def models_named(scenario: Scenario) -> frozenset[str]:
+def models_named(scenario: m.Scenario) -> frozenset[str]:
     """Return the names of all models that the actors and the traffic of a concrete scenario use."""
     own = {actor.model for actor in scenario.actors if isinstance(actor.model, str)}
-    return frozenset(own.union(*(traffic.models for traffic in scenario.all(Traffic))))
+    return frozenset(own.union(*(traffic.models for traffic in scenario.all(m.Traffic))))
 
 
 def same_value(one: object, other: object) -> bool:
     """Return whether two values mean the same: quantities by their SI value and dimension, the rest by equality."""
-    return _canonical(one) == _canonical(other)
+    return one is other or _canonical(one) == _canonical(other)
+
+
+def content_key(value: object) -> str:
+    """Return a text that is the same for two values exactly if they mean the same."""
+    return _sort_key(_canonical(value))
 
 
 def _digest(content: dict[str, _Json]) -> str:
@@ -107,14 +98,11 @@ def _digest(content: dict[str, _Json]) -> str:
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()[:_HASH_DIGITS]}"
 
 
-def _body(body: Iterable[Item]) -> _Json:
+def _body(body: Iterable[m.Item]) -> _Json:
     """Return a block's content: kinds whose order matters in order, all others sorted."""
     items = [item for item in body if not isinstance(item, _NO_MEANING)]
-    grouped: dict[str, _Json] = {}
-    for name, kinds in _GROUPS:
-        grouped[name] = [_canonical(item) for item in items if isinstance(item, kinds)]
-    ordered = tuple(kind for _, kinds in _GROUPS for kind in kinds)
-    rest = [_canonical(item) for item in items if not isinstance(item, ordered)]
+    grouped = {name: [_canonical(item) for item in items if isinstance(item, kind)] for kind, name in ORDERED.items()}
+    rest = [_canonical(item) for item in items if not isinstance(item, tuple(ORDERED))]
     return grouped | {"rest": sorted(rest, key=_sort_key)}
 
 
@@ -126,39 +114,39 @@ def _canonical(value: object) -> _Json:
     """Return a value as JSON in which equal meaning is equal content."""
     if type(value) in _PLAIN:
         return value
-    if isinstance(value, Quantity):
+    if isinstance(value, m.Quantity):
         return _quantity(value)
-    if isinstance(value, Item):
+    if isinstance(value, m.Item):
         return _item(value)
     if isinstance(value, tuple):
-        return [_canonical(part) for part in value if not isinstance(part, Doc)]
+        return [_canonical(part) for part in value if not isinstance(part, m.Doc)]
     return value
 
 
-def _item(item: Item) -> _Json:
-    if isinstance(item, Ego | Actor):
-        return _kept(item, _of_actor)
-    if isinstance(item, When | Expect):
-        return _kept(item, _unlabelled)
+def _item(item: m.Item) -> _Json:
+    if isinstance(item, m.Ego | m.Actor):
+        return _cached(item, _of_actor)
+    if isinstance(item, m.When | m.Expect):
+        return _cached(item, _unlabelled)
     return _fields(item)
 
 
-def _kept(item: _Kept, make: Callable[[_Kept], _Json]) -> _Json:
-    """Return the content of an item, made when it is asked for first; nobody may change it."""
-    known = _KEPT.get(id(item))
+def _cached(item: _T, make: Callable[[_T], _Json]) -> _Json:
+    """Return the content of an item, computed once; callers must not change it."""
+    known = _CACHE.get(id(item))
     if known is None or known[0] is not item:
-        if len(_KEPT) >= _MOST_KEPT:
-            _KEPT.clear()
-        known = _KEPT[id(item)] = item, make(item)
+        if len(_CACHE) >= _CACHE_SIZE:
+            _CACHE.clear()
+        known = _CACHE[id(item)] = item, make(item)
     return known[1]
 
 
-def _of_actor(actor: Ego | Actor) -> _Json:
+def _of_actor(actor: m.Ego | m.Actor) -> _Json:
     body = sorted((_canonical(part) for part in actor.body), key=_sort_key)
     return _fields(actor.model_copy(update={"body": ()})) | {"body": body}
 
 
-def _unlabelled(item: When | Expect) -> dict[str, _Json]:
+def _unlabelled(item: m.When | m.Expect) -> dict[str, _Json]:
     """A label is for people, and `once` is what a trigger does anyway."""
     fields = _fields(item)
     fields.pop("name", None)
@@ -167,27 +155,27 @@ def _unlabelled(item: When | Expect) -> dict[str, _Json]:
     return fields
 
 
-def _fields(item: Item) -> dict[str, _Json]:
-    # As pydantic keeps them; asking for each takes three times as long. What an item worked out once is kept there too.
-    kept = item.__dict__
-    present = ((name, kept[name]) for name in _names(type(item)))
+def _fields(item: m.Item) -> dict[str, _Json]:
+    # Straight from pydantic's dict: `getattr` takes three times as long. Cached properties of an item are in it too.
+    values = item.__dict__
+    present = ((name, values[name]) for name in _names(type(item)))
     return {name: _canonical(value) for name, value in present if value is not None}
 
 
 @cache
-def _names(kind: type[Item]) -> tuple[str, ...]:
+def _names(kind: type[m.Item]) -> tuple[str, ...]:
     return tuple(kind.model_fields)
 
 
-def _quantity(value: Quantity) -> _Json:
+def _quantity(value: m.Quantity) -> _Json:
     number = value.si + 0.0  # -0 becomes 0
     return f"{number:.{SIGNIFICANT_DIGITS}g} {value.dimension}"
 
 
-def _network(network: Network | Path) -> _Json:
-    if isinstance(network, Network):
+def _network(network: m.Network | Path) -> _Json:
+    if isinstance(network, m.Network):
         # In order: netconvert numbers what it builds in this order.
-        return _kept(network, lambda network: {"body": _canonical(network.body)})
+        return _cached(network, lambda network: {"body": _canonical(network.body)})
     status = network.stat()
     return {"file": _file_digest(str(network), status.st_mtime_ns, status.st_size)}
 
@@ -197,7 +185,7 @@ def _file_digest(path: str, modified_ns: int, size: int) -> str:  # noqa: ARG001
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
-def _model(model: VehicleModel) -> _Json:
+def _model(model: m.VehicleModel) -> _Json:
     fields = _fields(model)
     fields.pop("source", None)  # says where the numbers are from; means nothing
     return fields

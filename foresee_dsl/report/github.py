@@ -29,10 +29,10 @@ def _command(found: Diagnostic, codes: Mapping[str, Code]) -> str:
         if found.span.line == found.span.end_line:  # GitHub takes a last column only on the same line
             properties.append(("endColumn", found.span.end_column))
     properties.append(("title", f"{found.code} {code.title}" if code is not None else found.code))
-    said = ",".join(f"{name}={_property(str(value))}" for name, value in properties)
+    options = ",".join(f"{name}={_property(str(value))}" for name, value in properties)
     message = f"{found.message}\n{found.help}" if found.help else found.message
     level = "error" if found.severity == "error" else "warning"
-    return f"::{level} {said}::{_data(message)}"
+    return f"::{level} {options}::{_data(message)}"
 
 
 def _data(text: str) -> str:

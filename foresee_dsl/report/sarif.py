@@ -11,7 +11,7 @@ from urllib.parse import quote
 from foresee_dsl import __version__
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.codes.code import Code
-from foresee_dsl.language.messages.suggest import mend
+from foresee_dsl.language.messages.suggest import suggested_fix
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _BASE = "%SRCROOT%"
@@ -103,7 +103,7 @@ def _fingerprint(found: Diagnostic, seen: Counter[str]) -> str:
 
 
 def _fix(found: Diagnostic) -> _Json | None:
-    replacement = mend(found)
+    replacement = suggested_fix(found)
     if replacement is None:
         return None
     span, text = replacement

@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.codes.examples import FRAMES, example
-from foresee_dsl.report.codes import every_code
 from foresee_dsl.report.github import render_github
 from foresee_dsl.report.sarif import to_sarif
 

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.messages import diagnostics as rendering
 from foresee_dsl.language.parser import decode, format_text, parse
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.report.codes import every_code
 from foresee_dsl.report.github import render_github
 from foresee_dsl.report.sarif import to_sarif
 from tests.fuzz.corpus import CASES, SCENARIOS

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.language.codes import names
-from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.codes.code import Code, every_code
 from foresee_dsl.language.codes.examples import FRAMES
-from foresee_dsl.report.codes import every_code
 from tests.support.examples_at_work import found_in
 
 CODES = every_code()
@@ -39,6 +38,7 @@ def test_every_code_has_examples():
 
 
 def test_every_code_is_explained():
+    assert list(CODES) == sorted(CODES)
     for name, code in CODES.items():
         assert name == code.code
         assert re.fullmatch("FS[0-9]{3}", name)
@@ -50,7 +50,7 @@ def test_every_code_is_explained():
 
 
 def test_every_code_is_produced_somewhere_and_every_produced_code_is_explained():
-    texts = {path: path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py") if path.parent.name != "registry"}
+    texts = {path: path.read_text(encoding="utf-8") for path in SOURCES.rglob("*.py")}
     mentioned = {code for text in texts.values() for code in re.findall(r'"(FS[0-9]{3})"', text)}
     assert mentioned - set(CODES) == set()
     assert set(CODES) - mentioned == set()
@@ -61,4 +61,4 @@ def test_the_constants_of_the_layers_are_used():
     for name in vars(names):
         if name.isupper():
             used = len(re.findall(rf"\b{name}\b", everything))
-            assert used >= 3, f"{name} is defined and explained, but nothing reports it"
+            assert used >= 2, f"{name} is defined and explained, but nothing reports it"

@@ -13,11 +13,11 @@ import pytest
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.codes import CODES
+from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.lints.lint import without_repeated
 from foresee_dsl.language.messages.diagnostics import render_all, render_concise, render_full, to_json
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.checked_files import check_paths
-from foresee_dsl.report.codes import every_code, joined
 from tests.support.examples_at_work import pin_by_hand
 
 CASES = Path(__file__).parents[1] / "cases" / "language"
@@ -46,12 +46,12 @@ def test_golden(file: Path):
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_golden_of_a_folder(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """What `foresee check main.foresee` shows in a folder: files joined, actors placed, lints."""
+    """What `foresee check main.foresee` shows in a folder: files without_repeated, actors placed, lints."""
     shutil.copytree(folder, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
     pin_by_hand("clip.foresee", "main.foresee")
     result = check_paths(["main.foresee"])
-    found = joined(result.diagnostics, placement_mistakes(result.cases))
+    found = without_repeated(result.diagnostics, placement_mistakes(result.cases))
     written = (folder / "main.foresee").read_text(encoding="utf-8")
     shown = re.sub(r"sha256:[0-9a-f]{12}", lambda pin: pin[0] if pin[0] in written else "sha256:...", render_all(found))
     assert found, "a folder in errors/ has a mistake or a lint"
@@ -78,7 +78,7 @@ def test_every_mistake_is_said_once_and_at_its_place(file: Path):
     places = [(d.span, d.message) for d in found]
     assert len(set(places)) == len(places)
     for diagnostic in found:
-        assert diagnostic.code in CODES
+        assert diagnostic.code in every_code()
         assert diagnostic.help, "say what to write instead"
         assert len(render_full(diagnostic).splitlines()) <= 6
         assert diagnostic.span is not None

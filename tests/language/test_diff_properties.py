@@ -14,17 +14,12 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.diff import (
-    apply,
-    diff_models,
-    edit_from_dict,
-    edit_to_dict,
-    plain_text,
-    render_groups,
-    render_markdown,
-)
-from foresee_dsl.language.diff.matching import signature
-from foresee_dsl.language.meaning import meaning_hash
+from foresee_dsl.language.diff.applying import apply
+from foresee_dsl.language.diff.compare import diff_models
+from foresee_dsl.language.diff.parts import edit_from_dict, edit_to_dict
+from foresee_dsl.language.diff.plain import plain_text
+from foresee_dsl.language.diff.rendering import render_groups, render_markdown
+from foresee_dsl.language.meaning import content_key, meaning_hash
 from tests.support.strategies import any_definition
 from tests.support.variations import varied
 
@@ -55,7 +50,7 @@ def meaning(model: m.Item) -> Any:
             value = value if isinstance(value, m.Quantity) else meaning(value)
         elif isinstance(value, tuple):
             value = _parts(model, value)
-        fields[name] = signature(value) if isinstance(value, m.Item) else value
+        fields[name] = content_key(value) if isinstance(value, m.Item) else value
     return (type(model).__name__, fields)
 
 
@@ -64,7 +59,9 @@ def _parts(owner: m.Item, parts: Iterable[Any]) -> Any:
     if isinstance(owner, m.Scenario | m.Clip):
         ordered = [[repr(meaning(part)) for part in kept if isinstance(part, kind)] for kind in ORDERED]
         return (ordered, sorted(repr(meaning(part)) for part in kept if not isinstance(part, ORDERED)))
-    made = [repr(meaning(p)) if isinstance(p, m.Item) and not isinstance(p, m.Quantity) else signature(p) for p in kept]
+    made = [
+        repr(meaning(p)) if isinstance(p, m.Item) and not isinstance(p, m.Quantity) else content_key(p) for p in kept
+    ]
     unordered = isinstance(owner, m.Ego | m.Actor | m.Case | m.Catalogue | m.Mutant)
     return sorted(made, key=str) if unordered else made
 

@@ -106,7 +106,7 @@ def test_a_formatted_file_is_as_it_should_be(tmp_path: Path):
     file.write_text(UGLY, encoding="utf-8")
     fmt(file)
     for options in ([], ["--check"], ["--diff"]):
-        assert fmt(*options, file).stdout == b"1 file is as it should be\n"
+        assert fmt(*options, file).stdout == b"1 file is formatted already\n"
 
 
 def test_newlines_of_a_file_are_kept_and_a_byte_order_mark_goes(tmp_path: Path):

@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes import CODES
+from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.codes.names import (
     BAD_ADDRESS,
     MISSING_FILE,
     OUTSIDE,
+    STALE_PIN,
     TOO_DEEP,
     UNKNOWN_ACTOR,
     UNKNOWN_CASE,
@@ -25,23 +26,21 @@ from foresee_dsl.language.codes.names import (
     WRONG_KIND,
     WRONG_WAS,
 )
-from foresee_dsl.language.diff import diff_addresses, render_text
+from foresee_dsl.language.diff.addresses import diff_addresses
+from foresee_dsl.language.diff.rendering import render_text
 from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.model import Network, UseNetwork
 from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.addresses import parse_address, recorded_children, scenario_files
 from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import (
-    STALE_PIN,
     Project,
     bundled_models,
-    diagnose,
     load_catalogue,
     load_test_case,
     load_test_cases,
-    parse_address,
-    recorded_children,
-    scenario_files,
 )
 
 SAMPLES = Path(__file__).parent.parent / "cases" / "language"
@@ -142,7 +141,7 @@ def mistake(address: str | Path, **options: bool) -> Diagnostic:
     with pytest.raises(InputError) as caught:
         load_test_case(address, **options)
     (found,) = caught.value.diagnostics
-    assert found.code in CODES
+    assert found.code in every_code()
     return found
 
 

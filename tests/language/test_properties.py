@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
-from foresee_dsl.language.diff import diff_models
+from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.meaning import clip_pin, meaning_hash
 from foresee_dsl.language.parser import format_text, parse
 from foresee_dsl.language.printer import print_model

@@ -12,11 +12,11 @@ from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.codes.examples import example
-from foresee_dsl.language.diff import diff_addresses
+from foresee_dsl.language.diff.addresses import diff_addresses
+from foresee_dsl.language.lints.lint import without_repeated
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_catalogue, load_test_case
-from foresee_dsl.report.codes import joined
 
 
 def found_in(code: Code, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Diagnostic, ...]:
@@ -42,7 +42,7 @@ def _do(command: str, *words: str) -> tuple[Diagnostic, ...]:
             return named
         if "--no-places" in options:
             return result.diagnostics
-        return tuple(joined(result.diagnostics, placement_mistakes(result.cases)))
+        return tuple(without_repeated(result.diagnostics, placement_mistakes(result.cases)))
     if command == "run":
         load_test_case(*paths)
     elif command == "diff":

@@ -1,1 +1,1 @@
-"""What can be said about a file without its network, one module an area; `documents.check_document` calls them."""
+"""Checks of one file without its network, a module for each area; `documents.check_document` calls them."""

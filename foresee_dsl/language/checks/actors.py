@@ -1,4 +1,4 @@
-"""Actors: their names, their models' classes, where they are, and whoever is named by triggers and expectations."""
+"""Checks of actors: their names, their models' classes, where they are, and the actors that other statements name."""
 
 from __future__ import annotations
 
@@ -13,18 +13,6 @@ from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.traversal import walk
 
 _WAYS = ("route", "edge_route", "path")
-_ABOUT_ONE = (
-    m.AlongRoute,
-    m.PastJunction,
-    m.Predicate,
-    m.Starts,
-    m.ChangesSpeed,
-    m.ChangesLane,
-    m.Stops,
-    m.Ignores,
-    m.InJunction,
-    m.Within,
-)
 _MAY_REPEAT = ("ignores", "meets_state", "recorded")
 
 
@@ -147,7 +135,7 @@ def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bo
 
 
 def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str]) -> None:
-    """Whoever is named exists; an actor of the traffic is named `others_03`."""
+    """Every actor that is named exists; one of the traffic is named `others_03`."""
     for root in body:
         for item in walk(root):
             for field, name in _mentions(item):
@@ -162,18 +150,8 @@ def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str]
 
 def _mentions(item: m.Item) -> Iterator[tuple[str, str]]:
     """The names of actors in one item, with their fields."""
-    if isinstance(item, _ABOUT_ONE):
-        yield "actor", item.actor
-    elif isinstance(item, m.Meets):
-        yield "actor", item.actor
-        yield "other", item.other
-    elif isinstance(item, m.MeetsState):
-        yield "other", item.other
-    elif isinstance(item, m.Risk) and item.actor is not None:
-        yield "actor", item.actor
-    elif isinstance(item, m.Measure) and item.actor is not None:
-        yield "actor", item.actor
-        if item.what in ("ttc", "headway") and isinstance(item.other, str):
-            yield "other", item.other
-    elif isinstance(item, m.Shows) and item.actor is not None:
-        yield "actor", item.actor
+    junction = isinstance(item, m.Measure) and item.what not in ("ttc", "headway")
+    for field in ("actor",) if junction else ("actor", "other"):
+        name = getattr(item, field, None)
+        if isinstance(name, str):
+            yield field, name

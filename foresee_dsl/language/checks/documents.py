@@ -1,8 +1,9 @@
-"""What can be said about a file without its network: names, references, dimensions, what is missing or said twice."""
+"""Checks of a file that need no network: names, references, dimensions, what is missing or stands twice."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import assert_never
 
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
@@ -18,22 +19,25 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
     """Return every mistake that shows in this file alone, in the order of their places."""
     findings = Findings(document)
     model = document.model
-    if isinstance(model, m.Scenario):
-        _check_scenario(findings, model)
-    elif isinstance(model, m.Clip):
-        _check_clip(findings, model)
-    elif isinstance(model, m.Mutant):
-        _check_mutant(findings, model)
-    elif isinstance(model, m.Extension):
-        _check_extension(findings, model)
-        return findings.sorted()  # values and names: once it is joined with the other
-    elif isinstance(model, m.Network):
-        check_network(findings, model)
-    elif isinstance(model, m.Campaign):
-        _check_campaign(findings, model)
-    else:
-        check_catalogue(findings, model)
-    check_values(findings, model)
+    match model:
+        case m.Scenario():
+            _check_scenario(findings, model)
+        case m.Clip():
+            _check_clip(findings, model)
+        case m.Mutant():
+            _check_mutant(findings, model)
+        case m.Extension():
+            _check_extension(findings, model)
+        case m.Network():
+            check_network(findings, model)
+        case m.Campaign():
+            _check_campaign(findings, model)
+        case m.Catalogue():
+            check_catalogue(findings, model)
+        case _:
+            assert_never(model)
+    if not isinstance(model, m.Extension):  # its values are checked once it is joined with the other scenario
+        check_values(findings, model)
     return findings.sorted()
 
 
@@ -52,8 +56,8 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
         findings.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
     for network in networks[1:]:
         findings.add(network, "", "FS036", "a second network", "a scenario has exactly one", head_only=True)
-    for kind, word in ((m.End, "end"), (m.Weather, "weather"), (m.Tags, "tags")):
-        findings.only_once(scenario.all(kind), f"`{word}`")
+    for kind in (m.End, m.Weather, m.Tags):
+        findings.only_once(scenario.all(kind))
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
         findings.unique(((item, "name", item.name) for item in named if item.name is not None), what)
     for block in scenario.all(m.Network):
@@ -75,7 +79,7 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
         found = [item for item in clip.body if isinstance(item, kind)]
         if not found:
             findings.add(clip, "name", "FS044", f"clip '{clip.name}' has no `{word}`", f"write it like `{usage}`")
-        findings.only_once(found, f"`{word}`")
+        findings.only_once(found)
     for item in clip.body:
         if isinstance(item, m.Window) and _ends_early(item):
             help = "the window's end comes after its start"
@@ -98,7 +102,7 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
     if not mutant.changes:
         help = "add a line such as `change runner.timing: 1.00 => 0.80`"
         findings.add(mutant, "name", "FS045", f"mutant '{mutant.name}' changes nothing", help)
-    findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)], "`origin`")
+    findings.only_once([item for item in mutant.body if isinstance(item, m.Origin)])
     _check_changes(findings, mutant.changes, parameters=False)
     for change in mutant.changes:
         owner = m.OWNERS.get(change.actor)
@@ -110,7 +114,7 @@ def _check_mutant(findings: Findings, mutant: m.Mutant) -> None:
 
 def _check_extension(findings: Findings, extension: m.Extension) -> None:
     """What shows before it is joined with what it extends."""
-    findings.only_once([item for item in extension.body if isinstance(item, m.Tags)], "`tags`")
+    findings.only_once([item for item in extension.body if isinstance(item, m.Tags)])
     _check_changes(findings, [item for item in extension.body if isinstance(item, m.Change)], parameters=True)
 
 
@@ -154,17 +158,8 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
 
 # ---- campaigns -------------------------------------------------------------------------------------------------------
 
-_ONCE: tuple[tuple[type[m.Item], str], ...] = (
-    (m.Drivers, "drivers"),
-    (m.Rankers, "rankers"),
-    (m.Preset, "preset"),
-    (m.ClipAround, "clip"),
-    (m.RiskyPoints, "risky_points"),
-    (m.Children, "children"),
-    (m.Repeat, "repeat"),
-    (m.FirstSeed, "seed"),
-    (m.Budget, "budget"),
-)
+_SEVERAL = (m.Doc, m.Seeds)
+"""What a campaign may have several of; every other statement stands once."""
 
 
 def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
@@ -172,8 +167,8 @@ def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
     if not any(isinstance(item, m.Seeds) for item in campaign.body):
         help = 'say which test cases it runs: `seeds "scenarios/**"`'
         findings.add(campaign, "name", "FS057", f"campaign '{campaign.name}' has no `seeds`", help)
-    for kind, word in _ONCE:
-        findings.only_once([item for item in campaign.body if isinstance(item, kind)], f"`{word}`")
+    for kind in {type(item) for item in campaign.body} - set(_SEVERAL):
+        findings.only_once([item for item in campaign.body if isinstance(item, kind)])
     for item in campaign.body:
         if isinstance(item, m.Drivers | m.Rankers):
             _each_once(findings, item)
@@ -182,4 +177,4 @@ def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
 def _each_once(findings: Findings, item: m.Drivers | m.Rankers) -> None:
     for k, name in enumerate(item.names):
         if name in item.names[:k]:
-            findings.add(item, f"names.{k}", "FS013", f"'{name}' is said twice", "keep one of the two")
+            findings.add(item, f"names.{k}", "FS013", f"'{name}' stands twice", "keep one of the two")

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
 from foresee_dsl.language.sampling.requirements import holds, violation
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import Dimension
 
-_WORDS = ("arm", "turn", "model", "junction", "stage", "side")
+WORD_TYPES = tuple(name for name in get_args(m.ParamType) if name not in get_args(Dimension))
+"""Types of parameters whose values are words."""
 _MAX_SEED = 10**9
 """The largest seed: the largest number of the language."""
 
@@ -34,12 +36,12 @@ def check_drawing(findings: Findings, scenario: m.Scenario) -> None:
 def _check_names(findings: Findings, named: list[tuple[m.Item, str, str]]) -> None:
     """Report names that are given twice; a `cases` statement whose names clash only once."""
     seen: dict[str, m.Item] = {}
-    told: set[int] = set()
+    reported: set[int] = set()
     for item, field, name in named:
         other = seen.setdefault(name, item)
-        if other is item or id(item) in told:
+        if other is item or id(item) in reported:
             continue
-        told.add(id(item))
+        reported.add(id(item))
         help = "give one of them another name"
         if isinstance(item, m.Cases):
             help = "take another seed, or give the written case another name"
@@ -97,8 +99,8 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
             findings.wrong_dimension(normal, field, value, needed, code="FS051")
             return
     if not limits.low.si <= normal.mean.si <= limits.high.si:
-        said = f"{written(limits.low)}..{written(limits.high)}"
-        message = f"the mean `{written(normal.mean)}` is outside the range, {said}"
+        ends = f"{written(limits.low)}..{written(limits.high)}"
+        message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
         findings.add(normal, "mean", "FS051", message, "use one inside it, or widen the range")
     if normal.deviation.si <= 0:
         message = f"a deviation of `{written(normal.deviation)}` draws nothing"
@@ -164,10 +166,10 @@ def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.P
 def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Param]) -> bool:
     parameter = parameters.get(part.left.name)
     if parameter is None:
-        return False  # `check_values` has said so
-    if parameter.type not in _WORDS:
+        return False  # `check_values` reports it
+    if parameter.type not in WORD_TYPES:
         help = f"compare it with a value: `{parameter.name} <= {_default(parameter)}`"
-        message = f"'{parameter.name}' is {NOUNS[_dimension(parameter)]}, and never a word"
+        message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, and never a word"
         findings.add(part, "left", "FS032", message, help)
         return False
     if parameter.options is not None and part.right not in parameter.options:
@@ -183,17 +185,17 @@ def _check_compared(findings: Findings, part: m.Comparison, left: m.Ref, paramet
     if any(parameter is None for _, _, parameter in sides):
         return False
     for field, name, parameter in sides:
-        if parameter is not None and parameter.type in _WORDS:
+        if parameter is not None and parameter.type in WORD_TYPES:
             help = f"write `{name} is {_default(parameter)}`"
             findings.add(part, field, "FS032", f"'{name}' is a word, which is neither less nor more", help)
             return False
     first = parameters[left.name]
-    needed = _dimension(first)
+    needed = dimension_of(first)
     if isinstance(part.right, m.Quantity):
         if part.right.dimension != needed and not (needed == "count" and not part.right.unit):
             findings.wrong_dimension(part, "right", part.right, needed)
             return False
-    elif (other := _dimension(parameters[part.right.name])) != needed:
+    elif (other := dimension_of(parameters[part.right.name])) != needed:
         message = f"'{left.name}' is {NOUNS[needed]}, but '{part.right.name}' is {NOUNS[other]}"
         findings.add(part, "right", "FS032", message, "compare parameters of one type")
         return False
@@ -213,5 +215,6 @@ def _default(parameter: m.Param) -> str:
     return written(parameter.default) if isinstance(parameter.default, m.Quantity) else parameter.default
 
 
-def _dimension(parameter: m.Param) -> Dimension:
+def dimension_of(parameter: m.Param) -> Dimension:
+    """Return the dimension of a parameter whose values are quantities."""
     return next(d for d in NOUNS if d == parameter.type)

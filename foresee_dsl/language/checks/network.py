@@ -57,7 +57,7 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
         message = f"{' + '.join(given)} is {sum_m:.2f} m, and the length is {length_m:.2f} m"
         last = next(reversed(given))
         left_m = length_m - (sum_m - given[last].si)
-        help = f"write `{last} {left_m:.2f} m`" if left_m > 0 else "mend them, or the length"
+        help = f"write `{last} {left_m:.2f} m`" if left_m > 0 else "correct them, or the length"
         findings.add(model, last, "FS055", message, help)
 
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import re
+from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.drawing import check_drawing, check_requirements
-from foresee_dsl.language.codes.code import NOUNS
+from foresee_dsl.language.checks.drawing import WORD_TYPES, check_drawing, check_requirements, dimension_of
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.syntax.nodes import RESERVED
-from foresee_dsl.language.units import Dimension
 
-_TURNS = ("straight", "left", "right", "back")
+_TURNS = get_args(m.Turn)
 _SIDES = ("left", "right")
-_WORDS = ("arm", "turn", "model", "junction", "stage", "side")
 _MODEL = re.compile(r"[a-z][a-z0-9_]*\.[a-z][a-z0-9_]*")
 _ON_STEP = 1e-6
 """How far from a whole number of steps a value may be (ours: far above rounding, far below any step)."""
@@ -90,16 +88,16 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
         return
     low, high = limits.low.si, limits.high.si
     slack = _ON_STEP * max(abs(low), abs(high), 1.0)
-    said = f"{written(limits.low)}..{written(limits.high)}"
+    ends = f"{written(limits.low)}..{written(limits.high)}"
     if low > high:
         return
     if not low - slack <= value.si <= high + slack:
-        message = f"`{written(value)}` is outside the range of '{parameter.name}', {said}"
+        message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
         findings.add(item, field, "FS033", message, "use a value inside it, or widen the range")
     elif limits.step is not None and limits.step.si > 0:
         steps = (value.si - low) / limits.step.si
         if abs(steps - round(steps)) > _ON_STEP * max(1.0, abs(steps)):
-            message = f"`{written(value)}` is not on a step of '{parameter.name}': {said} step {written(limits.step)}"
+            message = f"`{written(value)}` is not on a step of '{parameter.name}': {ends} step {written(limits.step)}"
             findings.add(item, field, "FS033", message, "round it to the step, or make the step smaller")
 
 
@@ -108,9 +106,9 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
     if isinstance(value, m.Quantity):
         return _check_quantity(findings, parameter, item, field, value)
     type_ = parameter.type
-    if type_ not in _WORDS:
+    if type_ not in WORD_TYPES:
         message = f"'{parameter.name}' is of type {type_}, but `{value}` is a word"
-        findings.add(item, field, "FS034", message, f"write {findings.example(_dimension(type_))}")
+        findings.add(item, field, "FS034", message, f"write {findings.example(dimension_of(parameter))}")
     elif type_ == "side" and value not in _SIDES:
         findings.add(item, field, "FS034", f"unknown side '{value}'", did_you_mean(value, _SIDES))
     elif type_ == "turn" and value not in _TURNS:
@@ -125,7 +123,7 @@ def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str
 
 def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.Quantity) -> bool:
     type_ = parameter.type
-    if type_ in _WORDS:
+    if type_ in WORD_TYPES:
         help = {
             "arm": "write the name of a road",
             "turn": f"turns are {', '.join(_TURNS)}",
@@ -136,7 +134,7 @@ def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field:
         message = f"'{parameter.name}' is of type {type_}, not a number"
         findings.add(item, field, "FS034", message, help.get(type_, "write the name of a model, such as `car.compact`"))
         return False
-    needed = _dimension(type_)
+    needed = dimension_of(parameter)
     if value.dimension != needed and not (needed == "count" and not value.unit):
         findings.wrong_dimension(item, field, value, needed, code="FS034")
         return False
@@ -144,7 +142,3 @@ def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field:
         findings.add(item, field, "FS034", f"`{written(value)}` is no whole number", "write one such as `2`")
         return False
     return True
-
-
-def _dimension(type_: str) -> Dimension:
-    return next(d for d in NOUNS if d == type_)

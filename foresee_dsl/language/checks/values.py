@@ -6,45 +6,28 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.code import NOUNS
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.words import NOUNS
+from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 
-_WORDS = MappingProxyType(
-    {
-        (m.Ego, "model"): "model",
-        (m.Actor, "model"): "model",
-        (m.Route, "start"): "arm",
-        (m.EdgeRoute, "edges"): "arm",
-        (m.AlongEdge, "edge"): "arm",
-        (m.Leg, "turn"): "turn",
-        (m.ChangesLane, "side"): "side",
-        (m.SignalState, "stage"): "stage",
-        (m.Shows, "state"): "stage",
-        (m.Measure, "other"): "junction",
-        (m.Named, "name"): "junction",
-    }
-    | {
-        (kind, "junction"): "junction"
-        for kind in (
-            m.Leg,
-            m.PastJunction,
-            m.Meets,
-            m.MeetsState,
-            m.Ignores,
-            m.IgnoresRule,
-            m.InJunction,
-            m.Shows,
-            m.SignalState,
-        )
-    }
-)
-"""Which type of parameter may stand for a word."""
+_WORD_OF_FIELD: Mapping[str, ParamType] = {
+    **{word: word for word in ("model", "junction", "turn", "side", "stage")},
+    "edge": "arm",
+    "edges": "arm",
+}
+_WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
+    (m.Route, "start"): "arm",
+    (m.Shows, "state"): "stage",
+    (m.Measure, "other"): "junction",
+    (m.Named, "name"): "junction",
+}
+"""Fields whose name does not tell which type of parameter may stand for their word."""
 
 _LIMITS: MappingProxyType[tuple[type[m.Item], str], tuple[float, float, str]] = MappingProxyType(
     {(m.Weather, name): (0.0, 1.0, "FS043") for name in ("rain", "fog", "wetness", "sun")}
@@ -141,13 +124,13 @@ def _check_reference(
     parameter = parameters.get(reference.name)
     if parameter is None:
         help = did_you_mean(reference.name, parameters)
-        if not parameters and _is_model(item, field):
+        if not parameters and word_of(type(item), field) == "model":
             help = "models are called class.variant, such as `car.compact`"
         if not help and (dimension := form_of(type(item), field).dimension) is not None:
             help = f"write {findings.example(dimension)}"
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)
         return
-    word = _WORDS.get((type(item), field.partition(".")[0]))
+    word = word_of(type(item), field.partition(".")[0])
     if word is not None:
         if parameter.type != word:
             help = f"a parameter of type `{word}` is needed here"
@@ -165,5 +148,6 @@ def _check_reference(
     findings.add(item, field, "FS032", message, f"use a parameter of type `{needed}`")
 
 
-def _is_model(item: m.Item, field: str) -> bool:
-    return _WORDS.get((type(item), field)) == "model"
+def word_of(kind: type[m.Item], field: str) -> ParamType | None:
+    """Return which type of parameter may stand for the word in a field; None for a field that holds no word."""
+    return _WORD_OF_OTHERS.get((kind, field)) or _WORD_OF_FIELD.get(field)

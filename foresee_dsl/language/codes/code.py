@@ -1,14 +1,12 @@
-"""What a code is, and the words that messages share. The codes themselves are in `language.registry`."""
+"""What each code means: read from `grammars/codes.toml`, which also says how its examples are written."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 
-from foresee_dsl.language.keywords import USAGE
-from foresee_dsl.language.units import Dimension
-
-__all__ = ["ACTION_USAGE", "EXAMPLES", "NOUNS", "USAGE", "Code"]
+from foresee_dsl.files import data_folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +17,8 @@ class Code:
         code: its name, such as `FS012`.
         title: a few words, lower-case start, no full stop.
         explanation: one or two sentences: why it is wrong, what to do.
-        wrong, right: an example that earns the code, and the same put right; `language.examples` says in what form.
-            Empty only where no file of a user can earn it.
+        wrong, right: an example that earns the code, and the same put right. Empty only where no file of a user can
+            earn it.
         frame: what stands around the examples, a name of `examples.FRAMES`.
         severity: `error` or `warning`.
     """
@@ -28,41 +26,16 @@ class Code:
     code: str
     title: str
     explanation: str
-    wrong: str
-    right: str
+    wrong: str = ""
+    right: str = ""
     frame: str = "scenario"
     severity: str = "error"
 
 
-EXAMPLES: MappingProxyType[Dimension, str] = MappingProxyType(
-    {
-        "time": "2.5 s",
-        "length": "12 m",
-        "speed": "50 km/h",
-        "acceleration": "3 m/s^2",
-        "angle": "15 deg",
-        "angular_rate": "300 deg/s",
-        "mass": "1200 kg",
-        "ratio": "0.3",
-        "count": "2",
-    }
-)
-"""A value of each dimension, for messages."""
+@cache
+def every_code() -> MappingProxyType[str, Code]:
+    """Return every code that a diagnostic may have, by name, in order."""
+    import tomllib  # here: a check without mistakes needs no explanations
 
-NOUNS: MappingProxyType[Dimension, str] = MappingProxyType(
-    {
-        "time": "a time",
-        "length": "a length",
-        "speed": "a speed",
-        "acceleration": "an acceleration",
-        "angle": "an angle",
-        "angular_rate": "a turning rate",
-        "mass": "a mass",
-        "ratio": "a plain number",
-        "count": "a whole number",
-    }
-)
-"""What each dimension is called in messages."""
-
-ACTION_USAGE = "runner meets ego at j4 after 1.5 s"
-"""How an action of a trigger is written."""
+    text = (data_folder("grammars") / "codes.toml").read_text(encoding="utf-8")
+    return MappingProxyType({name: Code(name, **fields) for name, fields in tomllib.loads(text).items()})

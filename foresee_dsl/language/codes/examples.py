@@ -1,9 +1,7 @@
 """The frames in which the codes' examples stand, so that each can be run as it is shown.
 
-An example is the inside of a frame, or (frame `file`) a whole file, `main.foresee`. Lines such as `--- more.foresee`
-begin a further file beside it (`--- more.foresee (empty)` an empty one); a first line such as
-`$ foresee check main.foresee::r99` is a command. Every example lies in a folder with the files `town.foresee` (a
-network), `parent.foresee` (a scenario) and `clip.foresee` (a clip of it). `PIN` stands for the pin that the parent has.
+`grammars/codes.toml` says how examples are written. Each lies in a folder with the files `town.foresee` (a network),
+`parent.foresee` (a scenario) and `clip.foresee` (a clip of it).
 """
 
 from __future__ import annotations
@@ -83,7 +81,7 @@ clip example of "parent.foresee" pin PIN {
 class Frame:
     """What stands around an example: a sentence for people, and the text, `@` where the example comes."""
 
-    said: str
+    within: str
     text: str
 
 
@@ -119,8 +117,8 @@ def example(code: Code, text: str) -> Example:
     """Return the files and the command of one of a code's examples, `code.wrong` or `code.right`."""
     command: tuple[str, ...] = ("check", MAIN)
     if text.startswith("$ foresee "):
-        said, _, text = text.partition("\n")
-        command = tuple(said.split()[2:])
+        line, _, text = text.partition("\n")
+        command = tuple(line.split()[2:])
     first, *more = re.split(r"(?m)^--- *(.+)\n?", text)
     files = {
         "town.foresee": _TOWN,

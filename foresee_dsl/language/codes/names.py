@@ -1,4 +1,4 @@
-"""Names for the codes that several modules report or tests refer to; `files`, `projects` and `lints` explain them."""
+"""Names for the codes that several modules report or tests refer to; `grammars/codes.toml` explains each."""
 
 from __future__ import annotations
 

@@ -8,31 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.names import WRONG_KIND
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of, to_dict
 from foresee_dsl.language.diff.plain import texts
 from foresee_dsl.language.meaning import models_named
-from foresee_dsl.language.model import (
-    Catalogue,
-    Clip,
-    Definition,
-    Extension,
-    Mutant,
-    Network,
-    Scenario,
-    UseModels,
-    UseNetwork,
-    VehicleModel,
-)
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, absolute, is_file, parse_address, shown
 from foresee_dsl.language.project.catalogues import entries
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import Project
 
-_Network = Network | Path | None
-_RUNS = (Scenario, Extension, Clip, Mutant)
+_Network = m.Network | Path | None
+_RUNS = (m.Scenario, m.Extension, m.Clip, m.Mutant)
 """Kinds that stand for a test case, so that any two of them can be compared in full."""
 
 
@@ -81,12 +70,12 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
     project = Project(check_pin=False, allow_outside=allow_outside)
     (old_file, old_case), (new_file, new_case) = parse_address(old), parse_address(new)
     a, b = project.definition(old_file), project.definition(new_file)
-    if {type(a), type(b)} == {Scenario, Extension}:
+    if {type(a), type(b)} == {m.Scenario, m.Extension}:
         a, b = (project.whole_scenario(file, drawn=False) for file in (old_file, new_file))
-    told = texts(a, b) if type(a) is type(b) and old_file != new_file else ()
+    texts_only = texts(a, b) if type(a) is type(b) and old_file != new_file else ()
     if old_case or new_case or (type(a) is not type(b) and isinstance(a, _RUNS) and isinstance(b, _RUNS)):
-        return Comparison(old, new, diff_cases(*_cases(project, (old, a), (new, b))), told)
-    return Comparison(old, new, diff_files(project, (old_file, a), (new_file, b)), told)
+        return Comparison(old, new, diff_cases(*_cases(project, (old, a), (new, b))), texts_only)
+    return Comparison(old, new, diff_files(project, (old_file, a), (new_file, b)), texts_only)
 
 
 def parent_address(child: str) -> str:
@@ -97,28 +86,28 @@ def parent_address(child: str) -> str:
     """
     file, _ = parse_address(child)
     model = Project(check_pin=False).definition(file)
-    if not isinstance(model, Clip | Mutant | Extension):
+    if not isinstance(model, m.Clip | m.Mutant | m.Extension):
         message = f"this holds a {model.kind}, which has no parent"
-        raise InputError((Diagnostic(WRONG_KIND, message, "name two files to compare", shown(file)),))
-    case = model.case if isinstance(model, Clip) else None
+        raise InputError((Diagnostic(c.WRONG_KIND, message, "name two files to compare", shown(file)),))
+    case = model.case if isinstance(model, m.Clip) else None
     address = shown(file.parent / model.parent)
     return f"{address}::{case}" if case else address
 
 
-def _cases(project: Project, old: tuple[str, Definition], new: tuple[str, Definition]) -> tuple[TestCase, TestCase]:
+def _cases(project: Project, old: tuple[str, m.Definition], new: tuple[str, m.Definition]) -> tuple[TestCase, TestCase]:
     """Return both test cases; a scenario that is compared with its child is taken at the case that the child is of."""
     addresses = []
     for (address, model), (other, child) in ((old, new), (new, old)):
-        case = _case_of_parent(project, other, child) if isinstance(model, Scenario | Extension) else None
+        case = _case_of_parent(project, other, child) if isinstance(model, m.Scenario | m.Extension) else None
         addresses.append(f"{address}::{case}" if case and not parse_address(address)[1] else address)
     return project.test_case(addresses[0]), project.test_case(addresses[1])
 
 
-def _case_of_parent(project: Project, address: str, child: Definition) -> str | None:
-    if isinstance(child, Mutant):
+def _case_of_parent(project: Project, address: str, child: m.Definition) -> str | None:
+    if isinstance(child, m.Mutant):
         case = project.test_case(address)
         return case.clip.case if case.clip is not None else None
-    return child.case if isinstance(child, Clip) else None
+    return child.case if isinstance(child, m.Clip) else None
 
 
 def diff_cases(one: TestCase, other: TestCase) -> tuple[Difference, ...]:
@@ -132,14 +121,16 @@ def diff_cases(one: TestCase, other: TestCase) -> tuple[Difference, ...]:
     return (*diff_models(a, b), *_diff_networks(one.network, other.network), *_under("models", diff_models(*models)))
 
 
-def diff_files(project: Project, old: tuple[Path, Definition], new: tuple[Path, Definition]) -> tuple[Difference, ...]:
+def diff_files(
+    project: Project, old: tuple[Path, m.Definition], new: tuple[Path, m.Definition]
+) -> tuple[Difference, ...]:
     """Return what differs between two files as written; networks and models in files that they use are compared too."""
     (old_file, a), (new_file, b) = old, new
-    if isinstance(a, Clip | Mutant) and isinstance(b, Clip | Mutant):
+    if isinstance(a, m.Clip | m.Mutant) and isinstance(b, m.Clip | m.Mutant):
         if absolute(old_file.parent / a.parent) == absolute(new_file.parent / b.parent):
             b = b.model_copy(update={"parent": a.parent})  # one file, named from two folders
         return diff_models(a, b)
-    if not (isinstance(a, Scenario) and isinstance(b, Scenario)):
+    if not (isinstance(a, m.Scenario) and isinstance(b, m.Scenario)):
         return diff_models(a, b)
     try:
         networks = _used_network(project, old_file, a), _used_network(project, new_file, b)
@@ -150,17 +141,17 @@ def diff_files(project: Project, old: tuple[Path, Definition], new: tuple[Path, 
     return (*found, *_diff_networks(*networks), *_under("models", diff_models(*catalogues)))
 
 
-def _without_files(scenario: Scenario) -> Scenario:
-    kept = tuple(item for item in scenario.body if not isinstance(item, UseNetwork | UseModels | Network))
-    return Scenario(name=scenario.name, body=kept)
+def _without_files(scenario: m.Scenario) -> m.Scenario:
+    body = tuple(item for item in scenario.body if not isinstance(item, m.UseNetwork | m.UseModels | m.Network))
+    return m.Scenario(name=scenario.name, body=body)
 
 
-def _catalogue(models: Mapping[str, VehicleModel], named: Iterable[str]) -> Catalogue:
-    return Catalogue(name="used", body=tuple(models[name] for name in sorted(named) if name in models))
+def _catalogue(models: Mapping[str, m.VehicleModel], named: Iterable[str]) -> m.Catalogue:
+    return m.Catalogue(name="used", body=tuple(models[name] for name in sorted(named) if name in models))
 
 
 def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
-    if isinstance(a, Network) and isinstance(b, Network):
+    if isinstance(a, m.Network) and isinstance(b, m.Network):
         return _under("network", diff_models(a, b))
     if a == b or (isinstance(a, Path) and isinstance(b, Path) and a.read_bytes() == b.read_bytes()):
         return ()
@@ -170,7 +161,7 @@ def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
 
 
 def _network_name(network: _Network) -> str | None:
-    return network.name if isinstance(network, Network | Path) else None
+    return network.name if isinstance(network, m.Network | Path) else None
 
 
 def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:
@@ -178,22 +169,22 @@ def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:
     return tuple(replace(change, edit=replace(change.edit, at=(root, *change.edit.at))) for change in changes)
 
 
-def _used_network(project: Project, file: Path, scenario: Scenario) -> _Network:
-    inline, used = scenario.one(Network), scenario.one(UseNetwork)
+def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Network:
+    inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
     if inline is not None or used is None:
         return inline
     path = file.parent / used.path
     if used.path.endswith(FOREIGN_NETWORKS) and is_file(path):
         return absolute(path)
     model = project.definition(path)
-    if isinstance(model, Network):
+    if isinstance(model, m.Network):
         return model
-    raise InputError((Diagnostic(WRONG_KIND, f"'{used.path}' holds no network"),))
+    raise InputError((Diagnostic(c.WRONG_KIND, f"'{used.path}' holds no network"),))
 
 
-def _used_models(project: Project, file: Path, scenario: Scenario) -> Catalogue:
-    found: dict[str, VehicleModel] = {}
-    for used in scenario.all(UseModels):
+def _used_models(project: Project, file: Path, scenario: m.Scenario) -> m.Catalogue:
+    found: dict[str, m.VehicleModel] = {}
+    for used in scenario.all(m.UseModels):
         model = project.definition(file.parent / used.path)
-        found |= entries(model) if isinstance(model, Catalogue) else {}
+        found |= entries(model) if isinstance(model, m.Catalogue) else {}
     return _catalogue(found, found)

@@ -42,8 +42,8 @@ def _item(item: Item, edits: Sequence[Edit], at: At) -> Item:
         changed[name] = _value(getattr(item, name), mine, (*at, name))
     if not changed:
         return item
-    kept = {name: getattr(item, name) for name in type(item).model_fields if name in item.model_fields_set}
-    return type(item).model_validate(kept | changed)
+    given = {name: getattr(item, name) for name in type(item).model_fields if name in item.model_fields_set}
+    return type(item).model_validate(given | changed)
 
 
 def _value(value: object, edits: Sequence[Edit], at: At) -> object:

@@ -6,34 +6,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.names import DIFFERENT_KINDS
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.matching import match, means_nothing, renames
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of
-from foresee_dsl.language.meaning import same_value
-from foresee_dsl.language.model import (
-    Actor,
-    Case,
-    Catalogue,
-    Clip,
-    Definition,
-    Ego,
-    Item,
-    Mutant,
-    Network,
-    Scenario,
-    SignalState,
-    Traffic,
-    VehicleModel,
-    When,
-)
+from foresee_dsl.language.meaning import ORDERED, same_value
 from foresee_dsl.language.traversal import is_condition
 
-_ORDERED_KINDS = (Ego, Actor, Traffic, When)
-"""Statements of a body whose order among their like counts, as in `language.meaning`: it gives the actors their ids and
-the triggers their turn."""
-
-_UNORDERED_BODIES = (Ego, Actor, Case, Catalogue, Mutant)
+_UNORDERED_BODIES = (m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
 
 
 @dataclass(frozen=True)
@@ -48,11 +29,11 @@ class _Place:
         return replace(self, words=self.words if words is None else words, at=(*self.at, *steps))
 
 
-def diff_models(a: Definition, b: Definition) -> tuple[Difference, ...]:
+def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
     """Return what differs in meaning, in the order of the first file; what was added comes last in its block.
 
     Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it means nothing,
-    and what is said about a child's origin do not count. To compare a child with its parent, expand both
+    and the origin of a child do not count. To compare a child with its parent, expand both
     (`expand.expanded_model`), or see `diff_addresses`.
 
     Raises:
@@ -61,60 +42,56 @@ def diff_models(a: Definition, b: Definition) -> tuple[Difference, ...]:
     if type(a) is not type(b):
         message = f"'{a.name}' is a {a.kind}, but '{b.name}' is a {b.kind}"
         help = "compare two files of one kind, or a child with its expanded parent"
-        raise InputError((Diagnostic(code=DIFFERENT_KINDS, message=message, help=help),))
+        raise InputError((Diagnostic(code=c.DIFFERENT_KINDS, message=message, help=help),))
     after, names = renames(a, b)
     place = _Place("", (), _group_of_file(a))
-    told = (
+    renamings = (
         Difference(*_renaming(after, new), "renamed", old, new, "", Edit("rename", (), (old, new)))
         for old, new in names
     )
-    return (*told, *_settings(place, after, b))
+    return (*renamings, *_settings(place, after, b))
 
 
-def _group_of_file(model: Item) -> Group:
-    if isinstance(model, Network):
+def _group_of_file(model: m.Item) -> Group:
+    if isinstance(model, m.Network):
         return "network"
-    return "environment" if isinstance(model, Catalogue) else "parent"
+    return "environment" if isinstance(model, m.Catalogue) else "parent"
 
 
-def _renaming(model: Item, name: str) -> tuple[Group, str]:
+def _renaming(model: m.Item, name: str) -> tuple[Group, str]:
     item = next(found for found in getattr(model, "body", ()) if w.name_of(found) == name)
     return (_group(model, item), w.label(item))
 
 
-def _group(owner: Item, item: Item) -> Group:
-    return _group_of_file(owner) if isinstance(owner, Network | Catalogue) else w.group_of(item)
+def _group(owner: m.Item, item: m.Item) -> Group:
+    return _group_of_file(owner) if isinstance(owner, m.Network | m.Catalogue) else w.group_of(item)
 
 
-def _same(a: object, b: object) -> bool:
-    return a is b or same_value(a, b)
-
-
-def _apart(a: Item, b: Item) -> list[str]:
+def _apart(a: m.Item, b: m.Item) -> list[str]:
     """Return the fields in which two items of one class differ in meaning."""
     nothing = set(means_nothing(a)) & set(means_nothing(b))
     fields = (name for name in type(a).model_fields if name not in nothing)
-    return [name for name in fields if not _same(getattr(a, name), getattr(b, name))]
+    return [name for name in fields if not same_value(getattr(a, name), getattr(b, name))]
 
 
-def _no_field(item: Item) -> tuple[str, ...]:
+def _no_field(item: m.Item) -> tuple[str, ...]:
     """Return the fields that are no setting: what the label says, and what means nothing."""
-    if isinstance(item, Definition):
+    if isinstance(item, m.Definition):
         return ("kind", "name")
-    if isinstance(item, VehicleModel):
+    if isinstance(item, m.VehicleModel):
         return ("kind", "name", "source")
-    if isinstance(item, SignalState):
+    if isinstance(item, m.SignalState):
         return ("kind", "junction")
-    return () if isinstance(item, Actor) else ("kind",)
+    return () if isinstance(item, m.Actor) else ("kind",)
 
 
-def _item(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+def _item(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two items at one place."""
-    if _same(a, b):
+    if same_value(a, b):
         return
     if type(a) is not type(b):
         alike = w.is_statement(a) and w.label(a) == w.label(b)
-        yield _changed(place, a, b, _said(a), _said(b)) if alike else _changed(place, a, b, w.text(a), w.text(b))
+        yield _changed(place, a, b, _shown(a), _shown(b)) if alike else _changed(place, a, b, w.text(a), w.text(b))
     elif w.is_statement(a):
         yield from _statement(place, a, b)
     elif is_condition(a):
@@ -125,40 +102,40 @@ def _item(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
         yield _changed(place, a, b, w.text(a), w.text(b))
 
 
-def _said(item: Item) -> str:
+def _shown(item: m.Item) -> str:
     return w.tail(item) if w.is_statement(item) else w.text(item)
 
 
-def _statement(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+def _statement(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
     if w.by_settings(a) or all(is_condition(getattr(a, name)) for name in _apart(a, b)):
         yield from _settings(place, a, b)
     else:
         yield _changed(place, a, b, w.tail(a), w.tail(b) if w.label(a) == w.label(b) else w.text(b))
 
 
-def _settings(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+def _settings(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two items of one class field by field."""
     for name in _apart(a, b):
         if name not in _no_field(a):
             yield from _field(place, a, b, name)
 
 
-def _field(place: _Place, a: Item, b: Item, name: str) -> Iterator[Difference]:
+def _field(place: _Place, a: m.Item, b: m.Item, name: str) -> Iterator[Difference]:
     before, after = getattr(a, name), getattr(b, name)
     inner = place.inside(name)
     if _is_block(before, after):
         yield from _block(inner, a, before, after)
-    elif isinstance(before, Item) and isinstance(after, Item) and (is_condition(before) or w.is_statement(before)):
+    elif isinstance(before, m.Item) and isinstance(after, m.Item) and (is_condition(before) or w.is_statement(before)):
         yield from _item(inner, before, after)
     else:
         named = inner.inside(words=w.field_path(place.words, a, name))
-        if isinstance(before, Item) and type(before) is type(after) and isinstance(after, Item):
+        if isinstance(before, m.Item) and type(before) is type(after) and isinstance(after, m.Item):
             yield from _item(named, before, after)
         else:
             yield _field_change(named, a, b, name)
 
 
-def _field_change(place: _Place, a: Item, b: Item, name: str) -> Difference:
+def _field_change(place: _Place, a: m.Item, b: m.Item, name: str) -> Difference:
     before, after = getattr(a, name), getattr(b, name)
     was = None if _absent(before, after) else w.setting(a, name)
     now = None if _absent(after, before) else w.setting(b, name)
@@ -182,7 +159,7 @@ def _changed(place: _Place, a: object, b: object, was: str | None, now: str | No
 # ---- conditions ----------------------------------------------------------------------------------------------------
 
 
-def _condition(place: _Place, a: Item, b: Item) -> Iterator[Difference]:
+def _condition(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two conditions of one class: down to the smallest part that prints alone."""
     apart = _apart(a, b)
     for name in apart:
@@ -214,7 +191,7 @@ def _is_block(a: object, b: object) -> bool:
     return bool(parts) and all(w.is_statement(part) for part in parts)
 
 
-def _block(place: _Place, owner: Item, a: Sequence[Item], b: Sequence[Item]) -> Iterator[Difference]:
+def _block(place: _Place, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item]) -> Iterator[Difference]:
     """Compare the statements of two blocks, or the parts of two conditions."""
     pairs = match(a, b)
     words = _labels(a)
@@ -227,17 +204,17 @@ def _block(place: _Place, owner: Item, a: Sequence[Item], b: Sequence[Item]) -> 
         if i in pairs:
             yield from _item(there, item, b[pairs[i]])
         else:
-            yield Difference(group, there.words, "removed", _said(item), None, "", Edit("remove", there.at))
+            yield Difference(group, there.words, "removed", _shown(item), None, "", Edit("remove", there.at))
     yield from _orders(place, owner, a, pairs)
     yield from _inserted(place, owner, b, pairs)
 
 
-def _inside(owner: str, item: Item, words: str) -> str:
+def _inside(owner: str, item: m.Item, words: str) -> str:
     return w.join(owner, words) if w.is_statement(item) else owner
 
 
-def _labels(items: Sequence[Item]) -> list[str]:
-    """Return every statement's label; what is called alike is told apart by a number."""
+def _labels(items: Sequence[m.Item]) -> list[str]:
+    """Return every statement's label; equal labels get a number."""
     seen: dict[str, int] = {}
     labels = []
     for item in items:
@@ -247,7 +224,7 @@ def _labels(items: Sequence[Item]) -> list[str]:
     return labels
 
 
-def _inserted(place: _Place, owner: Item, b: Sequence[Item], pairs: dict[int, int]) -> Iterator[Difference]:
+def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
     back = {j: i for i, j in pairs.items()}
     words = _labels(b)
     last: dict[object, int] = {}
@@ -258,26 +235,26 @@ def _inserted(place: _Place, owner: Item, b: Sequence[Item], pairs: dict[int, in
         elif not isinstance(item, w.NO_MEANING):
             group = _group(owner, item) if not place.words else place.group
             edit = Edit("insert", (*place.at, last.get(family, -1)), item, j)
-            yield Difference(group, _inside(place.words, item, words[j]), "added", None, _said(item), "", edit)
+            yield Difference(group, _inside(place.words, item, words[j]), "added", None, _shown(item), "", edit)
 
 
-def _family(owner: Item, item: Item) -> object:
+def _family(owner: m.Item, item: m.Item) -> object:
     """Return what a statement keeps its order with; None where the order means nothing."""
     if isinstance(owner, _UNORDERED_BODIES):
         return None
-    if isinstance(owner, Scenario | Clip):
-        return next((kind for kind in _ORDERED_KINDS if isinstance(item, kind)), None)
+    if isinstance(owner, m.Scenario | m.Clip):
+        return next((kind for kind in ORDERED if isinstance(item, kind)), None)
     return "all"
 
 
-def _orders(place: _Place, owner: Item, a: Sequence[Item], pairs: dict[int, int]) -> Iterator[Difference]:
+def _orders(place: _Place, owner: m.Item, a: Sequence[m.Item], pairs: dict[int, int]) -> Iterator[Difference]:
     """Tell where statements stand in another order that counts."""
     families: dict[object, list[int]] = {}
     for i in pairs:
         families.setdefault(_family(owner, a[i]), []).append(i)
-    for family, kept in families.items():
-        before = sorted(kept)
-        after = sorted(kept, key=lambda i: pairs[i])
+    for family, numbers in families.items():
+        before = sorted(numbers)
+        after = sorted(numbers, key=lambda i: pairs[i])
         if family is None or before == after:
             continue
         group = _group(owner, a[before[0]]) if not place.words else place.group
@@ -287,7 +264,7 @@ def _orders(place: _Place, owner: Item, a: Sequence[Item], pairs: dict[int, int]
         )
 
 
-def _short(item: Item) -> str:
+def _short(item: m.Item) -> str:
     if not w.is_statement(item):
         return w.text(item)
     return w.name_of(item) or w.label(item)

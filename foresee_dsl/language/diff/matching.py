@@ -9,14 +9,14 @@ from typing import Annotated, Literal, TypeVar, get_args, get_origin
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, keyword, name_of, text
-from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS, same_value
+from foresee_dsl.language.meaning import content_key, same_value
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.traversal import is_condition
 
 _T = TypeVar("_T", bound=m.Item)
 
 LIKE_ENOUGH = 0.5
-"""Share of common words from which two statements are one that changed (ours: below it more is new than kept)."""
+"""Share of common words from which two statements are one that changed (ours: below it more is new than old)."""
 
 
 def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
@@ -26,27 +26,13 @@ def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
     meaning have no partner.
     """
     pairs: dict[int, int] = {}
-    for keys in (_signatures, _name_keys):
-        taken = set(pairs.values())
-        before = _places(keys(a), pairs)
-        after = _places(keys(b), taken)
+    for key_of in (_content, _name_key):
+        before = _places(map(key_of, a), pairs)
+        after = _places(map(key_of, b), pairs.values())
         for key, places in before.items():
             pairs.update(zip(places, after.get(key, ()), strict=False))
     pairs.update(_alike(a, b, pairs))
     return pairs
-
-
-def signature(value: object) -> Hashable:
-    """Return a value in which equal meaning is equal: quantities by their SI value and dimension."""
-    if isinstance(value, m.Quantity):
-        return f"{value.si + 0.0:.{SIGNIFICANT_DIGITS}g} {value.dimension}"
-    if isinstance(value, m.Item):
-        nothing = means_nothing(value)
-        fields = ((name, getattr(value, name)) for name in type(value).model_fields if name not in nothing)
-        return (type(value).__name__, *((name, signature(field)) for name, field in fields if field is not None))
-    if isinstance(value, tuple):
-        return tuple(signature(part) for part in value)
-    return value
 
 
 def means_nothing(item: m.Item) -> tuple[str, ...]:
@@ -92,7 +78,7 @@ def _renamed_value(value: object, old: str, new: str) -> object:
 
 
 def _is_word(annotation: object, value: object, new: str) -> bool:
-    """Return whether a field takes words of the language (`left`, `stop`), which are nobody's name."""
+    """Return whether a field takes words of the language (`left`, `stop`), which are no names."""
     return value == new and bool(list(_literals(annotation)))
 
 
@@ -130,16 +116,11 @@ def _named(definition: m.Item) -> dict[Hashable, m.Item]:
     return {(type(item), name_of(item)): item for item in named}
 
 
-def _name_keys(items: Sequence[m.Item]) -> Iterator[Hashable]:
-    for item in items:
-        yield _name_key(item)
-
-
 def _name_key(item: m.Item) -> Hashable:
     if isinstance(item, m.Change):
         return ("change", item.actor, item.property)
     if isinstance(item, m.SignalState):
-        return ("signal", signature(item.junction))
+        return ("signal", content_key(item.junction))
     if isinstance(item, m.Network):
         return "network"
     held = getattr(item, "item", None)  # `add STATEMENT`
@@ -147,9 +128,8 @@ def _name_key(item: m.Item) -> Hashable:
     return None if key is None or isinstance(item, NO_MEANING) else (type(item).__name__, key)
 
 
-def _signatures(items: Sequence[m.Item]) -> Iterator[Hashable]:
-    for item in items:
-        yield None if isinstance(item, NO_MEANING) else signature(item)
+def _content(item: m.Item) -> Hashable:
+    return None if isinstance(item, NO_MEANING) else content_key(item)
 
 
 def _places(keys: Iterable[Hashable], taken: Iterable[int]) -> dict[Hashable, list[int]]:

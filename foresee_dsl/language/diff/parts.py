@@ -90,11 +90,11 @@ def first_line(text: str | None) -> str:
     return f"{head} ... }}" if rest and head.endswith("{") else head
 
 
-def once(path: str, said: str | None) -> str:
+def once(path: str, statement: str | None) -> str:
     """Return path and statement; the statement alone where it says the path."""
-    if not said or said == path:
+    if not statement or statement == path:
         return path
-    return said if path in said else f"{path}: {said}"
+    return statement if path in statement else f"{path}: {statement}"
 
 
 def to_dict(change: Difference) -> dict[str, Any]:

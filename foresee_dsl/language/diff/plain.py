@@ -8,16 +8,15 @@ from typing import Any, TypeVar, cast, get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, label, text
-from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS, same_value
+from foresee_dsl.language.meaning import ORDERED, SIGNIFICANT_DIGITS, same_value
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
 _UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
 """One unit a dimension; speeds in what road users read (ours)."""
 
-_KEEPS_ORDER = (m.Ego, m.Actor, m.Traffic, m.When)
 _SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
-"""Whose statements stand in any order, but for those above among their like."""
+"""Blocks whose statements stand in any order, but for `ORDERED` ones among their like."""
 
 _T = TypeVar("_T", bound=m.Item)
 
@@ -76,7 +75,7 @@ def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) ->
 
 
 def _among_like(item: m.Item) -> tuple[str, str]:
-    return ("", "") if isinstance(item, _KEEPS_ORDER) else (label(item), text(item))
+    return ("", "") if isinstance(item, tuple(ORDERED)) else (label(item), text(item))
 
 
 def _ranks(owner: type[m.Item], name: str) -> dict[type, int]:

@@ -89,8 +89,8 @@ def _brackets(note: str) -> str:
 
 def _was_and_now(change: Difference) -> list[str]:
     one = change.was is None or change.now is None
-    said = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
-    return [line for word, text in said for line in _wrapped(f"      {'' if one else word}{text}", " " * 10)]
+    shown = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
+    return [line for word, text in shown for line in _wrapped(f"      {'' if one else word}{text}", " " * 10)]
 
 
 def _wrapped(line: str, indent: str) -> list[str]:
@@ -102,19 +102,19 @@ def _wrapped(line: str, indent: str) -> list[str]:
 def _statements(change: Difference) -> list[str]:
     """Return whole blocks: one that came or went stands for itself where its first line says its path."""
     mark = _MARKS[change.kind]
-    said = [text for text in (change.was, change.now) if text is not None]
-    first, *rest = said[0].split("\n")
-    if len(said) == 1 and change.path in first:
+    shown = [text for text in (change.was, change.now) if text is not None]
+    first, *rest = shown[0].split("\n")
+    if len(shown) == 1 and change.path in first:
         return [f"  {mark} {first}", *(f"    {line}" for line in rest)]
     lines = [f"  {mark} {change.path}{_brackets(change.note)}"]
-    for word, text in zip(("was", "now") if len(said) > 1 else ("",), said, strict=True):
+    for word, text in zip(("was", "now") if len(shown) > 1 else ("",), shown, strict=True):
         lines += [f"      {word}"] if word else []
         lines += [f"      {line}" for line in text.split("\n")]
     return lines
 
 
 def _is_long(change: Difference) -> bool:
-    return any(said is not None and "\n" in said for said in (change.was, change.now))
+    return any(shown is not None and "\n" in shown for shown in (change.was, change.now))
 
 
 def _paint(line: str, code: str, colour: bool) -> str:
@@ -131,17 +131,17 @@ def _table(changes: Sequence[Difference]) -> str:
     return "\n".join(rows)
 
 
-def _cell(said: str | None) -> str:
-    if said is None:
+def _cell(shown: str | None) -> str:
+    if shown is None:
         return ""
-    return "see below" if "\n" in said else _code(said)
+    return "see below" if "\n" in shown else _code(shown)
 
 
-def _code(said: str) -> str:
+def _code(shown: str) -> str:
     """Return text as code that a table's cell can hold."""
-    fence = "``" if "`" in said else "`"
-    pad = " " if "`" in said else ""
-    return f"{fence}{pad}{said}{pad}{fence}".replace("|", "\\|") if said else ""
+    fence = "``" if "`" in shown else "`"
+    pad = " " if "`" in shown else ""
+    return f"{fence}{pad}{shown}{pad}{fence}".replace("|", "\\|") if shown else ""
 
 
 def _folded(table: str, rows: int) -> str:
@@ -160,5 +160,5 @@ def _code_block(change: Difference) -> str:
     return f"<details><summary>{_html(change.path)}</summary>\n\n{fence}diff\n{body}\n{fence}\n\n</details>"
 
 
-def _html(said: str) -> str:
-    return said.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+def _html(shown: str) -> str:
+    return shown.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

@@ -89,9 +89,9 @@ def keyword(item: m.Item) -> str:
     head = _head(item)
     actor = getattr(item, "actor", None)
     begins = [actor] if isinstance(actor, str) and head.startswith(f"{actor} ") else []
-    said = set(_strings(item))
+    values = set(_strings(item))
     for word in head.split()[len(begins) :]:
-        if not _WORD.fullmatch(word) or word in said:
+        if not _WORD.fullmatch(word) or word in values:
             break
         begins.append(word)
     return " ".join(begins) or str(getattr(item, "kind", ""))
@@ -165,7 +165,7 @@ def join(owner: str, words: str) -> str:
 
 
 def note(was: object, now: object) -> str:
-    """Return what a reviewer would work out: the difference of the one number, or of the list, that changed."""
+    """Return what a reviewer would compute: the difference of the one number, or of the list, that changed."""
     before, after = list(_leaves(was)), list(_leaves(now))
     apart = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
     if len(before) == len(after) and len(apart) == 1:

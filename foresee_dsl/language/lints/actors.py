@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
@@ -11,6 +12,7 @@ from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import walk
 
+_ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
 _SLACK = 1.01
 """Speeds that much over the model's are rounding (ours; the compiler's check takes the same)."""
 
@@ -36,17 +38,13 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
     for when in case.scenario.all(m.When):
         for action in walk(when):
             actor_ = actors.get(getattr(action, "actor", ""))
-            if actor_ is None or not _is_action(action):
+            if actor_ is None or not isinstance(action, _ACTIONS):
                 continue
             reason = _cannot(action, actor_)
             if reason:
                 yield Found(action, "", c.CANNOT_DO, *reason)
             elif isinstance(action, m.ChangesSpeed):
                 yield from _too_fast(action, "to", action.to, actor_, case.models)
-
-
-def _is_action(item: m.Item) -> bool:
-    return isinstance(item, m.Meets | m.Ignores | m.Starts | m.ChangesSpeed | m.ChangesLane | m.Stops)
 
 
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:

@@ -34,17 +34,17 @@ class _Allowance:
 def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Leave out the warnings that comments of the file allow, and report the comments that allow nothing."""
     allowances = list(_allowances(document.text))
-    kept = [found for found in diagnostics if not _allowed(found, allowances)]
+    reported = [found for found in diagnostics if not _allowed(found, allowances)]
     lines = document.text.split("\n")
     for allowance in allowances:
         if not allowance.needed:
             span = allowance.span
             message = f"nothing here is reported as {allowance.code}, so there is nothing to allow"
             source = lines[span.line - 1]
-            kept.append(
+            reported.append(
                 Diagnostic(c.NEEDLESS_ALLOW, message, "remove the comment", document.path, span, source, "warning")
             )
-    return tuple(sorted(kept, key=lambda d: (d.span.line, d.span.column) if d.span is not None else (0, 0)))
+    return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column) if d.span is not None else (0, 0)))
 
 
 def _allowed(found: Diagnostic, allowances: Sequence[_Allowance]) -> bool:

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.lints.actors import Found, actor_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.logic import Limits, always, never
 from foresee_dsl.language.lints.routes import route_lints
 from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk
 
 DEFAULT_END_S = 60.0
-"""How long a run lasts where no `end` is said (docs/language.md)."""
-_SETTLED = (m.Param, m.Case, m.Cases, m.Require)
-"""What a concrete scenario has no longer."""
+"""How long a run lasts without an `end` statement (docs/language.md)."""
+_TOO_FAST = "FS256"
+"""What the compiler reports where a speed is over the model's: then the lint about it is left out."""
 
 
 def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
@@ -28,37 +29,43 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
 
     Args:
         document: the file, without mistakes.
-        cases: the test cases that it gives (none for a network or a catalogue). What shows in several is said once.
+        cases: the test cases that it gives (none for a network or a catalogue). What shows in several is reported once.
             Children are not looked at: what is odd about them is their parents'.
     """
     found: dict[tuple[Span | None, str], Diagnostic] = {}
     for lint_ in _of_text(document.model):
-        _keep(found, document, lint_)
+        _add(found, document, lint_)
     for case in cases:
         if case.clip is None and case.mutant is None:
             places = _places(case, document.model)
             for lint_ in _of_case(case):
                 item = places.get(id(lint_.item), lint_.item)
-                _keep(found, document, replace(lint_, item=item))
+                _add(found, document, replace(lint_, item=item))
     return without_allowed(document, sorted(found.values(), key=_order))
 
 
-def _keep(found: dict[tuple[Span | None, str], Diagnostic], document: Document, lint_: Found) -> None:
+def without_repeated(found: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """Put the mistakes that the network shows (`placements`) behind the others, without the lints that they repeat."""
+    shown = {(d.code, d.path, d.span.line) for d in placements if d.span is not None}
+
+    def repeats(lint: Diagnostic) -> bool:
+        if lint.code == c.BROKEN_ROUTE:
+            return True  # only the network decides whether a route is possible
+        at = (_TOO_FAST, lint.path, lint.span.line) if lint.span is not None else None
+        return lint.code == c.OVER_TOP_SPEED and at in shown
+
+    return [*(lint for lint in found if not repeats(lint)), *placements]
+
+
+def _add(found: dict[tuple[Span | None, str], Diagnostic], document: Document, lint_: Found) -> None:
     if document.span(lint_.item) is None:
         return  # it is written in a file that this one extends, which is looked at for itself
     diagnostic = document.diagnostic(lint_.item, lint_.field, lint_.code, lint_.message, lint_.help)
     span = diagnostic.span
-    if span is not None and span.end_line != span.line:  # underlining a whole block helps nobody
+    if span is not None and span.end_line != span.line:  # the first line only: a whole block is too much
         end = len(diagnostic.source_line.split("{")[0].rstrip()) + 1
         span = Span(span.line, span.column, span.line, max(end, span.column + 1))
-    found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=_severities()[lint_.code]))
-
-
-@cache
-def _severities() -> Mapping[str, str]:
-    from foresee_dsl.language.codes.lints import CODES  # here: a file without lints needs no explanations
-
-    return {code.code: code.severity for code in CODES}
+    found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=every_code()[lint_.code].severity))
 
 
 def _order(diagnostic: Diagnostic) -> tuple[int, int, str]:
@@ -167,7 +174,7 @@ def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
     found: dict[int, m.Item] = {id(case.scenario): model}
     if not isinstance(model, m.Scenario):
         return found
-    left: list[m.Item] = [item for item in model.body if not isinstance(item, _SETTLED)]
+    left: list[m.Item] = [item for item in model.body if not isinstance(item, SETTLED)]
     for item in case.scenario.body:
         same = next((line for line in left if _same(line, item)), None)
         if same is not None:

@@ -1,4 +1,4 @@
-"""What can be said of a condition before the run: whether it can hold at all, and whether it must."""
+"""What is certain about a condition before the run: whether it can hold at all, and whether it must."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _never_of_others(condition: m.Condition, limits: Limits) -> str:
 
 
 def always(condition: m.Condition, limits: Limits) -> str:
-    """Return why a condition holds at every frame at which it can be said, or nothing when it may not."""
+    """Return why a condition holds at every frame at which it is defined, or nothing when it may not."""
     if isinstance(condition, m.Comparison):
         return _out_of_reach(negated(condition), limits)
     if isinstance(condition, m.Not):

@@ -1,7 +1,7 @@
 """Lints about ways through a network that is written in the language: gaps, and junctions that are not on the way.
 
-Which turn leads where hangs on the geometry, which the compiler knows. Here a way is only said to be impossible, or a
-junction to be off it, where that is so whatever the turns are.
+Which turn leads where depends on the geometry, which the compiler knows. A way is reported as impossible here, or a
+junction as off it, only where that holds whatever the turns are.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _gap_between_legs(route: m.Route, roads: _Roads) -> Found | None:
 
 
 def _passed(item: m.Item, roads: _Roads) -> set[str] | None:
-    """Return every junction that a route may come to; None where that cannot be told."""
+    """Return every junction that a route may come to; None where that is unknown."""
     if isinstance(item, m.EdgeRoute) and not item.shortest:
         named = [edge for edge in item.edges if isinstance(edge, str) and edge in roads.edges]
         return {roads.edges[edge][1] for edge in named} if len(named) == len(item.edges) else None

@@ -17,7 +17,7 @@ def weaker(old: m.Expect, new: m.Expect) -> bool | None:
 
     Returns:
         True: every run that meets the old one meets the new one, and not the other way round. False: it is as hard, or
-        harder. None: it cannot be told (another measure, another actor, parameters).
+        harder. None: unknown (another measure, another actor, parameters).
     """
     if implies(new, old):
         return False
@@ -33,7 +33,7 @@ def implies(one: m.Expect, other: m.Expect) -> bool:
         return other.mode == "eventually" and first <= second and _follows(one.condition, other.condition)
     if other.mode != "eventually" and first < second:
         return False  # what holds for a shorter time says nothing of the rest
-    return _follows(_kept(one), _kept(other))
+    return _follows(_condition_of(one), _condition_of(other))
 
 
 def _until(expect: m.Expect) -> float | None:
@@ -43,7 +43,7 @@ def _until(expect: m.Expect) -> float | None:
     return expect.within.si if isinstance(expect.within, m.Quantity) else None
 
 
-def _kept(expect: m.Expect) -> m.Condition:
+def _condition_of(expect: m.Expect) -> m.Condition:
     """What is to hold at every frame (or, of `eventually`, at one)."""
     return m.Not(condition=expect.condition) if expect.mode == "never" else expect.condition
 

@@ -24,19 +24,14 @@ def render_full(diagnostic: Diagnostic, colour: bool = False) -> str:
         colour: with ANSI colours.
     """
     tint = _CYAN if diagnostic.severity == "warning" else _RED
-    head = f"{_place(diagnostic)}: {diagnostic.severity} {diagnostic.code}: {_plain(diagnostic.message)}"
-    if colour:
-        head = (
-            f"{_BOLD}{_place(diagnostic)}{_OFF}: {tint}{diagnostic.severity} {diagnostic.code}{_OFF}: "
-            f"{_plain(diagnostic.message)}"
-        )
-    lines = [head]
+    tint, bold, off = (tint, _BOLD, _OFF) if colour else ("", "", "")
+    severity = f"{tint}{diagnostic.severity} {diagnostic.code}{off}"
+    lines = [f"{bold}{_place(diagnostic)}{off}: {severity}: {_plain(diagnostic.message)}"]
     if diagnostic.span is not None and diagnostic.source_line:
         source, blank, marks = _underlined(diagnostic.span, diagnostic.source_line)
         number = str(diagnostic.span.line)
         lines.append(f"  {number} | {source}".rstrip())
-        underline = f"{tint}{marks}{_OFF}" if colour else marks
-        lines.append(f"  {' ' * len(number)} | {blank}{underline}")
+        lines.append(f"  {' ' * len(number)} | {blank}{tint}{marks}{off}")
     if diagnostic.help:
         lines.append(f"  help: {_plain(diagnostic.help)}")
     return "\n".join(lines)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.code import EXAMPLES, NOUNS
+from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
@@ -36,10 +37,14 @@ class Findings:
             found = replace(found, span=Span(found.span.line, found.span.column, found.span.line, end))
         self._found.append(found)
 
-    def only_once(self, items: Sequence[m.Item], what: str) -> None:
-        """Report every item after the first."""
+    def only_once(self, items: Sequence[m.Item]) -> None:
+        """Report every statement of one kind after the first."""
+        from foresee_dsl.language.printer import print_item  # here: a file without mistakes needs no printer
+
         for item in items[1:]:
-            self.add(item, "", "FS047", f"{what} stands twice", "keep one of the two", head_only=True)
+            word = re.match(r"\w+", print_item(item))
+            message = f"`{word[0] if word else item}` stands twice"
+            self.add(item, "", "FS047", message, "keep one of the two", head_only=True)
 
     def unique(self, named: Iterable[tuple[m.Item, str, str]], what: str) -> None:
         """Report names that are given twice: (item, field of the name, name)."""

@@ -24,7 +24,7 @@ def closest(word: str, known: Iterable[str]) -> str | None:
     same = [candidate for candidate in candidates if _plain(candidate) == plain]
     if same:
         return same[0]
-    found = get_close_matches(word.lower(), candidates, n=1, cutoff=0.6)
+    found = get_close_matches(word.lower(), candidates, n=1, cutoff=0.6)  # the cutoff is difflib's own default
     return found[0] if found else None
 
 
@@ -39,7 +39,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return ""
 
 
-def unit_mend(word: str) -> str:
+def unit_hint(word: str) -> str:
     """Return what to write instead of an unknown unit word."""
     meant = OTHER_WORDS.get(word.lower())
     if meant is not None:
@@ -47,7 +47,7 @@ def unit_mend(word: str) -> str:
     return did_you_mean(word, UNITS) or "units are " + ", ".join(UNITS)
 
 
-def mend(diagnostic: Diagnostic) -> tuple[Span, str] | None:
+def suggested_fix(diagnostic: Diagnostic) -> tuple[Span, str] | None:
     """Return which part of the file to replace, and by what; None where the help names no replacement."""
     span = diagnostic.span
     if span is None or span.end_line != span.line:
@@ -61,7 +61,7 @@ def mend(diagnostic: Diagnostic) -> tuple[Span, str] | None:
 
 
 def replacement(message: str, written: str) -> tuple[int, int, str] | None:
-    """Return what to replace in the underlined text (start, end) and by what; None where nothing can be said.
+    """Return what to replace in the underlined text (start, end) and by what; None where the help names none.
 
     Args:
         message: the mistake and its help, as shown.

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePath
 
 from foresee_dsl.errors import Diagnostic, InputError
-from foresee_dsl.language.codes.names import BAD_ADDRESS, MISSING_FILE, WRONG_KIND
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.values import NAME_PATTERN
 
@@ -33,9 +33,11 @@ def parse_address(address: str) -> tuple[Path, str | None]:
     if not mark:
         file, case = address, ""
     if not file:
-        raise _error(BAD_ADDRESS, f"'{address}' names no file", "write `file.foresee` or `file.foresee::case`", address)
+        raise _error(
+            c.BAD_ADDRESS, f"'{address}' names no file", "write `file.foresee` or `file.foresee::case`", address
+        )
     if mark and not re.fullmatch(NAME_PATTERN, case):
-        raise _error(BAD_ADDRESS, f"'{case}' is no name of a case", "write `file.foresee::case`", file)
+        raise _error(c.BAD_ADDRESS, f"'{case}' is no name of a case", "write `file.foresee::case`", file)
     return Path(file), case or None
 
 
@@ -49,7 +51,7 @@ def kind_of(path: Path) -> str:
     try:
         with path.open("rb") as file:
             text = file.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
-    except OSError:  # whoever then reads it says why it cannot
+    except OSError:  # reading the file later reports the reason
         return ""
     return kind_of_text(text)
 
@@ -106,7 +108,7 @@ def recorded_children(paths: Iterable[str | Path]) -> tuple[Path, ...]:
             children.append(file)
         elif file in named:
             message = f"this holds {f'a {kind}' if kind else 'no definition'}, not a mutant"
-            raise _error(WRONG_KIND, message, "name a mutant's file, or a folder of them", shown(file))
+            raise _error(c.WRONG_KIND, message, "name a mutant's file, or a folder of them", shown(file))
     return tuple(children)
 
 
@@ -114,8 +116,8 @@ def missing(path: Path) -> InputError:
     """Return the error for a file or folder that does not exist, with the nearest name beside it."""
     if is_folder(path):
         example = f"write `{shown(path)}/NAME{SUFFIX}`"
-        return _error(BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
-    return _error(MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
+        return _error(c.BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
+    return _error(c.MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
 
 
 def near_files(path: Path) -> str:

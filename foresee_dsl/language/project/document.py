@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language.model import Clip, Definition, Ego, Item, Mutant, Network, Scenario, VehicleModel
+from foresee_dsl.language import model as m
 
 
 @dataclass(frozen=True)
@@ -40,21 +40,21 @@ class Document:
 
     path: str
     text: str
-    model: Definition
+    model: m.Definition
     spans: Mapping[tuple[int, str], Span] = field(default_factory=dict)
     comments: Mapping[tuple[str | int, ...], Comments] = field(default_factory=dict)
     base: Document | None = None
     """Of a scenario that extends another and was joined with it: the other. `model` is the two as one then, and
     `written` what the file says."""
-    written: Definition | None = None
-    kept: tuple[Item, ...] = ()
-    """Items that `spans` knows and `model` does not hold; an id is a name only as long as its item lives."""
+    written: m.Definition | None = None
+    alive: tuple[m.Item, ...] = ()
+    """Items that `spans` knows by id and `model` does not hold: an id is unique only as long as its item exists."""
 
-    def span(self, item: Item, name: str = "") -> Span | None:
+    def span(self, item: m.Item, name: str = "") -> Span | None:
         """Return where an item (or one of its fields) stands, falling back to the whole item."""
         return self.spans.get((id(item), name)) or self.spans.get((id(item), ""))
 
-    def diagnostic(self, item: Item | None, name: str, code: str, message: str, help: str = "") -> Diagnostic:
+    def diagnostic(self, item: m.Item | None, name: str, code: str, message: str, help: str = "") -> Diagnostic:
         """Make an error about an item of this file (None: about the file).
 
         About an item that a scenario has from the one that it extends: at `extends`, and with the other's line.
@@ -69,7 +69,7 @@ class Document:
         line = lines[span.line - 1] if span is not None and span.line <= len(lines) else ""
         return Diagnostic(code=code, message=message, help=help, path=self.path, span=span, source_line=line)
 
-    def _holder(self, item: Item) -> Document:
+    def _holder(self, item: m.Item) -> Document:
         """Return the document, this or one that it extends, whose file says an item."""
         return self if self.base is None or (id(item), "") in self.spans else self.base._holder(item)
 
@@ -93,19 +93,19 @@ class TestCase:
     __test__ = False  # pytest: this is no test class
 
     id: str
-    scenario: Scenario
-    network: Network | Path
-    models: Mapping[str, VehicleModel]
+    scenario: m.Scenario
+    network: m.Network | Path
+    models: Mapping[str, m.VehicleModel]
     meaning: str
     source: Path
     document: Document | None = None
-    clip: Clip | None = None
-    mutant: Mutant | None = None
+    clip: m.Clip | None = None
+    mutant: m.Mutant | None = None
 
     @property
     def snapshot(self) -> bool:
         """It begins from exact states: a clip, a child, or what `foresee expand` printed of one."""
-        ego = self.scenario.one(Ego)
+        ego = self.scenario.one(m.Ego)
         return ego is not None and ego.state is not None
 
     @property

@@ -10,39 +10,15 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from foresee_dsl.errors import Diagnostic, Span
+from foresee_dsl.language import model as m
 from foresee_dsl.language.changes import changed_body, weakened
-from foresee_dsl.language.codes.names import ALREADY_IN_PARENT, NOT_IN_PARENT, WEAKENED
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.model import (
-    Actor,
-    Add,
-    Cases,
-    Change,
-    Doc,
-    Drop,
-    Ego,
-    Expect,
-    Extension,
-    Item,
-    Network,
-    Param,
-    Ref,
-    Replace,
-    Require,
-    Scenario,
-    ScenarioItem,
-    SignalState,
-    Statement,
-    Tags,
-    UseModels,
-    UseNetwork,
-    When,
-)
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
 
-_ItemT = TypeVar("_ItemT", bound=Item)
+_ItemT = TypeVar("_ItemT", bound=m.Item)
 _SINGLE = {"ego": "ego", "network": "network", "weather": "weather", "end": "end"}
 """Groups of statements of which a scenario has one at most, and what they are called."""
 
@@ -66,23 +42,23 @@ def extended(document: Document, parent: Document, *, folder: Path, parent_folde
         InputError: something is added that is there, or changed or dropped that is not; a WAS that is not so.
         TypeError: `document` holds no extension, or `parent` no scenario.
     """
-    if not isinstance(document.model, Extension) or not isinstance(parent.model, Scenario):
+    if not isinstance(document.model, m.Extension) or not isinstance(parent.model, m.Scenario):
         raise TypeError("an extension and a scenario are joined, nothing else")
     return _Joiner(document, document.model, parent, parent.model, folder, parent_folder).joined()
 
 
 def softened(document: Document) -> Iterator[Diagnostic]:
     """Yield a warning for each expectation that an extension makes easier to meet than in what it extends."""
-    if not isinstance(document.written, Extension) or document.base is None:
+    if not isinstance(document.written, m.Extension) or document.base is None:
         return
-    assert isinstance(document.model, Scenario) and isinstance(document.base.model, Scenario)  # noqa: S101  (extended)
-    new = {item.name: item for item in document.model.all(Expect)}
-    for old in document.base.model.all(Expect):
+    assert isinstance(document.model, m.Scenario) and isinstance(document.base.model, m.Scenario)  # noqa: S101  (extended)
+    new = {item.name: item for item in document.model.all(m.Expect)}
+    for old in document.base.model.all(m.Expect):
         now = new.get(old.name)
         if old.name is not None and now is not None and weakened((old,), (now,)) is not None:
             message = f"'{old.name}' is easier to meet than in '{document.written.parent}'"
             help = "if that is meant, say why in a comment; else leave it, or make it stricter"
-            yield replace(document.diagnostic(now, "", WEAKENED, message, help), severity="warning")
+            yield replace(document.diagnostic(now, "", c.WEAKENED, message, help), severity="warning")
 
 
 class _Joiner:
@@ -91,37 +67,37 @@ class _Joiner:
     def __init__(
         self,
         document: Document,
-        extension: Extension,
+        extension: m.Extension,
         parent: Document,
-        scenario: Scenario,
+        scenario: m.Scenario,
         folder: Path,
         parent_folder: Path,
     ) -> None:
         self._document, self._extension, self._parent = document, extension, parent
         self._spans = dict(document.spans)
         self._base_spans = dict(parent.spans)
-        self._kept: list[Item] = [extension]
+        self._alive: list[m.Item] = [extension]
         self._findings = Findings(document)
-        self._tags = tuple(item for item in extension.body if isinstance(item, Tags)) or scenario.all(Tags)
-        self._docs = tuple(item for item in extension.body if isinstance(item, Doc))
-        self._body: tuple[ScenarioItem, ...] = tuple(
-            self._moved(item, folder, parent_folder) for item in scenario.body if not isinstance(item, Doc | Tags)
+        self._tags = tuple(item for item in extension.body if isinstance(item, m.Tags)) or scenario.all(m.Tags)
+        self._docs = tuple(item for item in extension.body if isinstance(item, m.Doc))
+        self._body: tuple[m.ScenarioItem, ...] = tuple(
+            self._moved(item, folder, parent_folder) for item in scenario.body if not isinstance(item, m.Doc | m.Tags)
         )
         self._parameters = _parameters(scenario, extension)
 
     def joined(self) -> Document:
         for line in self._extension.body:
             match line:
-                case Add(item=item):
+                case m.Add(item=item):
                     self._add(self._plain(item), line)
-                case Replace(item=item):
+                case m.Replace(item=item):
                     self._replace(self._plain(item), line)
-                case Drop():
+                case m.Drop():
                     self._drop(line)
-                case Change():
+                case m.Change():
                     self._change(line)
         self._findings.raise_if_any()
-        model = Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._body))
+        model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._body))
         self._place(self._spans, model, self._extension)
         base = replace(self._parent, spans=self._base_spans)
         return replace(
@@ -130,28 +106,28 @@ class _Joiner:
             spans=self._spans,
             base=base,
             written=self._extension,
-            kept=tuple(self._kept),
+            alive=tuple(self._alive),
         )
 
     # ---- the four kinds of line ------------------------------------------------------------------------------------
 
-    def _add(self, item: Statement, line: Add) -> None:
+    def _add(self, item: m.Statement, line: m.Add) -> None:
         found = self._like(item)
         if found is not None:
             message = f"'{self._extension.parent}' has {_a(item)} already"
             help = f"write `change` instead of `add` to replace it{_by_line(self._parent, found)}"
-            self._findings.add(line.item, _named_by(item), ALREADY_IN_PARENT, message, help)
+            self._findings.add(line.item, _named_by(item), c.ALREADY_IN_PARENT, message, help)
             return
         self._body = (*self._body, item)
 
-    def _replace(self, item: Statement, line: Replace) -> None:
-        if isinstance(item, Require) or (isinstance(item, When | Expect) and item.name is None):
-            word = "require" if isinstance(item, Require) else item.kind
-            message = f"which `{word}` this changes is not said"
+    def _replace(self, item: m.Statement, line: m.Replace) -> None:
+        if isinstance(item, m.Require) or (isinstance(item, m.When | m.Expect) and item.name is None):
+            word = "require" if isinstance(item, m.Require) else item.kind
+            message = f"which `{word}` this changes is not given"
             help = f"give both a name, `{word} some_name: ...`"
-            if isinstance(item, Require):
+            if isinstance(item, m.Require):
                 help = "a `require` can only be added; to loosen one, change it in the other scenario"
-            self._findings.add(line.item, "", NOT_IN_PARENT, message, help)
+            self._findings.add(line.item, "", c.NOT_IN_PARENT, message, help)
             return
         found = self._like(item)
         if found is None:
@@ -160,43 +136,43 @@ class _Joiner:
             message = f"'{self._extension.parent}' has no {_called(item)}"
             hint = did_you_mean(name, known) if name else ""
             help = hint or f"write `add` instead of `change`: there is no {_word(item)} to change"
-            self._findings.add(line.item, _named_by(item), NOT_IN_PARENT, message, help)
+            self._findings.add(line.item, _named_by(item), c.NOT_IN_PARENT, message, help)
             return
         self._body = tuple(item if old is found else old for old in self._body)
 
-    def _drop(self, line: Drop) -> None:
+    def _drop(self, line: m.Drop) -> None:
         gone = [item for item in self._body if _word(item) == line.what and line.name in (None, _identity(item)[1])]
         known = [name for item in self._body if _word(item) == line.what and (name := _identity(item)[1])]
         single = line.what in (*_SINGLE, "cases")
         if line.name is None and not single:
             help = f"write the name behind it: `drop {line.what} {known[0] if known else 'some_name'}`"
-            self._findings.add(line, "", NOT_IN_PARENT, f"which {line.what} to drop is not said", help)
+            self._findings.add(line, "", c.NOT_IN_PARENT, f"which {line.what} to drop is not given", help)
         elif line.name is not None and single:
             help = f"write `drop {line.what}`"
-            self._findings.add(line, "name", NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
+            self._findings.add(line, "name", c.NOT_IN_PARENT, f"{line.what} is dropped without a name", help)
         elif not gone:
-            other = next((item for item in self._body if isinstance(item, Actor) and item.name == line.name), None)
+            other = next((item for item in self._body if isinstance(item, m.Actor) and item.name == line.name), None)
             message = f"'{self._extension.parent}' has no {line.what}" + (f" called '{line.name}'" if line.name else "")
             help = did_you_mean(line.name, known) if line.name else ""
             if other is not None:
                 help = f"it is a {other.kind}: write `drop {other.kind} {other.name}`"
-            self._findings.add(line, "name" if line.name else "", NOT_IN_PARENT, message, help)
+            self._findings.add(line, "name" if line.name else "", c.NOT_IN_PARENT, message, help)
         else:
             self._body = tuple(item for item in self._body if not any(item is old for old in gone))
 
-    def _change(self, line: Change) -> None:
+    def _change(self, line: m.Change) -> None:
         place = f"'{self._extension.parent}'"
         before = self._body
         self._body = changed_body(line, before, self._findings, place=place, parameters=self._parameters)
         for item in self._body:
             if not any(item is old for old in before):
                 self._place(self._spans, item, line, whole=True)
-                if isinstance(item, Ego | Actor):
+                if isinstance(item, m.Ego | m.Actor):
                     self._place_new_parts(item, before, line)
 
-    def _place_new_parts(self, actor: Ego | Actor, before: Iterable[Item], line: Change) -> None:
+    def _place_new_parts(self, actor: m.Ego | m.Actor, before: Iterable[m.Item], line: m.Change) -> None:
         """What a change line puts into an actor's block stands at that line; the rest of the block where it was."""
-        old = next((o for o in before if isinstance(o, Ego | Actor) and o.name == actor.name), None)
+        old = next((o for o in before if isinstance(o, m.Ego | m.Actor) and o.name == actor.name), None)
         was = (*old.body, old.state) if old is not None else ()
         for part in (*actor.body, actor.state):
             if part is not None and not any(part is other for other in was):
@@ -204,7 +180,7 @@ class _Joiner:
 
     # ---- finding ---------------------------------------------------------------------------------------------------
 
-    def _like(self, item: ScenarioItem) -> ScenarioItem | None:
+    def _like(self, item: m.ScenarioItem) -> m.ScenarioItem | None:
         """Return the statement of the same kind and name, or None."""
         group, name = _identity(item)
         same = [old for old in self._body if _identity(old)[0] == group]
@@ -214,9 +190,9 @@ class _Joiner:
 
     # ---- items that are written anew, and their places -------------------------------------------------------------
 
-    def _moved(self, item: ScenarioItem, folder: Path, parent_folder: Path) -> ScenarioItem:
+    def _moved(self, item: m.ScenarioItem, folder: Path, parent_folder: Path) -> m.ScenarioItem:
         """A file that the other uses, as this one would write its path."""
-        if not isinstance(item, UseNetwork | UseModels) or folder == parent_folder:
+        if not isinstance(item, m.UseNetwork | m.UseModels) or folder == parent_folder:
             return item
         path = relative_to(folder, absolute(parent_folder / item.path))
         new = item.model_copy(update={"path": path})
@@ -228,10 +204,10 @@ class _Joiner:
         changed: dict[str, object] = {}
         for name in type(item).model_fields:
             value = getattr(item, name)
-            if isinstance(value, Ref):
+            if isinstance(value, m.Ref):
                 if value.name not in self._parameters:
                     changed[name] = value.name
-            elif isinstance(value, Item):
+            elif isinstance(value, m.Item):
                 changed[name] = self._plain(value)
             elif isinstance(value, tuple):
                 changed[name] = tuple(self._plain_part(part) for part in value)
@@ -243,13 +219,13 @@ class _Joiner:
         return new
 
     def _plain_part(self, part: object) -> object:
-        if isinstance(part, Ref):
+        if isinstance(part, m.Ref):
             return part if part.name in self._parameters else part.name
-        return self._plain(part) if isinstance(part, Item) else part
+        return self._plain(part) if isinstance(part, m.Item) else part
 
-    def _place(self, spans: dict[tuple[int, str], Span], new: Item, old: Item, *, whole: bool = False) -> None:
+    def _place(self, spans: dict[tuple[int, str], Span], new: m.Item, old: m.Item, *, whole: bool = False) -> None:
         """Give a new item the places of an old one; `whole`: the old one's own place for each of its fields."""
-        self._kept += (new, old)
+        self._alive += (new, old)
         fields = [""] if whole else ["", *_field_keys(new)]
         known = self._spans if spans is self._spans else self._base_spans
         spans |= {(id(new), f): span for f in fields if (span := known.get((id(old), f))) is not None}
@@ -263,8 +239,8 @@ def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object
         return type(item).model_validate(fields | changed)
     except ValidationError as error:
         refused = {str(detail["loc"][0]) for detail in error.errors() if detail["loc"]} & changed.keys()
-        kept = {name: value for name, value in changed.items() if name not in refused}
-        return _accepted(item, fields, kept) if refused else item
+        accepted = {name: value for name, value in changed.items() if name not in refused}
+        return _accepted(item, fields, accepted) if refused else item
 
 
 def _same(value: object, other: object) -> bool:
@@ -273,7 +249,7 @@ def _same(value: object, other: object) -> bool:
     return value is other
 
 
-def _field_keys(item: Item) -> Iterator[str]:
+def _field_keys(item: m.Item) -> Iterator[str]:
     for name in type(item).model_fields:
         yield name
         value = getattr(item, name)
@@ -281,62 +257,62 @@ def _field_keys(item: Item) -> Iterator[str]:
             yield from (f"{name}.{k}" for k in range(len(value)))
 
 
-def _parameters(scenario: Scenario, extension: Extension) -> frozenset[str]:
+def _parameters(scenario: m.Scenario, extension: m.Extension) -> frozenset[str]:
     """Return the names of the result's parameters."""
-    names = {param.name for param in scenario.all(Param)}
+    names = {param.name for param in scenario.all(m.Param)}
     for line in extension.body:
-        if isinstance(line, Add | Replace) and isinstance(line.item, Param):
+        if isinstance(line, m.Add | m.Replace) and isinstance(line.item, m.Param):
             names.add(line.item.name)
-        elif isinstance(line, Drop) and line.what == "param" and line.name is not None:
+        elif isinstance(line, m.Drop) and line.what == "param" and line.name is not None:
             names.discard(line.name)
     return frozenset(names)
 
 
-def _identity(item: Item) -> tuple[str, str]:
+def _identity(item: m.Item) -> tuple[str, str]:
     """Return which statement of a scenario this is: a group, and a name ("" where it has none)."""
     group, name = str(getattr(item, "kind", "")), getattr(item, "name", None) or ""
     match item:
-        case Ego():
+        case m.Ego():
             name = ""
-        case Actor():
+        case m.Actor():
             group = "actor"
-        case UseNetwork() | Network():
+        case m.UseNetwork() | m.Network():
             group, name = "network", ""
-        case UseModels(path=path):
+        case m.UseModels(path=path):
             name = path
-        case SignalState(junction=junction):
-            name = junction.name if isinstance(junction, Ref) else junction
-        case Cases(seed=seed):
+        case m.SignalState(junction=junction):
+            name = junction.name if isinstance(junction, m.Ref) else junction
+        case m.Cases(seed=seed):
             name = f"seed {seed.value:f}"
     return group, str(name)
 
 
-def _word(item: Item) -> str:
+def _word(item: m.Item) -> str:
     """Return the word that a statement is called by: its keyword."""
     return (
         str(getattr(item, "kind", ""))
-        if isinstance(item, Actor)
+        if isinstance(item, m.Actor)
         else _SINGLE.get(_identity(item)[0], _identity(item)[0])
     )
 
 
-def _called(item: Item) -> str:
+def _called(item: m.Item) -> str:
     group, name = _identity(item)
     if not name:
         return _word(item)
     return f"actor called '{name}'" if group == "actor" else f"{_word(item)} called '{name}'"
 
 
-def _a(item: Item) -> str:
+def _a(item: m.Item) -> str:
     called = _called(item)
     return f"{'an' if called[0] in 'aeiou' else 'a'} {called}"
 
 
-def _named_by(item: Item) -> str:
+def _named_by(item: m.Item) -> str:
     """Return the field that names a statement, which is underlined then."""
-    return "name" if getattr(item, "name", None) and not isinstance(item, Ego) else ""
+    return "name" if getattr(item, "name", None) and not isinstance(item, m.Ego) else ""
 
 
-def _by_line(document: Document, item: Item) -> str:
+def _by_line(document: Document, item: m.Item) -> str:
     span = document.span(item)
     return f" (line {span.line} of '{document.path}')" if span is not None else ""

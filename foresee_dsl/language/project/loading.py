@@ -11,34 +11,10 @@ from typing import NoReturn
 
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 from foresee_dsl.files import data_folder
-from foresee_dsl.language.codes.names import (
-    MISSING_FILE,
-    NO_NETWORK,
-    OUTSIDE,
-    STALE_PIN,
-    TOO_DEEP,
-    UNKNOWN_CASE,
-    UNKNOWN_SUFFIX,
-    USES_ITSELF,
-    WHICH_CASE,
-    WRONG_KIND,
-)
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash, pin_of
-from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.model import (
-    Catalogue,
-    Clip,
-    Definition,
-    Extension,
-    Item,
-    Mutant,
-    Network,
-    Scenario,
-    UseModels,
-    UseNetwork,
-    VehicleModel,
-)
 from foresee_dsl.language.project.addresses import (
     FOREIGN_NETWORKS,
     absolute,
@@ -50,7 +26,6 @@ from foresee_dsl.language.project.addresses import (
     near_files,
     parse_address,
     project_folder,
-    recorded_children,
     scenario_files,
     shown,
 )
@@ -60,19 +35,6 @@ from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
 from foresee_dsl.language.sampling.draws import with_drawn_cases
-
-__all__ = [
-    "STALE_PIN",
-    "Project",
-    "diagnose",
-    "load_catalogue",
-    "load_test_case",
-    "load_test_cases",
-    "parse_address",
-    "recorded_children",
-    "scenario_files",
-]
-
 
 DEPTH_LIMIT = 32
 """How many parents a child may have, one above the other (ours: a campaign makes two; more is a generated chain)."""
@@ -108,19 +70,19 @@ def load_test_cases(
 
 
 @cache
-def _bundled() -> Mapping[str, VehicleModel]:
+def _bundled() -> Mapping[str, m.VehicleModel]:
     from foresee_dsl.language.parser import load
 
     path = data_folder("scenarios") / "models.foresee"
     if not path.is_file():
         raise ForeseeError(f"the bundled catalogue of models is missing from this installation: {path}")
     model = load(path).model
-    if not isinstance(model, Catalogue):
+    if not isinstance(model, m.Catalogue):
         raise ForeseeError(f"the bundled catalogue of models is damaged: {path}")
     return entries(model)
 
 
-def bundled_models() -> dict[str, VehicleModel]:
+def bundled_models() -> dict[str, m.VehicleModel]:
     """Return the models that ship with the package, by name; read once a process.
 
     Raises:
@@ -129,7 +91,7 @@ def bundled_models() -> dict[str, VehicleModel]:
     return dict(_bundled())
 
 
-def load_catalogue(path: Path | None = None) -> dict[str, VehicleModel]:
+def load_catalogue(path: Path | None = None) -> dict[str, m.VehicleModel]:
     """Return the models of a catalogue's file, by name; without a file those that ship with the package.
 
     Raises:
@@ -150,7 +112,7 @@ class _Use:
     """A statement that names another file."""
 
     file: _File
-    item: Item
+    item: m.Item
     field: str
     written: str
 
@@ -211,7 +173,7 @@ class Project:
             raise InputError(tuple(mistakes))
         return tuple(found.values())
 
-    def definition(self, file: str | Path) -> Definition:
+    def definition(self, file: str | Path) -> m.Definition:
         """Load and check one file as it stands, whatever it holds."""
         return self.document(file).model
 
@@ -222,13 +184,13 @@ class Project:
             raise missing(path)
         return self._read(absolute(path), shown(path)).document
 
-    def catalogue(self, file: str | Path) -> dict[str, VehicleModel]:
+    def catalogue(self, file: str | Path) -> dict[str, m.VehicleModel]:
         """Load the models of a catalogue's file, by name."""
         model = self.definition(file)
-        if isinstance(model, Catalogue):
+        if isinstance(model, m.Catalogue):
             return entries(model)
         message = f"this holds {_a(model)}, not models"
-        raise InputError((Diagnostic(code=WRONG_KIND, message=message, path=shown(file)),))
+        raise InputError((Diagnostic(code=c.WRONG_KIND, message=message, path=shown(file)),))
 
     def _addresses(self, paths: Iterable[str | Path]) -> Iterable[tuple[Path, str | None]]:
         for address in map(str, paths):
@@ -240,10 +202,10 @@ class Project:
             scenarios = [file for file in scenario_files([path]) if kind_of(file) in ("scenario", "")]
             if not scenarios:
                 message = f"no scenario in folder '{shown(path)}'"
-                raise InputError((Diagnostic(code=MISSING_FILE, message=message, path=shown(path)),))
+                raise InputError((Diagnostic(code=c.MISSING_FILE, message=message, path=shown(path)),))
             yield from ((file, None) for file in scenarios)
 
-    def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> Scenario:
+    def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
         """Load a file that holds a scenario, joined with what it extends, and its drawn cases beside the written ones.
 
         Args:
@@ -258,10 +220,10 @@ class Project:
         self._allow_near(path)
         found = self._whole(self._read(absolute(path), shown(path)), ())
         document = found.document if drawn else self._undrawn.get(absolute(path), found.document)
-        if isinstance(document.model, Scenario):
+        if isinstance(document.model, m.Scenario):
             return document.model
         message = f"this holds {_a(found.document.model)}, not a scenario"
-        raise InputError((Diagnostic(code=WRONG_KIND, message=message, path=shown(path)),))
+        raise InputError((Diagnostic(code=c.WRONG_KIND, message=message, path=shown(path)),))
 
     def _case_names(self, file: Path) -> tuple[str | None, ...]:
         if not self._is_file(file):
@@ -270,7 +232,7 @@ class Project:
 
     def _whole(self, file: _File, chain: tuple[_File, ...]) -> _File:
         """Return a scenario's file with what it extends and its drawn cases; every other file as it is."""
-        if not isinstance(file.document.model, Scenario | Extension):
+        if not isinstance(file.document.model, m.Scenario | m.Extension):
             return file
         if file.path not in self._wholes:
             self._undrawn[file.path] = self._joined(file, chain)
@@ -279,7 +241,7 @@ class Project:
 
     def _joined(self, file: _File, chain: tuple[_File, ...]) -> Document:
         extension = file.document.model
-        if not isinstance(extension, Extension):
+        if not isinstance(extension, m.Extension):
             return file.document
         from foresee_dsl.language.checks.documents import check_document
 
@@ -287,21 +249,21 @@ class Project:
         chain = chain if chain and chain[-1] is file else (*chain, file)
         self._check_parent(above, chain)
         parent = self._whole(self._read(above.path, above.shown), chain)
-        if not isinstance(parent.document.model, Scenario):
-            above.fail(WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
+        if not isinstance(parent.document.model, m.Scenario):
+            above.fail(c.WRONG_KIND, f"'{extension.parent}' holds {_a(parent.document.model)}, not a scenario")
         # The other's drawn cases are drawn anew: parameters and requirements may be others here.
         base = self._undrawn[parent.path]
         joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
         found = check_document(joined)
         self._raise_mistakes(found)
-        place = joined.span(extension, "parent")  # there stands what is odd about the other, which is said of itself
+        place = joined.span(extension, "parent")  # warnings about the other file: it has them itself
         self.warnings.extend(d for d in (*found, *softened(joined)) if d.severity != "error" and d.span != place)
         return joined
 
     def _check_parent(self, use: _Use, chain: tuple[_File, ...]) -> None:
         _check_cycle(use, chain)
         if len(chain) > DEPTH_LIMIT:
-            use.fail(TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
+            use.fail(c.TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
         self._check_reachable(use, chain)
 
     @staticmethod
@@ -327,9 +289,9 @@ class Project:
         if not self._allow_outside and not is_inside(use.path, self._roots or (chain[0].path.parent,)):
             root = project_folder(absolute(Path()))
             message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
-            use.fail(OUTSIDE, message, "move the file there, or allow it with `--allow-outside`")
+            use.fail(c.OUTSIDE, message, "move the file there, or allow it with `--allow-outside`")
         if not self._is_file(use.path):
-            use.fail(MISSING_FILE, f"no file '{use.written}'", near_files(use.path))
+            use.fail(c.MISSING_FILE, f"no file '{use.written}'", near_files(use.path))
 
     def _allow_near(self, path: Path) -> None:
         """Let what the user names use files of its own project folder, and of the working folder's."""
@@ -351,39 +313,39 @@ class Project:
 
     def _build(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
         model = file.document.model
-        if isinstance(model, Scenario | Extension):
+        if isinstance(model, m.Scenario | m.Extension):
             return self._seed(self._whole(file, chain), case, use, chain)
         if case is not None:
-            _fail_case(file, use, UNKNOWN_CASE, f"a {model.kind} has no cases", "leave out the case")
-        if isinstance(model, Clip):
+            _fail_case(file, use, c.UNKNOWN_CASE, f"a {model.kind} has no cases", "leave out the case")
+        if isinstance(model, m.Clip):
             parent = self._parent(_Use(file, model, "parent", model.parent), model.case, model.pin, chain)
             return expand_clip(model, parent, source=file.path, document=file.document)
-        if isinstance(model, Mutant):
+        if isinstance(model, m.Mutant):
             above = _Use(file, model, "parent", model.parent)
             parent = self._parent(above, None, model.pin, chain)
             if parent.clip is None:
-                above.fail(WRONG_KIND, f"'{model.parent}' holds a scenario, but a mutant changes a clip")
+                above.fail(c.WRONG_KIND, f"'{model.parent}' holds a scenario, but a mutant changes a clip")
             return expand_mutant(model, parent, source=file.path, document=file.document)
         message = f"this holds {_a(model)}"
         if use is not None:
-            use.fail(WRONG_KIND, f"'{use.written}' is no parent: {message}", "name a scenario, clip or mutant")
+            use.fail(c.WRONG_KIND, f"'{use.written}' is no parent: {message}", "name a scenario, clip or mutant")
         help = "name a scenario, clip or mutant"
-        raise InputError((file.document.diagnostic(model, "", WRONG_KIND, f"{message}, no test case", help),))
+        raise InputError((file.document.diagnostic(model, "", c.WRONG_KIND, f"{message}, no test case", help),))
 
     def _seed(self, file: _File, case: str | None, use: _Use | None, chain: tuple[_File, ...]) -> TestCase:
         scenario = file.document.model
-        if not isinstance(scenario, Scenario):
+        if not isinstance(scenario, m.Scenario):
             raise TypeError("a file is whole before its test cases are built")
         known = cases(file.document)
         if case is not None and case not in known:
             message = f"no case '{case}' in '{file.document.path}'"
             _fail_case(
-                file, use, UNKNOWN_CASE, message, did_you_mean(case, known) or "it has no cases: leave out the case"
+                file, use, c.UNKNOWN_CASE, message, did_you_mean(case, known) or "it has no cases: leave out the case"
             )
         if case is None and known:
             message = f"'{file.document.path}' has {len(known)} cases: say which one"
             written = f"case {known[0]}" if use else f"{file.document.path}::{known[0]}"
-            _fail_case(file, use, WHICH_CASE, message, f"write `{written}`, for example; {did_you_mean('', known)}")
+            _fail_case(file, use, c.WHICH_CASE, message, f"write `{written}`, for example; {did_you_mean('', known)}")
         concrete = concretise(scenario, case, document=file.document)
         network = self._network(file, concrete, chain)
         models = self._models(file, concrete, chain)
@@ -405,48 +367,48 @@ class Project:
         if self._check_pin and now != pin:
             message = f"the parent '{parent.id}' is {now} now, but {pin} is pinned"
             use.fail(
-                STALE_PIN,
+                c.STALE_PIN,
                 message,
                 "the parent changed since: `foresee repin` shows what that does to this child",
                 field="pin",
             )
         return parent
 
-    def _network(self, file: _File, scenario: Scenario, chain: tuple[_File, ...]) -> Network | Path:
-        inline, used = scenario.one(Network), scenario.one(UseNetwork)
+    def _network(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> m.Network | Path:
+        inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
         if inline is not None:
             return inline
         if used is None:
             help = 'write `use network "file"`, or a block `network { ... }`'
             message = f"scenario '{scenario.name}' has no network"
-            raise InputError((file.document.diagnostic(file.document.model, "name", NO_NETWORK, message, help),))
+            raise InputError((file.document.diagnostic(file.document.model, "name", c.NO_NETWORK, message, help),))
         use = _Use(file, used, "path", used.path)
         if used.path.endswith(FOREIGN_NETWORKS):
             self._check_reachable(use, chain)
             if not os.access(use.path, os.R_OK):
-                use.fail(MISSING_FILE, f"'{used.path}' cannot be read", "check its permissions")
+                use.fail(c.MISSING_FILE, f"'{used.path}' cannot be read", "check its permissions")
             return use.path
         model = self._used_model(use, chain)
-        if not isinstance(model, Network):
-            use.fail(WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", "name a file with `network ...`")
+        if not isinstance(model, m.Network):
+            use.fail(c.WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", "name a file with `network ...`")
         return model
 
-    def _models(self, file: _File, scenario: Scenario, chain: tuple[_File, ...]) -> dict[str, VehicleModel]:
+    def _models(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> dict[str, m.VehicleModel]:
         models = bundled_models()
-        for item in scenario.all(UseModels):
+        for item in scenario.all(m.UseModels):
             use = _Use(file, item, "path", item.path)
             model = self._used_model(use, chain)
-            if not isinstance(model, Catalogue):
-                use.fail(WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", "name a file with `models ...`")
+            if not isinstance(model, m.Catalogue):
+                use.fail(c.WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", "name a file with `models ...`")
             models |= entries(model)
         return models
 
-    def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> Item:
+    def _used_model(self, use: _Use, chain: tuple[_File, ...]) -> m.Item:
         _check_cycle(use, chain)
         if not use.written.endswith(".foresee"):
-            network = isinstance(use.item, UseNetwork)
+            network = isinstance(use.item, m.UseNetwork)
             known = ".foresee, .net.xml or .xodr" if network else ".foresee"
-            use.fail(UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", f"write a file that ends in {known}")
+            use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", f"write a file that ends in {known}")
         self._check_reachable(use, chain)
         return self._read(use.path, use.shown).document.model
 
@@ -454,7 +416,7 @@ class Project:
 def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
     if any(file.path == use.path for file in chain):
         names = [file.document.path for file in chain]
-        use.fail(USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", "name another file")
+        use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", "name another file")
 
 
 def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str) -> NoReturn:
@@ -464,7 +426,7 @@ def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str
     raise InputError((file.document.diagnostic(None, "", code, message, help),))
 
 
-def _a(model: Item) -> str:
-    if isinstance(model, Extension):
+def _a(model: m.Item) -> str:
+    if isinstance(model, m.Extension):
         return "a scenario"
-    return "models" if isinstance(model, Catalogue) else f"a {getattr(model, 'kind', 'definition')}"
+    return "models" if isinstance(model, m.Catalogue) else f"a {getattr(model, 'kind', 'definition')}"

@@ -19,6 +19,7 @@ COMMITS = 200
 """How many commits that touch the parent's files are looked through, newest first (ours: 60 ms each, measured)."""
 
 _TIMEOUT_S = 30.0
+"""For one call of git (ours: a log of a large repository takes some seconds)."""
 _USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
 """Files that a `.foresee` file may use: every string that looks like one."""
 

@@ -11,10 +11,11 @@ from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import write_whole
+from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.names import STALE_PIN, WRONG_KIND
-from foresee_dsl.language.diff import Difference, diff_cases, to_dict
+from foresee_dsl.language.diff.addresses import diff_cases
+from foresee_dsl.language.diff.parts import Difference, to_dict
 from foresee_dsl.language.meaning import clip_pin, pin_of
-from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute, is_folder, kind_of, scenario_files, shown
 from foresee_dsl.language.project.document import Document, TestCase
@@ -131,7 +132,7 @@ def with_pin(text: str, document: Document, pin: str) -> str:
     """
     model = document.model
     span = document.span(model, "pin")
-    if not isinstance(model, Clip | Mutant) or span is None:
+    if not isinstance(model, m.Clip | m.Mutant) or span is None:
         raise TypeError("only clips and mutants have a pin")
     lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
     at = 2 * (span.line - 1)
@@ -184,7 +185,7 @@ class _Planner:
         self._open.add(path)
         document = load(path, shown_as=shown(self._files[path]))
         model = self._project.definition(self._files[path])
-        if not (isinstance(model, Clip | Mutant) and isinstance(document.model, Clip | Mutant)):
+        if not (isinstance(model, m.Clip | m.Mutant) and isinstance(document.model, m.Clip | m.Mutant)):
             raise TypeError("only clips and mutants get here")
         parent = absolute(path.parent / model.parent)
         before = self._child(parent) if parent in self._files and parent not in self._open else None
@@ -193,8 +194,10 @@ class _Planner:
         self._done[path] = replace(child, document=document)
         return self._done[path]
 
-    def _judge(self, path: Path, document: Document, model: Clip | Mutant, parent: Path, before: Child | None) -> Child:
-        case = model.case if isinstance(model, Clip) else None
+    def _judge(
+        self, path: Path, document: Document, model: m.Clip | m.Mutant, parent: Path, before: Child | None
+    ) -> Child:
+        case = model.case if isinstance(model, m.Clip) else None
         address = _address((self._files[path].parent / model.parent), case)
         child = Child(self._files[path], State.FRESH, address, model.pin)
         blocked = before is not None and before.state in (State.CONFLICT, State.BLOCKED)
@@ -241,8 +244,8 @@ class _Planner:
         old = _expanded_before(document, child.file, was)
         edit = diff_cases(was, now) if was is not None else ()
         reaching = diff_cases(old, new) if old is not None and new is not None else ()
-        told = {(change.path, change.was, change.now) for change in reaching}
-        overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in told) if new is not None else edit
+        known = {(change.path, change.was, change.now) for change in reaching}
+        overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in known) if new is not None else edit
         state = State.CONFLICT if mistakes else child.state
         return replace(
             child, state=state, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes
@@ -250,9 +253,9 @@ class _Planner:
 
 
 def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
-    if isinstance(document.model, Clip):
+    if isinstance(document.model, m.Clip):
         return expand_clip(document.model, parent, source=file, document=document)
-    if isinstance(document.model, Mutant):
+    if isinstance(document.model, m.Mutant):
         return expand_mutant(document.model, parent, source=file, document=document)
     raise TypeError("only clips and mutants can be expanded")
 
@@ -268,7 +271,7 @@ def _expanded_before(document: Document, file: Path, parent: TestCase | None) ->
 def _pin_before(parent: Child) -> str:
     """Return what a child of this one pins as long as it is not re-pinned itself; "" where that is unknown."""
     model = parent.document.model if parent.document is not None else None
-    if isinstance(model, Clip):
+    if isinstance(model, m.Clip):
         return clip_pin(model, model.pin)
     return pin_of(parent.old) if parent.old is not None else ""
 
@@ -280,14 +283,14 @@ def _siblings(path: Path) -> list[Path]:
     for file in sorted(path.parent.glob("*.foresee")):
         if file != path and kind_of(file) in ("clip", "mutant") and needle in file.read_bytes():
             model = load(file).model
-            if isinstance(model, Clip | Mutant) and absolute(file.parent / model.parent) == path:
+            if isinstance(model, m.Clip | m.Mutant) and absolute(file.parent / model.parent) == path:
                 found.append(file)
     return found
 
 
-def _because(document: Document, model: Clip | Mutant, why: str) -> Diagnostic:
+def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnostic:
     message = f"the parent '{model.parent}' {why}"
-    return document.diagnostic(model, "parent", STALE_PIN, message, "name it too, or mend it first")
+    return document.diagnostic(model, "parent", STALE_PIN, message, "name it too, or correct it first")
 
 
 def _address(file: Path, case: str | None) -> str:

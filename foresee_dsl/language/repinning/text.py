@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from foresee_dsl.language.diff import Difference, render_groups
+from foresee_dsl.language.diff.parts import Difference
+from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.repinning.repin import Child, State
 
 
 def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
-    """Return what is to be said about one child; nothing about a fresh one.
+    """Return the report about one child; empty for one that is up to date.
 
     Args:
         child: as planned.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from foresee_dsl.language.model import Case, Param, ParamValue, Scenario
+from foresee_dsl.language import model as m
 from foresee_dsl.language.sampling.draws import Axis, axis_of
 
 BINS = 10
@@ -26,8 +26,8 @@ class Reach:
     """
 
     name: str
-    smallest: ParamValue
-    largest: ParamValue
+    smallest: m.ParamValue
+    largest: m.ParamValue
     reached: int
     bins: int
     of: str
@@ -51,10 +51,10 @@ class Coverage:
     pairs: int
 
 
-def coverage(scenario: Scenario, cases: Sequence[Case]) -> Coverage:
+def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
     """Return how much of the ranges some cases reach; a case has the defaults where it gives no value."""
     values = [values_of(scenario, case) for case in cases]
-    axes = [axis for param in scenario.all(Param) if (axis := axis_of(param)) is not None]
+    axes = [axis for param in scenario.all(m.Param) if (axis := axis_of(param)) is not None]
     taken = {axis.name: [axis.position(each[axis.name]) for each in values] for axis in axes}
     reaches = tuple(_reach(axis, [k for k in taken[axis.name] if k is not None]) for axis in axes if cases)
     reached = total = 0
@@ -65,10 +65,10 @@ def coverage(scenario: Scenario, cases: Sequence[Case]) -> Coverage:
     return Coverage(len(cases), len({repr(each) for each in values}), reaches, reached, total)
 
 
-def values_of(scenario: Scenario, case: Case) -> Mapping[str, ParamValue]:
+def values_of(scenario: m.Scenario, case: m.Case) -> Mapping[str, m.ParamValue]:
     """Return the value of every parameter in a case, in the order of the file."""
     given = {assignment.name: assignment.value for assignment in case.values}
-    return {param.name: given.get(param.name, param.default) for param in scenario.all(Param)}
+    return {param.name: given.get(param.name, param.default) for param in scenario.all(m.Param)}
 
 
 def _reach(axis: Axis, taken: list[int]) -> Reach:

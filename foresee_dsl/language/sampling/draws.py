@@ -18,24 +18,10 @@ from decimal import Decimal
 from fractions import Fraction
 
 from foresee_dsl.errors import InputError, Span
-from foresee_dsl.language.codes.names import TOO_FEW_DRAWS
-from foresee_dsl.language.model import (
-    Assignment,
-    Case,
-    Cases,
-    Choice,
-    Grid,
-    Item,
-    Normal,
-    Param,
-    ParamValue,
-    Quantity,
-    Require,
-    Scenario,
-    ScenarioItem,
-)
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.sampling.requirements import holds, said
+from foresee_dsl.language.sampling.requirements import holds, requirement_text
 from foresee_dsl.language.units import UNITS
 
 MAX_CASES = 10_000
@@ -48,10 +34,11 @@ _FREE_DIGITS = 3
 """Without a step, values have this many digits after the leading one of the range's width: `0 s..4 s` in
 milliseconds, `10 m..60 m` in centimetres (ours: a thousand values at least, and none that is tedious to read)."""
 _BITS = 64
+"""Width of a random number."""
 _SLACK = Decimal("1e-6")
 """How far below a whole number of steps a range may be and still reach it (of mixed units; as `check_parameters`)."""
 _EXACT = 12
-"""Digits that are kept where a range mixes units (ours: below a float's own, far beyond any step)."""
+"""Significant digits where a range mixes units (ours: below a float's own, far beyond any step)."""
 
 
 @dataclass(frozen=True)
@@ -67,19 +54,19 @@ class Axis:
 
     name: str
     size: int
-    options: tuple[ParamValue, ...] | None = None
+    options: tuple[m.ParamValue, ...] | None = None
     low: Decimal = Decimal(0)
     step: Decimal = Decimal(1)
     unit: str = ""
     stepped: bool = True
 
-    def value(self, k: int) -> ParamValue:
+    def value(self, k: int) -> m.ParamValue:
         """Return the value number `k`, from 0."""
         if self.options is not None:
             return self.options[k]
-        return Quantity(value=self.low + k * self.step, unit=self.unit)
+        return m.Quantity(value=self.low + k * self.step, unit=self.unit)
 
-    def position(self, value: ParamValue) -> int | None:
+    def position(self, value: m.ParamValue) -> int | None:
         """Return the number of the nearest of the values, or None for one that is none of the options."""
         if self.options is not None:
             return self.options.index(value) if value in self.options else None
@@ -88,7 +75,7 @@ class Axis:
         return min(max(round((_in_unit(value, self.unit) - self.low) / self.step), 0), self.size - 1)
 
 
-def axis_of(param: Param) -> Axis | None:
+def axis_of(param: m.Param) -> Axis | None:
     """Return what a parameter is drawn from, or None for one that keeps its default (no range, no options)."""
     if param.options is not None:
         return Axis(param.name, len(param.options), options=param.options)
@@ -106,14 +93,14 @@ def axis_of(param: Param) -> Axis | None:
     return Axis(param.name, size, None, low, step, unit, limits.step is not None or param.type == "count")
 
 
-def case_names(cases: Cases) -> tuple[str, ...]:
+def case_names(cases: m.Cases) -> tuple[str, ...]:
     """Return what drawn cases are called: `seed7_01`, `seed7_02`, ..., with as many digits as the last one needs."""
     count, seed = int(cases.count.value), int(cases.seed.value)
     digits = max(2, len(str(count)))
     return tuple(f"seed{seed}_{k:0{digits}d}" for k in range(1, count + 1))
 
 
-def draw(scenario: Scenario, cases: Cases) -> tuple[Case, ...]:
+def draw(scenario: m.Scenario, cases: m.Cases) -> tuple[m.Case, ...]:
     """Return the drawn cases of one `cases` statement, each with a value for every parameter that has a range.
 
     Raises:
@@ -125,8 +112,8 @@ def draw(scenario: Scenario, cases: Cases) -> tuple[Case, ...]:
         values = drawer.values_of(k)
         if values is None:
             raise TooFewError(drawer.complaint(k, len(case_names(cases))))
-        given = tuple(Assignment(name=n, value=v) for n, v in values.items() if n in drawer.drawn)
-        found.append(Case(name=name, values=given))
+        given = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in drawer.drawn)
+        found.append(m.Case(name=name, values=given))
     return tuple(found)
 
 
@@ -143,54 +130,54 @@ def with_drawn_cases(document: Document) -> Document:
         InputError: not enough draws satisfy every `require`.
     """
     scenario = document.model
-    if not isinstance(scenario, Scenario) or not scenario.all(Cases):
+    if not isinstance(scenario, m.Scenario) or not scenario.all(m.Cases):
         return document
-    body: list[ScenarioItem] = []
+    body: list[m.ScenarioItem] = []
     spans: dict[tuple[int, str], Span] = {}
-    kept: list[Item] = []
+    alive: list[m.Item] = []
     for item in scenario.body:
-        if not isinstance(item, Cases):
+        if not isinstance(item, m.Cases):
             body.append(item)
             continue
         try:
             drawn = draw(scenario, item)
         except TooFewError as error:
             help = "make a range wider, or ask for less: a `require` that nearly nothing satisfies draws nearly nothing"
-            raise InputError((document.diagnostic(item, "", TOO_FEW_DRAWS, str(error), help),)) from None
+            raise InputError((document.diagnostic(item, "", c.TOO_FEW_DRAWS, str(error), help),)) from None
         place = document.span(item)
         if place is not None:
             spans |= {(id(part), ""): place for case in drawn for part in (case, *case.values)}
         body += drawn
-        kept.append(item)
-    model = Scenario(name=scenario.name, body=tuple(body))
+        alive.append(item)
+    model = m.Scenario(name=scenario.name, body=tuple(body))
     spans |= {(id(model), f): s for f in ("", "name") if (s := document.span(scenario, f)) is not None}
-    return replace(document, model=model, spans={**document.spans, **spans}, kept=(*document.kept, *kept, scenario))
+    return replace(document, model=model, spans={**document.spans, **spans}, alive=(*document.alive, *alive, scenario))
 
 
 class _Drawer:
     """Draws the values of one seed's cases, one case after the other."""
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(self, scenario: m.Scenario, seed: int) -> None:
         self._seed = seed
-        self._requires = scenario.all(Require)
-        self._fixed: dict[str, ParamValue] = {}
-        self._free: list[tuple[Param, Axis]] = []
+        self._requires = scenario.all(m.Require)
+        self._fixed: dict[str, m.ParamValue] = {}
+        self._free: list[tuple[m.Param, Axis]] = []
         self._grid: list[Axis] = []
-        for param in scenario.all(Param):
+        for param in scenario.all(m.Param):
             axis = axis_of(param)
             if axis is None:
                 self._fixed[param.name] = param.default
-            elif isinstance(param.distribution, Grid):
+            elif isinstance(param.distribution, m.Grid):
                 self._grid.append(axis)
             else:
                 self._free.append((param, axis))
         self.drawn = {axis.name for axis in self._grid} | {param.name for param, _ in self._free}
-        self._order = [param.name for param in scenario.all(Param)]
+        self._order = [param.name for param in scenario.all(m.Param)]
         self._combination = 0
         self._tried = 0
         self._failed: Counter[int] = Counter()
 
-    def values_of(self, case: int) -> dict[str, ParamValue] | None:
+    def values_of(self, case: int) -> dict[str, m.ParamValue] | None:
         """Return the values of every parameter in the next case, in the order of the file; None when none are found."""
         attempt = 0
         while attempt < MAX_TRIES:
@@ -214,14 +201,14 @@ class _Drawer:
         only = "none" if not found else f"only {found}"
         return (
             f"of {self._tried} draws {only} satisfied every `require`, but {wanted} cases are asked for; "
-            f"`{said(self._requires[worst])}` failed most, {times} times"
+            f"`{requirement_text(self._requires[worst])}` failed most, {times} times"
         )
 
-    def _fails(self, values: Mapping[str, ParamValue]) -> bool:
+    def _fails(self, values: Mapping[str, m.ParamValue]) -> bool:
         """Return whether the grids' values alone violate a requirement, whatever the rest will be."""
         return any(holds(require.condition, values) is False for require in self._requires)
 
-    def _gridded(self) -> dict[str, ParamValue]:
+    def _gridded(self) -> dict[str, m.ParamValue]:
         """Return the next combination of the grids: mixed radix, the first parameter of the file changes fastest."""
         rest, self._combination = self._combination, self._combination + 1
         values = {}
@@ -231,27 +218,27 @@ class _Drawer:
         return values
 
 
-def _drawn(param: Param, axis: Axis, seed: int, case: int, attempt: int) -> ParamValue:
-    lot = _lot(seed, param.name, case, attempt)
+def _drawn(param: m.Param, axis: Axis, seed: int, case: int, attempt: int) -> m.ParamValue:
+    bits = _random_bits(seed, param.name, case, attempt)
     match param.distribution:
-        case Choice(weights=weights):
-            return axis.value(_chosen(lot, [weight.value for weight in weights]))
-        case Normal() as normal:
-            return axis.value(_normal(lot, axis, normal))
+        case m.Choice(weights=weights):
+            return axis.value(_chosen(bits, [weight.value for weight in weights]))
+        case m.Normal() as normal:
+            return axis.value(_normal(bits, axis, normal))
         case _:
-            return axis.value(lot * axis.size >> _BITS)
+            return axis.value(bits * axis.size >> _BITS)
 
 
-def _lot(seed: int, name: str, case: int, attempt: int) -> int:
+def _random_bits(seed: int, name: str, case: int, attempt: int) -> int:
     """Return a whole number from 0 to 2**64 - 1 that depends on nothing but the arguments."""
     digest = hashlib.sha256(f"foresee 1 draw\n{seed}\n{name}\n{case}\n{attempt}".encode()).digest()
     return int.from_bytes(digest[: _BITS // 8], "big")
 
 
-def _chosen(lot: int, weights: Sequence[Decimal]) -> int:
-    """Return which option a lot falls on, exactly in proportion to the weights."""
+def _chosen(bits: int, weights: Sequence[Decimal]) -> int:
+    """Return the option that a random number selects, exactly in proportion to the weights."""
     shares = [Fraction(weight) for weight in weights]
-    rest = Fraction(lot, 1 << _BITS) * sum(shares)
+    rest = Fraction(bits, 1 << _BITS) * sum(shares)
     for k, share in enumerate(shares):
         rest -= share
         if rest < 0:
@@ -259,24 +246,24 @@ def _chosen(lot: int, weights: Sequence[Decimal]) -> int:
     return len(shares) - 1
 
 
-def _normal(lot: int, axis: Axis, normal: Normal) -> int:
+def _normal(bits: int, axis: Axis, normal: m.Normal) -> int:
     """Return the step nearest to a draw from the normal distribution, cut off at the ends of the range.
 
-    By the inverse of its distribution function: one lot is one value, however much is cut off.
+    By the inverse of its distribution function: one random number gives one value, however much is cut off.
     """
     from statistics import NormalDist  # here: few files draw from it, and all would pay for its import
 
     high = axis.low + (axis.size - 1) * axis.step
     bell = NormalDist(float(_in_unit(normal.mean, axis.unit)), float(_in_unit(normal.deviation, axis.unit)))
     least, most = bell.cdf(float(axis.low)), bell.cdf(float(high))
-    share = least + (most - least) * ((lot >> 11) + 0.5) / (1 << (_BITS - 11))  # 53 bits: what a float holds
+    share = least + (most - least) * ((bits >> 11) + 0.5) / (1 << (_BITS - 11))  # 53 bits: what a float holds
     if not 0.0 < share < 1.0:
         return 0 if share <= 0.0 else axis.size - 1
     steps = (bell.inv_cdf(share) - float(axis.low)) / float(axis.step)
     return min(max(round(steps), 0), axis.size - 1)
 
 
-def _in_unit(value: Quantity, unit: str) -> Decimal:
+def _in_unit(value: m.Quantity, unit: str) -> Decimal:
     """Return a quantity's number in another unit of its dimension; the author's own digits where it is the same."""
     if value.unit == unit:
         return value.value

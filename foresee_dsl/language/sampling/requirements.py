@@ -6,19 +6,8 @@ import operator
 from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 
+from foresee_dsl.language import model as m
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
-from foresee_dsl.language.model import (
-    Both,
-    Comparison,
-    Condition,
-    Either,
-    Equals,
-    Not,
-    ParamValue,
-    Quantity,
-    Ref,
-    Require,
-)
 from foresee_dsl.language.printing.written import written
 from foresee_dsl.language.traversal import parts
 
@@ -27,7 +16,7 @@ _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyT
 )
 
 
-def holds(condition: Condition, values: Mapping[str, ParamValue]) -> bool | None:
+def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | None:
     """Return whether a condition over parameters holds; None where the values that are given do not decide it.
 
     Quantities are compared by their SI value, to as many digits as the hash of a meaning has: `7.2 km/h` is `2 m/s`.
@@ -37,40 +26,40 @@ def holds(condition: Condition, values: Mapping[str, ParamValue]) -> bool | None
         values: of the parameters, by name; any may be absent.
     """
     match condition:
-        case Comparison(left=Ref(name=name), op=op, right=right):
+        case m.Comparison(left=m.Ref(name=name), op=op, right=right):
             one, other = _si(values.get(name)), _si(right, values)
             return None if one is None or other is None else _COMPARED[op](one, other)
-        case Equals(left=left, right=word):
+        case m.Equals(left=left, right=word):
             value = values.get(left.name)
             return value == word if isinstance(value, str) else None
-        case Not(condition=inner):
+        case m.Not(condition=inner):
             found = holds(inner, values)
             return None if found is None else not found
-        case Both(conditions=several):
+        case m.Both(conditions=several):
             return _joined([holds(part, values) for part in several], decisive=False)
-        case Either(conditions=several):
+        case m.Either(conditions=several):
             return _joined([holds(part, values) for part in several], decisive=True)
     return None  # about the world: the checks report it
 
 
-def said(require: Require) -> str:
+def requirement_text(require: m.Require) -> str:
     """Return a requirement as it is written."""
     return f"require {written(require.condition)}"
 
 
-def violation(require: Require, values: Mapping[str, ParamValue]) -> str:
+def violation(require: m.Require, values: Mapping[str, m.ParamValue]) -> str:
     """Return in words why values do not satisfy a requirement: `gap is 3 s, but `require gap < 2 s``."""
     names = dict.fromkeys(name for name in parameters_of(require.condition) if name in values)
     described = " and ".join(f"{name} is {_text(values[name])}" for name in names)
-    return f"{described or 'this'}, but `{said(require)}`"
+    return f"{described or 'this'}, but `{requirement_text(require)}`"
 
 
-def parameters_of(condition: Condition) -> Iterator[str]:
+def parameters_of(condition: m.Condition) -> Iterator[str]:
     """Yield the parameters that a condition of a `require` is about, in the order in which they are written."""
     for part in parts(condition):
-        if isinstance(part, Comparison | Equals):
+        if isinstance(part, m.Comparison | m.Equals):
             sides = (part.left, part.right)
-            yield from (side.name for side in sides if isinstance(side, Ref))
+            yield from (side.name for side in sides if isinstance(side, m.Ref))
 
 
 def _joined(found: list[bool | None], *, decisive: bool) -> bool | None:
@@ -79,11 +68,11 @@ def _joined(found: list[bool | None], *, decisive: bool) -> bool | None:
     return None if None in found else not decisive
 
 
-def _si(value: object, values: Mapping[str, ParamValue] = MappingProxyType({})) -> float | None:
-    if isinstance(value, Ref):
+def _si(value: object, values: Mapping[str, m.ParamValue] = MappingProxyType({})) -> float | None:
+    if isinstance(value, m.Ref):
         value = values.get(value.name)
-    return float(f"{value.si:.{SIGNIFICANT_DIGITS}g}") if isinstance(value, Quantity) else None
+    return float(f"{value.si:.{SIGNIFICANT_DIGITS}g}") if isinstance(value, m.Quantity) else None
 
 
-def _text(value: ParamValue) -> str:
-    return written(value) if isinstance(value, Quantity) else value
+def _text(value: m.ParamValue) -> str:
+    return written(value) if isinstance(value, m.Quantity) else value

@@ -11,8 +11,8 @@ from pydantic_core import ErrorDetails
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.code import EXAMPLES, NOUNS
-from foresee_dsl.language.messages.suggest import closest, unit_mend
+from foresee_dsl.language.messages.suggest import closest, unit_hint
+from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.syntax.nodes import Mistake, Node
 from foresee_dsl.language.units import Dimension
 
@@ -88,7 +88,7 @@ class Builder:
 def _mistake(node: Node, field: str, detail: ErrorDetails, place: Span) -> Mistake:
     shown = _short(detail["input"])
     if field == "unit":
-        return Mistake("FS005", f"unknown unit '{shown}'", unit_mend(str(detail["input"])), place)
+        return Mistake("FS005", f"unknown unit '{shown}'", unit_hint(str(detail["input"])), place)
     text = str(detail["input"])
     match detail["type"]:
         case "missing":

@@ -12,8 +12,9 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput
 from lark.lexer import PatternStr
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.code import ACTION_USAGE, EXAMPLES, NOUNS, USAGE
+from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
+from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
 from foresee_dsl.language.syntax.grammar import STARTS, statement_parser
 from foresee_dsl.language.units import UNITS, Dimension

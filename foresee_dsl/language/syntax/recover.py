@@ -15,8 +15,7 @@ from lark.exceptions import UnexpectedInput
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.codes.code import USAGE
-from foresee_dsl.language.keywords import TAKEN
+from foresee_dsl.language.keywords import TAKEN, USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import PLACES, Refusal

@@ -1,16 +1,112 @@
-"""`foresee doctor`: what is installed, what works, and how to mend what does not."""
+"""Commands about the installation: drivers, models, the language server, doctor."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from foresee_dsl.cli.common import FAILED, JsonOption, console, print_json
+
+
+def drivers(json: JsonOption = False) -> None:
+    """List the drivers that can be put under test."""
+    from foresee_dsl.drivers.registry import describe_drivers
+
+    found = describe_drivers()
+    if json:
+        keys = ("name", "version", "about", "package")
+        print_json({"schema": 1, "drivers": [dict(zip(keys, d, strict=True)) for d in found]})
+        return
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("driver", "version", "package", "about"):
+        table.add_column(heading)
+    for d in found:
+        table.add_row(d.name, d.version, d.package, d.doc)
+    console().print(table)
+
+
+def models(
+    catalogue: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="A catalogue; by default the bundled one.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """List the models of vehicles, people and things that scenarios can name."""
+    from foresee_dsl.compile.catalogue import spec_of
+    from foresee_dsl.language.project.loading import load_catalogue
+
+    specs = [spec_of(model) for model in load_catalogue(catalogue).values()]
+    if json:
+        from dataclasses import asdict
+
+        print_json({"schema": 1, "models": [asdict(s) | {"rear_overhang_m": s.rear_overhang_m} for s in specs]})
+        return
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    for heading in ("length", "width", "height", "top", "speeds up", "brakes", "hardest"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for s in specs:
+        table.add_row(
+            s.name,
+            f"{s.length_m:.2f}",
+            f"{s.width_m:.2f}",
+            f"{s.height_m:.2f}",
+            f"{s.max_speed_mps * 3.6:.0f}",
+            f"{s.acceleration_mps2:.1f}",
+            f"{s.braking_mps2:.1f}",
+            f"{s.emergency_braking_mps2:.1f}",
+        )
+    console().print(table)
+    console().print("Sizes in m, top speed in km/h, speeding up and braking in m/s².", highlight=False)
+
+
+# ---- lsp ------------------------------------------------------------------------------------------------------------
+
+_LOCAL = "127.0.0.1"
+"""The server reads the files that a client names, so that only this machine may connect."""
+
+
+def lsp(
+    tcp: Annotated[
+        int | None, typer.Option("--tcp", min=1, max=65535, help="Listen on this port of this machine.")
+    ] = None,
+) -> None:
+    """Start the language server, for editors; they speak to it over standard input and output.
+
+    [dim]foresee lsp
+    foresee lsp --tcp 9257[/dim]
+    """
+    try:
+        from foresee_dsl.editor.server import make_server
+    except ImportError as error:
+        if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
+            raise
+        typer.echo("error: the language server needs pygls: pip install 'foresee-dsl[lsp]'", err=True)
+        raise typer.Exit(FAILED) from None
+    server = make_server()
+    if tcp is not None:
+        typer.echo(f"foresee lsp listens on {_LOCAL}:{tcp}", err=True)
+        server.start_tcp(_LOCAL, tcp)
+        return
+    # The protocol has standard output for itself: whatever else prints there goes to standard error.
+    protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    server.start_io(stdout=protocol)
+
+
+# ---- doctor ---------------------------------------------------------------------------------------------------------
 
 _PACKAGES = (
     *("lark", "pydantic", "libsumo", "eclipse-sumo", "numpy", "networkx", "jinja2", "rich"),
@@ -20,7 +116,7 @@ _PACKAGES = (
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at. `mend`: what to do, empty when all is well."""
+    """One check of the installation. `mend` (a key of the JSON output): what to do, empty where all is well."""
 
     what: str
     ok: bool
@@ -29,7 +125,7 @@ class Finding:
 
 
 def doctor(json: JsonOption = False) -> None:
-    """Say what is installed, what works, and how to mend what does not."""
+    """Say what is installed, what works, and how to repair what does not."""
     findings = [_python(), *map(_package, _PACKAGES), *map(_attempt, _CHECKS)]
     if json:
         print_json({"schema": 1, "ok": all(f.ok for f in findings), "findings": [vars(f) for f in findings]})
@@ -133,6 +229,6 @@ _CHECKS: tuple[tuple[str, Callable[[], str], str], ...] = (
     ("libsumo loads", _libsumo, _REINSTALL + " (on Debian: apt-get install libgomp1 if a library is missing)"),
     ("grammar and catalogue", _grammar, "reinstall foresee-dsl: its data files are missing"),
     ("cache folder", _cache, "set FORESEE_CACHE to a folder that you may write to"),
-    ("drivers", _drivers, "uninstall or mend the package that is named"),
+    ("drivers", _drivers, "uninstall or repair the package that is named"),
     ("a bundled scenario runs", _whole_line, "run `foresee run` on it with FORESEE_DEBUG=1 and report what it says"),
 )
