@@ -63,7 +63,7 @@ class RandomRanker:
         frames = frames[frames >= _earliest(before_s)]
         drawn = np.random.default_rng(np.random.SeedSequence(seed)).permutation(frames)
         return tuple(
-            _moment(trace, int(frame), rank, f"random waypoint, passed at {trace.time_s[frame]:.2f} s")
+            _point_without_actor(trace, int(frame), rank, f"random waypoint, passed at {trace.time_s[frame]:.2f} s")
             for rank, frame in enumerate(drawn, start=1)
         )
 
@@ -81,7 +81,7 @@ class ExhaustiveRanker:
         del seed, after_s
         seconds = range(math.ceil(before_s - 1e-9), math.floor(trace.duration_s + 1e-9) + 1)
         return tuple(
-            _moment(trace, trace.frame_at(second), rank, f"every second: {second:.2f} s")
+            _point_without_actor(trace, trace.frame_at(second), rank, f"every second: {second:.2f} s")
             for rank, second in enumerate(seconds, start=1)
         )
 
@@ -102,7 +102,7 @@ def _waypoint_frames(trace: Trace) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     return np.unique(nearest[reached])
 
 
-def _moment(trace: Trace, frame: int, rank: int, why: str) -> RiskyPoint:
+def _point_without_actor(trace: Trace, frame: int, rank: int, why: str) -> RiskyPoint:
     group: Group = "none"
     return RiskyPoint(
         rank=rank,

@@ -23,8 +23,8 @@ from foresee_dsl.forecast.settings import PEDESTRIAN_KINDS, ForeseeSettings
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 _GROUPS: tuple[Group, ...] = ("critical crossing", "crossing", "critical")
-"""Ours (the paper prints no order): who crosses close by is nearer to a collision than who crosses elsewhere, and both
-are nearer than who stays beside the ego's path."""
+"""Ours (the paper prints no order): an actor that crosses close by is nearer to a collision than one that crosses
+elsewhere, and both are nearer than one that stays beside the ego's path."""
 _STANDS_MPS = 0.1
 """Under this an actor stands: the usual threshold of a halt in SUMO's outputs."""
 
@@ -62,7 +62,7 @@ def close_encounters(trace: Trace, settings: ForeseeSettings, *, before_s: float
 
 
 @dataclass(frozen=True)
-class _Egos:
+class _PerturbedEgo:
     """The ego's recorded path and its perturbed trajectories."""
 
     trace: Trace
@@ -139,47 +139,47 @@ class ForeseeRanker:
     ) -> tuple[RiskyPoint, ...]:
         """Rank the close encounters of a run; see `Ranker.rank`."""
         errors = np.random.default_rng(np.random.SeedSequence(seed)).uniform(-1, 1, (self.settings.perturbations, 2))
-        egos = _Egos(trace, self.settings, errors)
-        graded = self._grade(egos, close_encounters(trace, self.settings, before_s=before_s), before_s, after_s)
+        ego = _PerturbedEgo(trace, self.settings, errors)
+        graded = self._grade(ego, close_encounters(trace, self.settings, before_s=before_s), before_s, after_s)
         graded.sort(key=lambda p: _order(trace, p))
-        firsts, others = _one_an_actor(graded, same_s=self.settings.same_encounter_s)
+        firsts, others = _best_per_actor(graded, same_s=self.settings.same_encounter_s)
         return tuple(replace(p, rank=k) for k, p in enumerate(firsts + others, start=1))
 
     def _grade(
-        self, egos: _Egos, encounters: list[CloseEncounter], before_s: float, after_s: float
+        self, ego: _PerturbedEgo, encounters: list[CloseEncounter], before_s: float, after_s: float
     ) -> list[RiskyPoint]:
-        trace = egos.trace
-        crossing = {a: crosses(trace, a, egos.path, self.settings) for a in sorted({e.actor for e in encounters})}
+        trace = ego.trace
+        crossing = {a: crosses(trace, a, ego.path, self.settings) for a in sorted({e.actor for e in encounters})}
         points = []
         for encounter in encounters:
-            group = self._group(egos, encounter, crosses_ego=crossing[encounter.actor])
+            group = self._group(ego, encounter, crosses_ego=crossing[encounter.actor])
             if group is not None:
-                aside_m = _distance_to_path(egos, encounter, before_s, after_s)
-                points.append(_point(trace, encounter, group, aside_m))
+                to_path_m = _distance_to_path(ego, encounter, before_s, after_s)
+                points.append(_point(trace, encounter, group, to_path_m))
         return points
 
-    def _group(self, egos: _Egos, encounter: CloseEncounter, *, crosses_ego: bool) -> Group | None:
+    def _group(self, ego: _PerturbedEgo, encounter: CloseEncounter, *, crosses_ego: bool) -> Group | None:
         if crosses_ego:
             return "critical crossing" if encounter.distance_m <= self.settings.limited_distance_m else "crossing"
-        return "critical" if self._is_critical(egos, encounter) else None
+        return "critical" if self._is_critical(ego, encounter) else None
 
-    def _is_critical(self, egos: _Egos, encounter: CloseEncounter) -> bool:
+    def _is_critical(self, ego: _PerturbedEgo, encounter: CloseEncounter) -> bool:
         """Step 1c: say whether a perturbed ego comes within the threshold of a non-crossing actor."""
-        s, trace = self.settings, egos.trace
+        s, trace = self.settings, ego.trace
         first = max(0, encounter.frame - round(s.horizon_s / STEP_S))
         last = min(trace.frames - 1, encounter.frame + round(s.beyond_s / STEP_S))
-        rolled = egos.perturbed(first, last, encounter.frame - first)
+        rolled = ego.perturbed(first, last, encounter.frame - first)
         return ever_near(trace, encounter.actor, rolled, first, s.perturbed_radius_m)
 
 
-def _distance_to_path(egos: _Egos, encounter: CloseEncounter, before_s: float, after_s: float) -> float:
+def _distance_to_path(ego: _PerturbedEgo, encounter: CloseEncounter, before_s: float, after_s: float) -> float:
     """Return how near an actor's centre comes to the ego's recorded path in the window around an encounter, m."""
     first = max(0, encounter.frame - round(before_s / STEP_S))
-    last = min(egos.trace.frames - 1, encounter.frame + round(after_s / STEP_S))
-    points = thinned_path(egos.trace.states[first : last + 1, encounter.actor, [X, Y]], egos.settings.path_step_m)
-    if paths_cut(points, egos.path, angle_rad=0.0):
+    last = min(ego.trace.frames - 1, encounter.frame + round(after_s / STEP_S))
+    points = thinned_path(ego.trace.states[first : last + 1, encounter.actor, [X, Y]], ego.settings.path_step_m)
+    if paths_cut(points, ego.path, angle_rad=0.0):
         return 0.0
-    return float(feet_on_path(points, egos.path)[0].min())
+    return float(feet_on_path(points, ego.path)[0].min())
 
 
 def _order(trace: Trace, point: RiskyPoint) -> tuple[int, bool, float, float, int, str]:
@@ -189,7 +189,7 @@ def _order(trace: Trace, point: RiskyPoint) -> tuple[int, bool, float, float, in
     return _GROUPS.index(point.group), not pedestrian, near_m, point.distance_m, point.frame, point.actor
 
 
-def _one_an_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[RiskyPoint], list[RiskyPoint]]:
+def _best_per_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[RiskyPoint], list[RiskyPoint]]:
     """Split into every actor's best point and its further ones, without repetitions of one encounter."""
     firsts: list[RiskyPoint] = []
     others: list[RiskyPoint] = []
@@ -203,10 +203,10 @@ def _one_an_actor(ranked: list[RiskyPoint], *, same_s: float) -> tuple[list[Risk
     return firsts, others
 
 
-def _point(trace: Trace, encounter: CloseEncounter, group: Group, aside_m: float) -> RiskyPoint:
+def _point(trace: Trace, encounter: CloseEncounter, group: Group, to_path_m: float) -> RiskyPoint:
     info = trace.actors[encounter.actor]
     # One unit a group, half a unit for a pedestrian, and less than that for nearness: sorts as `_order` does.
-    score = len(_GROUPS) - _GROUPS.index(group) + 0.5 * (info.kind in PEDESTRIAN_KINDS) + 0.49 / (1 + aside_m)
+    score = len(_GROUPS) - _GROUPS.index(group) + 0.5 * (info.kind in PEDESTRIAN_KINDS) + 0.49 / (1 + to_path_m)
     return RiskyPoint(
         rank=0,
         frame=encounter.frame,
@@ -214,16 +214,16 @@ def _point(trace: Trace, encounter: CloseEncounter, group: Group, aside_m: float
         actor=info.id,
         group=group,
         distance_m=encounter.distance_m,
-        trajectory_distance_m=aside_m,
+        trajectory_distance_m=to_path_m,
         score=round(score, 6),
         why=f"{group}: {passes(trace, encounter, crossing=group != 'critical')}",
     )
 
 
 def passes(trace: Trace, encounter: CloseEncounter, *, crossing: bool = False) -> str:
-    """Return the clause for people: `runner passes 1.9 m behind the ego at 17.40 s`.
+    """Return the clause of the report: `runner passes 1.9 m behind the ego at 17.40 s`.
 
-    Of an actor that is crossing it is said whether it is ahead or behind, if it is at all.
+    For a crossing actor the clause says `ahead of` or `behind` wherever that holds.
     """
     state = trace.states[encounter.frame, encounter.actor]
     verb = "passes" if state[SPEED] > _STANDS_MPS else "stands"

@@ -23,7 +23,7 @@ class RiskyPoint:
         trajectory_distance_m: distance from the actor to the ego's trajectory, the tie-breaker of step 1d (NaN
             without).
         score: the ranker's own figure, larger is riskier.
-        why: one sentence for people.
+        why: one sentence for the report.
     """
 
     rank: int
@@ -50,7 +50,7 @@ class Ranker(Protocol):
 
         Args:
             trace: a run that passed.
-            seed: for rankers that draw lots.
+            seed: of all random choices.
             before_s: o_b; no point lies nearer to the beginning.
             after_s: o_a; a point may lie nearer to the end (the clip is then shorter).
         """

@@ -1,4 +1,4 @@
-"""How fast the bends of a line may be taken, so that nobody turns with more than tyres or balance hold."""
+"""How fast the bends of a line may be taken, so that no vehicle turns with more than its tyres or its balance hold."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class BendSpeeds:
         lateral_mps2: float,
         braking_mps2: float,
     ) -> None:
-        """Work them out."""
+        """Compute the speeds."""
         s, angle = np.asarray(marks), np.asarray(heading)
         turned = np.maximum(_turned(s, angle, 0.0, axle_m), _turned(s, angle, axle_m / 2, axle_m))
         bent = np.maximum(turned / axle_m, 1e-9)
@@ -85,11 +85,11 @@ class Stretch(NamedTuple):
 
 
 NO_BENDS = Stretch(0, 0, math.inf)
-"""Of who is on no lane."""
+"""Of a vehicle that is on no lane."""
 
 
 class _Known:
-    """What was worked out for a network: the children of a clip drive on the same one.
+    """What was computed for a network: the children of a clip drive on the same one.
 
     Attributes:
         stretches: by lane, model, next edges and friction. points: of all of them, one after the other.
@@ -109,10 +109,10 @@ _KNOWN: WeakKeyDictionary[RoadNetwork, _Known] = WeakKeyDictionary()
 
 
 class LaneBends:
-    """How fast those whom SUMO drives may go, by the lane that they are on and those that follow on their route.
+    """How fast the vehicles that SUMO drives may go, by their lane and those that follow on their route.
 
-    Nothing hangs on where somebody was before, so that a run that is rebuilt from a description goes on in the same
-    way: what a lane's vehicle has just turned through is not counted.
+    Nothing depends on where a vehicle was before, so that a run that is rebuilt from a description continues in the
+    same way: what a lane's vehicle has just turned through is not counted.
     """
 
     def __init__(self, network: RoadNetwork, friction: float) -> None:

@@ -9,13 +9,13 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import atan, atan2, cos, hypot, pi, sin, sqrt
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import Steering
 from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.bend_speeds import PLANNED_SHARE, TURNS_WITH, approached
@@ -31,33 +31,6 @@ within 1 m of the line."""
 SLOWING_S = 0.4
 """Excess speed is shed with this time constant, and limits are looked at this far ahead, which makes up for it. Ours:
 four times the lag of the brakes."""
-
-
-class LineLike(Protocol):
-    """What is needed of a route's centreline (`compile.geometry.RouteLine` has it)."""
-
-    @property
-    def s(self) -> FloatArray:
-        """[N] m along the line."""
-        ...
-
-    @property
-    def speed_limit(self) -> FloatArray:
-        """[N] m/s."""
-        ...
-
-    @property
-    def curvature(self) -> FloatArray:
-        """[N] 1/m, left positive."""
-        ...
-
-    def at(self, s: float, /) -> tuple[float, float, float]:
-        """Return x, y and heading at a length; straight on beyond the ends."""
-        ...
-
-    def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]:
-        """Return the length nearest to a point, and how far to the left of the line it lies."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +74,7 @@ class LaneRecovery:
     def __init__(
         self,
         limits: VehicleLimits,
-        line: LineLike,
+        line: RouteLine,
         *,
         cruise_mps: float,
         offset: Steering | None = None,
@@ -118,7 +91,7 @@ class LaneRecovery:
         holds = self.bicycle.lateral_mps2
         self.offset_mps2 = holds if lateral_bound_mps2 is None else min(holds, lateral_bound_mps2)
         self.recovery_mps2 = min(holds, self.settings.recovery_mps2)
-        self._lookout = TargetSelection(limits, line, line_m)
+        self._targets = TargetSelection(limits, line, line_m)
         self._marks: list[float] = line.s.tolist()
         self._allowed = _allowed_speed(line, min(self.recovery_mps2, TURNS_WITH * holds), limits.braking_mps2)
         self._curvature: list[float] = line.curvature.tolist()
@@ -165,7 +138,7 @@ class LaneRecovery:
         targets: list[Target] = []
         if self.brakes:
             strays = offset != 0 or abs(beside - self.line_m) > STRAYS_M
-            targets.extend(self._lookout.targets(state, s, others, strays=strays, yields=yields))
+            targets.extend(self._targets.targets(state, s, others, strays=strays, yields=yields))
         if stop_s is not None:
             targets.extend(self._line_ahead(state, stop_s - s - self.limits.length_m / 2))
         acceleration = self._pedals(state.speed, s, targets)
@@ -247,7 +220,7 @@ class LaneRecovery:
         return Control(wheel, 0.0, min(1.0, -acceleration / limits.emergency_braking_mps2))
 
 
-def _allowed_speed(line: LineLike, lateral_mps2: float, braking_mps2: float) -> list[float]:
+def _allowed_speed(line: RouteLine, lateral_mps2: float, braking_mps2: float) -> list[float]:
     """Return the speed at each point of a line from which every limit and every bend that follows can be met."""
     bends = np.sqrt(lateral_mps2 / np.maximum(np.abs(line.curvature), 1e-9))
     return approached(np.minimum(line.speed_limit, bends).tolist(), line.s.tolist(), PLANNED_SHARE * braking_mps2)

@@ -29,13 +29,14 @@ from foresee_dsl.simulate.world import GHOST_TYPE, World
 STANDS_MPS = 0.1
 """Slower is standing; SUMO's own threshold for a halting vehicle."""
 STEPS_OUT_M = 1.0
-"""A walker this near (along its path) to the road is seen by drivers as about to step on it. Ours: one pace."""
+"""A pedestrian this near (along its path) to the road is seen by SUMO's drivers as about to step on it. Ours: one
+pace."""
 KERB_M = 0.5
-"""A walker waits this far before the edge of a crossing. Ours: toes behind the kerb."""
+"""A pedestrian waits this far before the edge of a crossing. Ours: toes behind the kerb."""
 PASSES_M = 1.1
-"""Who stays this far from a lane's centreline does not block it. Ours: half a car's width and 0.2 m."""
+"""A body that stays this far from a lane's centreline does not block it. Ours: half a car's width and 0.2 m."""
 _GRID_M = 0.5
-"""Where a path lies is looked up once per so much of it."""
+"""The lane under a path is looked up once per this length of it. Ours."""
 
 
 class Ego(Actor):
@@ -76,8 +77,8 @@ class LanePosition(NamedTuple):
 class StandIn:
     """Stand-in vehicles that make SUMO's cars see a body that SUMO does not drive.
 
-    A new one for each lane: SUMO remembers of one that changes lane on a junction when it came and how, and who may go
-    first hangs on that; of a new one it knows no more than a description says.
+    A new one for each lane: of one that changes lane on a junction SUMO (1.28) remembers when and how it came, and
+    right of way depends on that; of a new one it knows no more than a description says.
     """
 
     def __init__(self, world: World, network: RoadNetwork, name: str, edge: str) -> None:
@@ -85,15 +86,15 @@ class StandIn:
         self._world, self._network, self._name, self._edge = world, network, name, edge
         self._in: dict[str, float] = {}
 
-    def show(self, spots: Sequence[LanePosition], speed_mps: float = 0.0) -> None:
+    def show(self, positions: Sequence[LanePosition], speed_mps: float = 0.0) -> None:
         """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
-        if not spots and not self._in:
+        if not positions and not self._in:
             return
-        names = [f"~{self._name}~{spot.lane}" for spot in spots]
+        names = [f"~{self._name}~{position.lane}" for position in positions]
         for name in [name for name in self._in if name not in names]:
             self._world.remove(name)
             del self._in[name]
-        for name, (x, y, heading, length, lane) in zip(names, spots, strict=True):
+        for name, (x, y, heading, length, lane) in zip(names, positions, strict=True):
             if name not in self._in:
                 self._world.add_body(name, GHOST_TYPE, (self._edge,), length)
             self._in[name] = speed_mps
@@ -109,19 +110,19 @@ class StandIn:
 class StaticActor(Actor):
     """An obstacle; it stands."""
 
-    __slots__ = ("ghost", "spots")
+    __slots__ = ("positions", "stand_in")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
         """Stand where it is placed, and find the lanes that it blocks."""
         super().__init__(actor)
-        self.ghost = StandIn(world, network, actor.id, edge)
-        self.spots = _blocked(self, network)
+        self.stand_in = StandIn(world, network, actor.id, edge)
+        self.positions = _blocked(self, network)
 
 
 class PathActor(Actor):
     """A pedestrian, cyclist or vehicle that follows a path."""
 
-    __slots__ = ("_world", "cruise", "follower", "ghost", "held_until", "network", "road_at", "stops")
+    __slots__ = ("_world", "cruise", "follower", "held_until", "network", "road_at", "stand_in", "stops")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Start as far along the path as the scene says."""
@@ -139,14 +140,14 @@ class PathActor(Actor):
             speed_mps=paced.speed_mps,
             lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, friction),
         )
-        self.ghost = StandIn(world, network, actor.id, edge)
+        self.stand_in = StandIn(world, network, actor.id, edge)
         self.stops = actor.walk_stops
         self.road_at: dict[int, tuple[float, str] | None] = {}
         self.along = actor.along_m
         pose = self.follower.pose()
         self.move(pose.x, pose.y, pose.heading, self.follower.speed_mps, self.acceleration)
 
-    def walk(self) -> None:
+    def step(self) -> None:
         """Move one step."""
         follower = self.follower
         halted = follower.arrived or follower.pace_mps == 0.0
@@ -164,12 +165,14 @@ class PathActor(Actor):
         if road is None and self.speed > STANDS_MPS:
             road = self._road(min(self.along + STEPS_OUT_M, self.follower.line.length_m))
         if road is None:
-            self.ghost.show(())
+            self.stand_in.show(())
             return
         heading, lane = road
         turned = self.heading - heading
         extent = abs(math.cos(turned)) * self.length + abs(math.sin(turned)) * self.width
-        self.ghost.show((LanePosition(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned)))
+        self.stand_in.show(
+            (LanePosition(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned))
+        )
 
     def _road(self, along: float) -> tuple[float, str] | None:
         """Heading and id of the lane at a length of the path, None where that is off the road."""

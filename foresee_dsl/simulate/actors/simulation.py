@@ -1,4 +1,4 @@
-"""Everybody in a run: puts the actors into the world, moves them one step, and takes speed orders."""
+"""The running simulation: puts the actors into SUMO's world, moves them by one step, and takes speed orders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
     Ego,
     PathActor,
-    StandIn,
     StaticActor,
     SteeredVehicle,
     with_timing,
@@ -28,25 +27,28 @@ OFF_LANE_M = 1.8
 LOOKS_AHEAD_M = 60.0
 """A vehicle under recovery looks this far ahead for a red signal. Ours: braking from 80 km/h takes 55 m."""
 GAINS_SHARE = 0.9
-"""Who gains speed on a junction with less than this share of what it can, although it may drive faster, lets somebody
-go or follows. Ours: SUMO accelerates or drives exactly what it may where nothing is in the way."""
+"""A vehicle inside a junction that accelerates with less than this share of its maximum, below the speed that it may
+drive, is treated as yielding or following. Ours: with nothing in the way SUMO accelerates with exactly its maximum."""
 MAY_DRIVE_MPS = 0.3
-"""Who is at most so much slower than it may be drives as fast as it may. Ours: two steps of acceleration."""
+"""A vehicle that is at most this much slower than it may drive counts as driving at that speed. Ours: two steps of
+acceleration."""
 HELD_MPS = 0.6
-"""SUMO takes 0.45 m/s (its emergency braking) off the speed of who is held, in a step, and whoever comes to stand has
-stopped at a stop sign. Ours: so much that nobody does."""
+"""Least speed of a moving vehicle that is held in place while others are inserted. Per step SUMO 1.28 takes 0.45 m/s
+(its emergency braking) off a held vehicle's speed, and one that reaches 0 counts as having stopped at a stop sign.
+Ours: enough that none does."""
 KNOWN_AFTER = 1
-"""Steps that everybody is held where they are placed. Ours: SUMO learns of who comes to a junction a step later."""
+"""Steps for which all vehicles are held after the last insertion. Ours: SUMO 1.28 registers a vehicle that approaches a
+junction one step later."""
 
 
 class Simulation:
-    """The actors of a scene in a world; `actors[0]` is the ego, the rest in the scene's order.
+    """The actors of a scene in SUMO's world; `actors[0]` is the ego, the others are in the scene's order.
 
     Frame 0 is the world after some steps in which SUMO places the vehicles and they are held there.
     """
 
     def __init__(self, bundle: SumoBundle, world: World) -> None:
-        """Put everybody where the scene has them.
+        """Place all actors as the scene has them.
 
         Raises:
             SimulationError: SUMO refuses a route or a place.
@@ -55,13 +57,11 @@ class Simulation:
         scene = bundle.scene
         edge = scene.ego.route[0]
         self.ego = Ego(scene.ego, scene.friction)
-        self.bodies: dict[str, SumoVehicle] = {}
-        self.walkers: list[PathActor] = []
-        self.blocks: list[StaticActor] = []
-        self.steered: list[SteeredVehicle] = []
-        self.actors: list[Actor] = [self.ego]
-        for actor in scene.actors[1:]:
-            self.actors.append(self._make(actor, edge))
+        self.actors: list[Actor] = [self.ego, *(self._make(actor, edge) for actor in scene.actors[1:])]
+        self.sumo_vehicles = {actor.id: actor for actor in self.actors if isinstance(actor, SumoVehicle)}
+        self.path_actors = [actor for actor in self.actors if isinstance(actor, PathActor)]
+        self.static_actors = [actor for actor in self.actors if isinstance(actor, StaticActor)]
+        self.steered = [actor for actor in self.actors if isinstance(actor, SteeredVehicle)]
         self.by_id = {actor.id: actor for actor in self.actors}
         self.cruise_mps = {a.id: with_timing(a.placed).cruise_mps or a.placed.model.max_speed_mps for a in self.actors}
         self.ignored_rules: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
@@ -70,25 +70,31 @@ class Simulation:
         self.state_table = StateTable(self.actors)
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
         self._traffic = SumoTraffic(
-            tuple(self.bodies.values()), self.state_table, rows, world, self.network, scene.friction, self.cruise_mps
+            tuple(self.sumo_vehicles.values()),
+            self.state_table,
+            rows,
+            world,
+            self.network,
+            scene.friction,
+            self.cruise_mps,
         )
         self.frame = 0
         self.time_s = 0.0
-        self._enter(bundle)
+        self._insert_all(bundle)
 
     def step(self, control: Control) -> tuple[str, ...]:
-        """Go on by one frame.
+        """Advance by one frame.
 
         Args:
             control: what the driver answered to the last frame.
 
         Returns:
-            Ids of those who have left the world.
+            Ids of the vehicles that have left the world.
         """
         self._traffic.slow_for_bends()
         self.ego.drive(control)
-        for walker in self.walkers:
-            walker.walk()
+        for actor in self.path_actors:
+            actor.step()
         self._recover()
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
@@ -129,93 +135,85 @@ class Simulation:
             self.world.ignore(actor.id, what, on=on)
 
     def others(self, actor: Actor) -> Iterable[Actor]:
-        """Everybody present but one."""
+        """Return all actors that are present, but one."""
         return (other for other in self.actors if other is not actor and other.present)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _make(self, actor: PlacedActor, edge: str) -> Actor:
         if actor.control == "path":
-            walker = PathActor(actor, self.world, self.network, edge, self.scene.friction)
-            self.walkers.append(walker)
-            return walker
+            return PathActor(actor, self.world, self.network, edge, self.scene.friction)
         if actor.control == "static":
-            block = StaticActor(actor, self.world, self.network, edge)
-            self.blocks.append(block)
-            return block
+            return StaticActor(actor, self.world, self.network, edge)
         if actor.steering is not None:
-            steered = SteeredVehicle(actor, self.network, self.scene.friction)
-            self.steered.append(steered)
-            self.bodies[actor.id] = steered
-            return steered
-        self.bodies[actor.id] = SumoVehicle(actor, self.network)
-        return self.bodies[actor.id]
+            return SteeredVehicle(actor, self.network, self.scene.friction)
+        return SumoVehicle(actor, self.network)
 
-    def _enter(self, bundle: SumoBundle) -> None:
-        """Put everybody into SUMO, hold them until it knows what it would have known, and let them roll to frame 0.
+    def _insert_all(self, bundle: SumoBundle) -> None:
+        """Insert all actors into SUMO, hold them until it knows what it would have known, and let them roll to frame 0.
 
-        In SUMO, who came to a junction first goes first: those inside are put there one a step, in the order in which
-        they seem to have come (`_waves`). In the last step it makes up its mind about gaps and lanes.
+        In SUMO the vehicle that came to a junction first goes first: those inside are inserted one per step, in the
+        order in which they seem to have come (`_insertion_order`). In the last step SUMO decides on gaps and lanes.
         """
         world = self.world
-        waves, ghosts_from = self._waves()
+        waves, stand_ins_from = self._insertion_order()
         world.signals.start(bundle, (len(waves) + 1) * STEP_S)
-        for body in self.bodies.values():
-            body.speed = with_timing(body.placed).speed_mps
-        before = {body.id: with_timing(body.in_sumo()) for body in self.bodies.values()}
+        for vehicle in self.sumo_vehicles.values():
+            vehicle.speed = with_timing(vehicle.placed).speed_mps
+        before = {vehicle.id: with_timing(vehicle.in_sumo()) for vehicle in self.sumo_vehicles.values()}
         here: list[Actor] = []
         for count, wave in enumerate(waves):
             self._hold(here, before)
             for actor in wave:
                 self._add(actor, before)
             here += wave
-            if count >= ghosts_from:
+            if count >= stand_ins_from:
                 self._show_others()
             self._pass_step(at_least_mps=HELD_MPS if count + 1 < len(waves) else 0.0)
-        rolling = [body for body in self.bodies.values() if body.rolls]
-        self._hold([body for body in self.bodies.values() if not body.rolls], before)
-        for body in rolling:
-            world.roll(body.id, body.speed, free=body.acceleration > 0)
+        rolling = [vehicle for vehicle in self.sumo_vehicles.values() if vehicle.rolls]
+        self._hold([vehicle for vehicle in self.sumo_vehicles.values() if not vehicle.rolls], before)
+        for vehicle in rolling:
+            world.roll(vehicle.id, vehicle.speed, free=vehicle.acceleration > 0)
         self._traffic.slow_for_bends()
         self._show()
         self._pass_step()
-        for body in rolling:
-            world.let_go(body.id)
+        for vehicle in rolling:
+            world.let_go(vehicle.id)
         self._ego_lane()
         self._take_over()
 
-    def _waves(self) -> tuple[list[list[Actor]], int]:
-        """Say who is put into SUMO in which step, and from which step on stand-ins are shown.
+    def _insertion_order(self) -> tuple[list[list[Actor]], int]:
+        """Return which actors are inserted in which step, and from which step on stand-ins are shown.
 
-        On a junction, who stands or drives slower than it may lets somebody else go first, who was there before; the
-        others came as long ago as their way inside takes at their speed.
+        Inside a junction, a vehicle that stands or drives slower than it may is taken to yield to one that was there
+        before; the others came as long ago as their way inside takes at their speed.
         """
-        vehicles: list[Actor] = [self.ego, *self.bodies.values()]
+        vehicles: list[Actor] = [self.ego, *self.sumo_vehicles.values()]
         bends = self._traffic.may_drive_mps()
         at_speed = {
-            body.id: body.speed >= min(self.cruise_mps[body.id], bends[body.id]) - MAY_DRIVE_MPS
-            for body in self.bodies.values()
+            vehicle.id: vehicle.speed >= min(self.cruise_mps[vehicle.id], bends[vehicle.id]) - MAY_DRIVE_MPS
+            for vehicle in self.sumo_vehicles.values()
         }
         since = {actor.id: self._since_entry(actor, at_speed.get(actor.id, False)) for actor in vehicles}
         inside = sorted((a for a in vehicles if since[a.id] > 0), key=lambda a: -since[a.id])
-        going = [a for a in inside if a is self.ego or _goes(a, at_speed[a.id])]
-        letting_go = [a for a in inside if a not in going]
+        going = [a for a in inside if a is self.ego or _drives_freely(a, at_speed[a.id])]
+        yielding = [a for a in inside if a not in going]
         rest = [a for a in vehicles if a not in inside]
         none: list[Actor] = []
-        waves = [*([a] for a in going), none, *([a] for a in letting_go), rest, *([none] * KNOWN_AFTER)]
+        waves = [*([a] for a in going), none, *([a] for a in yielding), rest, *([none] * KNOWN_AFTER)]
         return waves, len(going)
 
     def _since_entry(self, actor: Actor, at_speed: bool) -> float:
         """Return how long ago an actor's front seems to have come to the junction that it is on, s; 0 on none.
 
         Args:
-            actor: who. at_speed: it drives as fast as it may.
+            actor: a vehicle. at_speed: it drives as fast as it may.
         """
         inside_m = self.progress.inside(actor, self.frame)
         if inside_m <= 0.0:
             return 0.0
-        # Who has come out of a bend gains speed as well, but has not waited.
-        waited = actor is not self.ego and _as_much_as_it_can(actor) and not at_speed
+        # A vehicle that has come out of a bend gains speed as well, but has not waited.
+        waited = actor is not self.ego and _accelerates_freely(actor) and not at_speed
         return since_entry_s(inside_m, actor.speed, actor.acceleration if waited else 0.0)
 
     def _add(self, actor: Actor, before: Mapping[str, PlacedActor]) -> None:
@@ -236,19 +234,19 @@ class Simulation:
                 self.world.hold(before[actor.id])
 
     def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
-        """Let SUMO take a step of which it does not keep the speeds that it made up.
+        """Let SUMO take a step, and put back the speeds of its vehicles afterwards.
 
         Args:
-            at_least_mps: what it goes on from for those that do not stand.
+            at_least_mps: least speed that is put back for vehicles that move.
         """
         self.world.step()
         self._settle()
-        for body in self.bodies.values():
-            speed = body.speed if body.speed < STANDS_MPS else max(body.speed, at_least_mps)
-            self.world.settle(body.id, speed, body.acceleration)
+        for vehicle in self.sumo_vehicles.values():
+            speed = vehicle.speed if vehicle.speed < STANDS_MPS else max(vehicle.speed, at_least_mps)
+            self.world.settle(vehicle.id, speed, vehicle.acceleration)
 
     def _show(self) -> None:
-        """Say where those whom SUMO does not move will be at the end of the next step."""
+        """Tell SUMO where the actors that it does not move will be at the end of the next step."""
         self._show_ego()
         self._show_others()
 
@@ -267,10 +265,10 @@ class Simulation:
         return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
 
     def _show_others(self) -> None:
-        for walker in self.walkers:
-            walker.show()
-        for block in self.blocks:
-            block.ghost.show(block.spots)
+        for actor in self.path_actors:
+            actor.show()
+        for static in self.static_actors:
+            static.stand_in.show(static.positions)
         for steered in self.steered:
             if steered.taken is not None and steered.present:
                 x, y = steered.front
@@ -278,15 +276,11 @@ class Simulation:
 
     def _settle(self) -> None:
         self.world.settle(self.ego.id, self.ego.speed, self.ego.acceleration)
-        for ghost in self._ghosts():
-            ghost.settle()
+        for stand_in in [*(a.stand_in for a in self.path_actors), *(a.stand_in for a in self.static_actors)]:
+            stand_in.settle()
         for steered in self.steered:
             if steered.taken is not None and steered.present:
                 self.world.settle(steered.id, steered.speed, steered.acceleration)
-
-    def _ghosts(self) -> Iterable[StandIn]:
-        yield from (walker.ghost for walker in self.walkers)
-        yield from (block.ghost for block in self.blocks)
 
     def _recover(self) -> None:
         taken = [a for a in self.steered if a.taken is not None and a.present]
@@ -295,7 +289,7 @@ class Simulation:
         movers = {a.id: a.mover for a in self.actors if a.present}
         for actor in taken:
             others = [mover for name, mover in movers.items() if name != actor.id]
-            # Who runs a red light or refuses to yield goes on doing so, but not into what is in its way already.
+            # An actor that runs a red light or refuses to yield still brakes for what is in its way already.
             actor.recover(self.time_s, others, self._red_ahead(actor), yields=not self.ignored_rules[actor.id])
             if not actor.present:
                 self.world.remove(actor.id)
@@ -323,11 +317,11 @@ class Simulation:
             self.ego.lane = line.lane_at(s) if abs(lateral) <= OFF_LANE_M else ""
 
 
-def _as_much_as_it_can(actor: Actor) -> bool:
-    """Whether a vehicle gains speed as if nothing were in its way."""
+def _accelerates_freely(actor: Actor) -> bool:
+    """Whether a vehicle accelerates as if nothing were in its way."""
     return actor.acceleration >= GAINS_SHARE * actor.placed.model.acceleration_mps2 * min(actor.placed.timing, 1.0) ** 2
 
 
-def _goes(actor: Actor, at_speed: bool) -> bool:
-    """Say whether a vehicle inside a junction seems to have nobody to wait for."""
-    return actor.speed >= STANDS_MPS and (_as_much_as_it_can(actor) or at_speed)
+def _drives_freely(actor: Actor, at_speed: bool) -> bool:
+    """Say whether a vehicle inside a junction seems to have nothing to wait for."""
+    return actor.speed >= STANDS_MPS and (_accelerates_freely(actor) or at_speed)

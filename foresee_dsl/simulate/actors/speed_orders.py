@@ -72,13 +72,13 @@ class Ramp:
 
 
 class Stop:
-    """Brakes in comfort, stands for a time or for good, then goes on as before."""
+    """Brakes in comfort, stands for a time or for good, then drives as before."""
 
     def __init__(self, simulation: Simulation, actor: Actor, duration_s: float | None) -> None:
         self._simulation, self._actor, self._duration = simulation, actor, duration_s
         self._pace = actor.speed
         self._stands_since: float | None = None
-        self._gone_on = False
+        self._resumed = False
 
     def update(self, time_s: float) -> bool:
         """See `Command`."""
@@ -86,15 +86,15 @@ class Stop:
             self._stands_since = time_s
         if self._over(time_s):
             self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
-            self._gone_on = True
+            self._resumed = True
             return False
         self._pace = max(0.0, self._pace - COMFORT_MPS2 * STEP_S)
         self._simulation.order_speed(self._actor, self._pace)
         return True
 
     def complete(self) -> bool:
-        """Whether it goes on again."""
-        return self._gone_on
+        """Whether it drives again."""
+        return self._resumed
 
     def _over(self, time_s: float) -> bool:
         if self._stands_since is None or self._duration is None:

@@ -1,21 +1,21 @@
-"""What is in the way of a vehicle that SUMO does not move any more: how far it is, and how fast it goes the same way.
+"""Target selection of a vehicle that SUMO does not move any more: what is in its way, how far it is and how fast.
 
-It looks along its lane, along the arc of its wheels, and for who will cross its way.
+Targets are looked for along the vehicle's lane, along the arc of its wheels, and among those about to cross its path.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import cos, hypot, pi, radians, sin, tan
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.polyline import Polyline, wrap
 from foresee_dsl.drivers.protocol import VehicleLimits
 from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 
 SIGHT_M = 80.0
-"""How far ahead it looks. Ours."""
+"""How far ahead targets are looked for. Ours."""
 MARGIN_M = 0.2
 """A body counts as ahead when it comes this near to the swept corridor. Ours."""
 STRAYS_M = 1.0
@@ -28,23 +28,12 @@ CROSSING_S = 2.0
 """How far ahead it sees that somebody who crosses will be where it will be. Ours: the time to collision from which UN
 R157's careful driver reacts (2 s; see `derive.preventability_risk`)."""
 CROSSES_RAD = radians(30)
-"""Who goes at least so much across its way crosses it; the others come or go with it, and their lanes bend. Ours."""
+"""An actor whose heading differs by at least this much crosses the vehicle's path; the others drive along it or towards
+it, on lanes that bend. Ours."""
 MOVES_MPS = 0.3
-"""Who is slower crosses nothing within that time: 0.6 m. Ours."""
+"""A slower actor crosses nothing within that time: 0.6 m. Ours."""
 _EVERY_S = 0.1
 """A crossing is looked for at these times; at 20 m/s, each 2 m."""
-
-
-class Lane(Protocol):
-    """What is needed of a route's centreline."""
-
-    def at(self, s: float, /) -> tuple[float, float, float]:
-        """Return x, y and heading at a length."""
-        ...
-
-    def project(self, x: float, y: float, near_s: float | None = None) -> tuple[float, float]:
-        """Return the length nearest to a point, and how far to the left of the line it lies."""
-        ...
 
 
 class Target(NamedTuple):
@@ -62,7 +51,7 @@ class TargetSelection:
         line: the centreline of its route. line_m: how far to the left of it the vehicle keeps.
     """
 
-    def __init__(self, limits: VehicleLimits, line: Lane, line_m: float = 0.0) -> None:
+    def __init__(self, limits: VehicleLimits, line: Polyline, line_m: float = 0.0) -> None:
         """Look along this line."""
         self._limits, self._line, self._line_m = limits, line, line_m
 
@@ -75,7 +64,7 @@ class TargetSelection:
             state: of the vehicle. s: how far along the line it is.
             others: everybody else; NaN where absent.
             strays: it does not keep its lane now, so that its wheels say where it goes.
-            yields: False for who does not look out for those who cross its way, only for what is on it.
+            yields: False: actors that are about to cross its path are no targets, only those on it.
         """
         arc = tan(state.steer) / self._limits.wheelbase_m
         c, si = cos(state.heading), sin(state.heading)
@@ -98,7 +87,7 @@ class TargetSelection:
     ) -> Target | None:
         """What lies on the arc that the wheels now describe; `along`, `left`: where it is in our frame (m).
 
-        Who keeps the lane looks at the lane: its wheels say little about where it will be in a second.
+        A vehicle that keeps its lane looks along the lane: its wheels say little about where it will be in a second.
         """
         facing = state.heading + arc * along
         room = along - self._limits.length_m / 2 - half_extent(other, facing)
@@ -119,7 +108,7 @@ class TargetSelection:
         return Target(room, other.speed * cos(other.heading - facing))
 
     def _crossing(self, state: BicycleState, arc: float, s: float, other: Mover, *, strays: bool) -> Target | None:
-        """Who will be in front of it where it will be, if both go on as they do: as a wall at that place."""
+        """An actor that will be in front of the vehicle if both keep their motion, as a wall at that place."""
         far = (abs(state.speed) + abs(other.speed)) * CROSSING_S + self._limits.length_m + other.length
         if other.speed < MOVES_MPS or hypot(other.x - state.x, other.y - state.y) > far:
             return None
@@ -133,7 +122,7 @@ class TargetSelection:
             if not touches or abs(left) > self._reach(other, heading):
                 continue
             across = abs(wrap(other.heading - heading))
-            # Who comes against its side is not avoided by braking.
+            # An actor that hits the vehicle's side is not avoided by braking.
             return Target(way, 0.0) if along > 0 and CROSSES_RAD <= across <= pi - CROSSES_RAD else None
         return None
 
