@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foresee_dsl.forecast.foresee import ForeseeRanker, _Egos, close_encounters
+from foresee_dsl.forecast.foresee import ForeseeRanker, _PerturbedEgo, close_encounters
 from foresee_dsl.forecast.settings import ForeseeSettings
 from tests.support.handmade_traces import EAST, NORTH, SOUTH, WEST, make_trace, straight
 
@@ -54,7 +54,7 @@ def test_perturbed_trajectories_stay_within_the_bounds_at_the_encounter(speed):
     settings = ForeseeSettings()
     corners = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0], [0.0, 0.0]])
     trace = make_trace({"ego": straight("car", 0, 0, EAST, speed)})
-    rolled = _Egos(trace, settings, corners).perturbed(100, 180, 60)
+    rolled = _PerturbedEgo(trace, settings, corners).perturbed(100, 180, 60)
     off = rolled[:, 60] - trace.states[160, 0, :3]
     assert np.abs(off[:, 0]).max() == pytest.approx(settings.longitudinal_error_m, abs=0.01)
     aside = min(settings.lateral_error_m, settings.heading_error_rad * 3 * speed / 2)
@@ -65,7 +65,7 @@ def test_perturbed_trajectories_stay_within_the_bounds_at_the_encounter(speed):
 
 def test_a_standing_ego_is_not_perturbed_out_of_its_place():
     trace = make_trace({"ego": straight("car", 0, 0, EAST, 0)})
-    rolled = _Egos(trace, ForeseeSettings(), np.ones((1, 2))).perturbed(100, 180, 60)
+    rolled = _PerturbedEgo(trace, ForeseeSettings(), np.ones((1, 2))).perturbed(100, 180, 60)
     assert np.allclose(rolled[0, :, :2], 0.0)
 
 

@@ -125,6 +125,7 @@ class Bicycle:
         )
         self._limits = np.array([record], dtype_of(BicycleLimits))
         self._state = np.empty(1, dtype_of(VehicleState))
+        self._numbers = self._state.view(np.float64)
 
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
@@ -141,7 +142,7 @@ class Bicycle:
             state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer
         )  # fmt: skip
         step(self._state, self._limits, *checked(control), dt)
-        return BicycleState(*self._state[0].item())
+        return BicycleState(*self._numbers.tolist())
 
     def steer_for(self, curvature: float) -> float:
         """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
