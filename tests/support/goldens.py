@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.steps import run_test_case
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.trace import Trace
