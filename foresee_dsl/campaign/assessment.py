@@ -22,8 +22,8 @@ from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
 HARD_BRAKING_MPS2 = 3.0
-"""Braking harder than this is an event. Naturalistic driving studies count harsh braking from 0.3 g (2.9 m/s^2) on;
-cited from memory."""
+"""Braking harder than this is an event: the initial threshold of harsh braking in the naturalistic driving study UDRIVE
+(Jansen and Wesseling, Harsh braking by truck drivers, 6th Humanist Conference, 2018)."""
 APART_S = 0.5
 """Two brakings with less than this between them are one event. Ours: half a second is a driver's reaction."""
 
@@ -114,23 +114,20 @@ def assess_drivers(
     """
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
-    pool = WorkerPool(jobs)
-    pool.add(
-        Task(f"{case.id} with {driver}", run_one, AssessTask(case.id, driver, seed))
-        for case in cases
-        for driver in drivers
-    )
     runs: list[DriverRun] = []
     broken: list[str] = []
-    try:
+    with WorkerPool(jobs) as pool:
+        pool.add(
+            Task(f"{case.id} with {driver}", run_one, AssessTask(case.id, driver, seed))
+            for case in cases
+            for driver in drivers
+        )
         for task, outcome in pool.results():
             if isinstance(outcome, Broken):
                 broken.append(f"{task.name}: {outcome.reason}")
                 continue
             runs.append(outcome)
             told(outcome)
-    finally:
-        pool.close()
     runs.sort(key=lambda one: (list(drivers).index(one.driver), one.case))
     return tuple(runs), tuple(sorted(broken))
 

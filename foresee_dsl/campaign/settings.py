@@ -17,7 +17,7 @@ class CampaignSettings:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
         risky_points: n_rp, how many risky points of a run are studied at most.
         children: c, mutated children a clip.
-        seed: every lot that is drawn comes from it.
+        seed: of all random choices.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
             lane's free width beside a car, 0.75 m; beyond it the clip is another situation).
         handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches.

@@ -1,9 +1,9 @@
-"""The day after: run recorded failures again and say which are reproduced, fixed, changed or stale."""
+"""Recorded failures, run again: reproduced, fixed, changed or stale; and what a parent's edit does to them."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -15,7 +15,9 @@ from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.language.model import Mutant, Origin
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.language.repinning.repin import Child
 from foresee_dsl.simulate.results.verdict import Verdict
 
 
@@ -46,6 +48,15 @@ class VerifyTask:
     driver: str
 
 
+@dataclass(frozen=True)
+class DriveTask:
+    """One test case, and what drives it."""
+
+    case: TestCase
+    driver: str
+    seed: int
+
+
 def verify_files(
     files: Sequence[Path], *, driver: str = "", run_programs: bool = False, jobs: int = 1
 ) -> tuple[Recheck, ...]:
@@ -54,26 +65,25 @@ def verify_files(
     Args:
         files: mutants' files.
         driver: drive with this one; by default with the one that each file records.
-        run_programs: start the programs that files record as their drivers (`external:python3 my_driver.py`). A file
-            that somebody sends must not run a command by being checked.
+        run_programs: start the programs that files record as their drivers (`external:python3 my_driver.py`). Checking
+            a file that came from elsewhere must not run a command.
         jobs: worker processes.
 
     Raises:
         DriverError: files record programs, which was not allowed; nothing was run.
     """
     if not driver and not run_programs:
-        _refuse_programs(files)
-    pool = WorkerPool(jobs)
-    pool.add(Task(str(file), recheck, VerifyTask(file, driver)) for file in files)
+        _refuse_programs(
+            map(_address_in, files), "--run-programs starts what the files say, --driver names another driver"
+        )
     found: list[Recheck] = []
-    try:
+    with WorkerPool(jobs) as pool:
+        pool.add(Task(str(file), recheck, VerifyTask(file, driver)) for file in files)
         for task, outcome in pool.results():
             if isinstance(outcome, Broken):
                 found.append(Recheck(task.name, Status.CHANGED, "", outcome.reason))
             else:
                 found.append(outcome)
-    finally:
-        pool.close()
     return tuple(sorted(found, key=lambda r: r.file))
 
 
@@ -85,12 +95,12 @@ def recheck(task: VerifyTask) -> Recheck:
         return Recheck(str(task.file), Status.STALE, "", err.diagnostics[0].message)
     origin = case.mutant.origin if case.mutant else None
     was = (origin.found if origin else None) or ""
-    recorded = _recorded(origin)
-    seed = int(origin.seed.value) if origin and origin.seed else 0
+    recorded, seed = _driver_and_seed(origin)
     result = run_test_case(case, task.driver or recorded, seed)
     if not result.verdict.is_failure and result.verdict is not Verdict.CRASH:
         status = Status.FIXED
-    elif _same(was, result.reason):
+    # The same kind of failure with the same actor; the time may differ on another machine.
+    elif was.rpartition(" at ")[0] == result.reason.rpartition(" at ")[0]:
         status = Status.REPRODUCED
     else:
         status = Status.CHANGED
@@ -107,28 +117,59 @@ def as_dict(rechecks: Sequence[Recheck]) -> dict[str, Any]:
     }
 
 
-def _recorded(origin: Origin | None) -> str:
-    return recorded_address((origin.driver if origin else None) or "pdm")
+def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
+    """Drive each child under its old parent and under the edited one, in new processes.
+
+    The driver and the seed are those that the child records (`pdm` and 0 otherwise).
+
+    Raises:
+        DriverError: files record programs as drivers, which are not started for a look; nothing was run.
+
+    Returns:
+        For each file how the run under the old parent ended ("" where that parent is unknown), and the new run.
+    """
+    runs = {f"{child.file} {when}": task for child in children for when, task in _tasks_of(child)}
+    _refuse_programs((run.driver for run in runs.values()), "`foresee verify --run-programs` runs them")
+    ended: dict[str, str] = {}
+    with WorkerPool(jobs) as pool:
+        pool.add(Task(name, drive, run) for name, run in runs.items())
+        for task, outcome in pool.results():
+            ended[task.name] = outcome.reason if isinstance(outcome, Broken) else outcome
+    return {child.file: (ended.get(f"{child.file} old", ""), ended[f"{child.file} new"])
+            for child in children if child.new is not None}  # fmt: skip
 
 
-def _refuse_programs(files: Sequence[Path]) -> None:
-    programs = sorted({address for file in files if ":" in (address := _address_in(file))})
+def drive(task: DriveTask) -> str:
+    """Run one test case; return how it ended, in a sentence."""
+    result = run_test_case(task.case, task.driver, task.seed)
+    return result.reason or result.verdict.value
+
+
+def _tasks_of(child: Child) -> list[tuple[str, DriveTask]]:
+    """Return the child's two runs; without the old one where its foreign network is only in git's history."""
+    return [
+        (when, DriveTask(case, *_driver_and_seed(case.mutant.origin if case.mutant else None)))
+        for when, case in (("old", child.old), ("new", child.new))
+        if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
+    ]
+
+
+def _driver_and_seed(origin: Origin | None) -> tuple[str, int]:
+    """Return what a mutant's file records of its run; by default `pdm` and 0."""
+    driver = recorded_address((origin.driver if origin else None) or "pdm")
+    return driver, int(origin.seed.value) if origin and origin.seed else 0
+
+
+def _refuse_programs(drivers: Iterable[str], instead: str) -> None:
+    programs = sorted({address for address in drivers if ":" in address})
     if programs:
-        raise DriverError(
-            f"recorded with programs as drivers: {'; '.join(programs)}. --run-programs starts what the files say, "
-            "--driver names another driver"
-        )
+        raise DriverError(f"recorded with programs as drivers: {'; '.join(programs)}. {instead}")
 
 
 def _address_in(file: Path) -> str:
-    """Return the driver that a mutant's file records; of a file with mistakes (it is reported as stale), nothing."""
+    """Return the driver that a mutant's file records; of a file with errors (it is reported as stale), nothing."""
     try:
         model = parse(file.read_text(encoding="utf-8"), str(file)).model
     except (InputError, OSError, UnicodeDecodeError):
         return ""
-    return _recorded(model.origin) if isinstance(model, Mutant) else ""
-
-
-def _same(was: str, now: str) -> bool:
-    """The same kind of failure with the same party; the time may differ on another machine."""
-    return was.rpartition(" at ")[0] == now.rpartition(" at ")[0]
+    return _driver_and_seed(model.origin)[0] if isinstance(model, Mutant) else ""

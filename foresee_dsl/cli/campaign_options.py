@@ -187,7 +187,7 @@ def executor_of(name: str, scheduler: str) -> Callable[[RunOptions], Executor]:
 
         return dask(scheduler)
     if name != "local":
-        raise typer.BadParameter(f"{name!r} is none: local, dask", param_hint="--executor")
+        raise typer.BadParameter(f"{name!r} is not one of: local, dask", param_hint="--executor")
     if scheduler:
         raise typer.BadParameter("it needs --executor dask", param_hint="--scheduler")
     return local

@@ -186,7 +186,7 @@ def plan(
     from foresee_dsl.language.project.loading import load_test_cases
 
     if format not in ("text", "dot", "json"):
-        raise typer.BadParameter(f"{format!r} is none: text, dot, json", param_hint="--format")
+        raise typer.BadParameter(f"{format!r} is not one of: text, dot, json", param_hint="--format")
     request = requested(ctx, paths, flags)
     cases = load_test_cases(request.paths, allow_outside=flags.allow_outside)
     folder, part = flags.store_folder, shard_of(flags.shard)

@@ -179,7 +179,7 @@ def _placement(case: TestCase) -> Sequence[Diagnostic]:
 
 def _verdicts(children: Sequence[Child]) -> dict[Path, tuple[str, str]]:
     """Drive the stale children under their old parent and under the new one; what each run ended with."""
-    from foresee_dsl.campaign.repin_effects import before_and_after
+    from foresee_dsl.campaign.verify import before_and_after
     from foresee_dsl.language.repinning.repin import State
 
     return before_and_after([child for child in children if child.state is State.STALE])

@@ -39,7 +39,7 @@ def store(
     from foresee_dsl.campaign.storage.store import Store
 
     if action not in ACTIONS:
-        raise typer.BadParameter(f"{action!r} is none: {', '.join(ACTIONS)}", param_hint="ACTION")
+        raise typer.BadParameter(f"{action!r} is not one of: {', '.join(ACTIONS)}", param_hint="ACTION")
     named = folders or [Path("out/store")]
     if action == "merge":
         if into is None or not folders:

@@ -18,17 +18,14 @@ from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 
 
 def main(lifeline: int, memory_mb: float) -> None:
-    """Work until standard input ends, or whoever started this process does."""
+    """Work until standard input ends, or the process that started this one does."""
     end_with(lifeline)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a driver prints must not get between the answers
-    pool = WorkerPool(1, memory_mb=memory_mb)
-    try:
+    with WorkerPool(1, memory_mb=memory_mb) as pool:
         while (packed := read(sys.stdin.buffer)) is not None:
             tasks: list[Task] = pickle.loads(packed)  # noqa: S301 - from the process that started this one
             write(answers, pickle.dumps(_run(pool, tasks)))
-    finally:
-        pool.close()
 
 
 def _run(pool: WorkerPool, tasks: list[Task]) -> list[tuple[int, Any]]:

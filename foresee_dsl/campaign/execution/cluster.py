@@ -26,7 +26,7 @@ from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Task, Upd
 from foresee_dsl.errors import ForeseeError
 
 _TICK_S = 0.2
-"""How often `stop` is asked."""
+"""Interval at which `stop` is asked."""
 CONNECT_S = 10
 """How long to wait for a scheduler. Ours: one that is there answers within a second."""
 
@@ -95,7 +95,7 @@ class DaskExecutor:
         """Keep two batches for each thread of the cluster under way: one that runs, and one that waits there."""
         try:
             threads = max(1, sum(self._client.nthreads().values()))
-        except Exception as err:  # Dask's are of many kinds; all of them mean that nobody answers
+        except Exception as err:  # Dask's are of many kinds; all of them mean that the scheduler does not answer
             raise ClusterError(f"the Dask scheduler is gone ({err}): what was finished is kept, and the same command "
                                "continues from there") from err  # fmt: skip
         while self._queue and len(self._batches) < 2 * threads:
@@ -112,7 +112,7 @@ class DaskExecutor:
         if numbers is None:
             return
         if future.status != "finished":
-            yield from self._again(numbers, str(future.exception() if future.status == "error" else future.status))
+            yield from self._resend(numbers, str(future.exception() if future.status == "error" else future.status))
             return
         updates: list[tuple[int, Any]] = pickle.loads(future.result())  # noqa: S301 - from our own workers
         for index, value in updates:
@@ -123,7 +123,7 @@ class DaskExecutor:
                 del self._tasks[number]
             yield update
 
-    def _again(self, numbers: list[int], why: str) -> Iterator[Update]:
+    def _resend(self, numbers: list[int], why: str) -> Iterator[Update]:
         """Send tasks again that were lost with their Dask worker or its host; in the end one by one, then not."""
         for number in numbers:
             self._lost[number] += 1

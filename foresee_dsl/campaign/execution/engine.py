@@ -1,7 +1,7 @@
 """The campaign: what is not in the store yet is run, and everything found is put together.
 
-A step is run once for its key, whoever asks for it, and is in the store before anything is said of it or follows from
-it: whenever this process ends, the same command goes on from there.
+A step is run once for its key, however many campaigns have it. Its result is stored before it is reported and before
+anything follows from it: whenever this process ends, the same command continues from there.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def run_campaign(
     """Run a whole campaign and write its folder.
 
     Args:
-        cases: the test cases, already loaded (so that mistakes show before anything runs).
+        cases: the test cases, already loaded (so that errors show before anything runs).
         settings: what to do.
         out: the campaign's folder; its `children` and `traces` are replaced, all at once, at the end.
         store: where results are kept, open to be written.
@@ -79,7 +79,7 @@ def run_campaign(
     stages = Stages(cases, settings, store, out, options.shard)
     folder = CampaignFolder(out)
     with folder.working() as work:
-        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listener, options).go(started)
+        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listener, options).until_done(started)
         found = assemble(stages, out)
         wall_s = time.monotonic() - started
         result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
@@ -94,17 +94,17 @@ class _Run:
         self._stages, self._store, self._files = stages, store, files
         self._listener, self._options = listener, options
         self._executor: Executor | None = None
-        self._nodes: dict[str, Node] = {}
+        self._running: dict[str, Node] = {}
         """The step of each task that is under way, by its key."""
         self._waiting: dict[str, list[Node]] = {}
         """Steps whose result a task under way may give, by key."""
         self._expected: dict[str, int] = {}
         """Keys that tasks under way may give, and how many of these tasks."""
         self._broken: list[str] = []
-        self._cut = False
+        self._stopped_early = False
         """Whether it was stopped while it looked at what there is to do."""
 
-    def go(self, started: float) -> tuple[list[str], bool]:
+    def until_done(self, started: float) -> tuple[list[str], bool]:
         """Run what is missing; return what could not be done, and whether it was stopped before the end."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
@@ -114,16 +114,16 @@ class _Run:
             return self._options.stop() or (budget_s is not None and time.monotonic() - started > budget_s)
 
         try:
-            self._meet(self._stages.seeds, stop)
+            self._visit(self._stages.seeds, stop)
             if self._executor is not None:
                 for update in self._executor.updates(stop):
-                    self._take(update, stop)
-            return self._broken, self._cut or bool(self._nodes)
+                    self._handle(update, stop)
+            return self._broken, self._stopped_early or bool(self._running)
         finally:
             if self._executor is not None:
                 self._executor.close()
 
-    def _meet(self, nodes: Iterable[Node], stop: Callable[[], bool]) -> None:
+    def _visit(self, nodes: Iterable[Node], stop: Callable[[], bool]) -> None:
         """Go through steps and what follows from them as far as it is known; hand out what is missing."""
         ahead = list(reversed(tuple(nodes)))
         while ahead and not stop():
@@ -138,14 +138,14 @@ class _Run:
             else:
                 self._listener.known(row)
                 ahead.extend(reversed(self._stages.after(node, row)))
-        self._cut = self._cut or bool(ahead)
+        self._stopped_early = self._stopped_early or bool(ahead)
 
     def _hand_out(self, node: Node) -> None:
         self._waiting.setdefault(node.key, []).append(node)
         if self._expected.get(node.key):
             return  # a task that is under way gives it
         task = self._stages.task(node, self._files, self._options.limits)
-        self._nodes[node.key] = node
+        self._running[node.key] = node
         for step in self._stages.task_steps(node):
             self._expected[step.key] = self._expected.get(step.key, 0) + 1
         if self._executor is None:
@@ -154,11 +154,11 @@ class _Run:
         # children before those of second rank: where time runs out, the best points were studied.
         self._executor.add([task], (node.step.turn > 0, node.step.rank, node.step.turn))
 
-    def _take(self, update: Update, stop: Callable[[], bool]) -> None:
+    def _handle(self, update: Update, stop: Callable[[], bool]) -> None:
         if isinstance(update.value, Part):
-            self._keep(update.value.value, stop)
+            self._store_result(update.value.value, stop)
             return
-        node = self._nodes.pop(update.task.key)
+        node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
         for key in keys:
             self._expected[key] -= 1
@@ -173,7 +173,7 @@ class _Run:
                 self._broken.append(f"{node.kind} {update.task.name}: {update.value.reason}")
                 self._listener.broken(self._broken[-1])
 
-    def _keep(self, made: Made, stop: Callable[[], bool]) -> None:
+    def _store_result(self, made: Made, stop: Callable[[], bool]) -> None:
         run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
         row = Row(
             key=made.key,
@@ -196,7 +196,7 @@ class _Run:
                 self._listener.finished(row)
             else:
                 self._listener.known(row)
-            self._meet(self._stages.after(node, row), stop)
+            self._visit(self._stages.after(node, row), stop)
 
 
 def _broken_row(node: Node, broken: Broken) -> Row | None:

@@ -1,7 +1,7 @@
 """One worker process: it gets batches of tasks over a pipe and says what it begins and what it has done.
 
-So whoever waits knows at each moment which task a process is at: when it dies, hangs or takes too much memory, that
-task is the culprit, and nothing has to be run again to find it.
+So its starter knows at each moment which task the process is running: when it dies, hangs or takes too much memory,
+that task is the cause, and nothing has to be run again to find it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Task:
     Attributes:
         name: for people. function: returns the outcome, or yields one part of it after the other.
         deadline_s: wall time for the outcome, or for each part; None: as long as it takes.
-        key: by which whoever gave it knows it again.
+        key: by which its giver recognises it.
     """
 
     name: str
@@ -114,20 +114,20 @@ class Worker:
         self.waiting.extend(batch)
 
     def messages(self) -> Iterator[Message]:
-        """Yield what it has said since.
+        """Yield its messages since the last call.
 
         Raises:
-            EOFError: the process is gone (after all that it had said).
+            EOFError: the process is gone (after all its messages).
         """
         while self._pipe.poll():
             try:
                 message: Message = self._pipe.recv()
             except (OSError, pickle.UnpicklingError) as err:  # killed in the middle of a message
                 raise EOFError from err
-            self._note(message)
+            self._track(message)
             yield message
 
-    def _note(self, message: Message) -> None:
+    def _track(self, message: Message) -> None:
         self.since_s = time.monotonic()
         if message.what == "started":
             self.current = self.waiting.pop(0)
@@ -200,10 +200,10 @@ def _serve(pipe: Connection, lifeline: Connection) -> None:
         except (EOFError, OSError):
             return
         for number, packed in batch:
-            _do(pipe, number, packed)
+            _run_task(pipe, number, packed)
 
 
-def _do(pipe: Connection, number: int, packed: bytes) -> None:
+def _run_task(pipe: Connection, number: int, packed: bytes) -> None:
     pipe.send(Message("started", number))
     try:
         task: Task = pickle.loads(packed)  # noqa: S301 - from the process that started this one
@@ -213,5 +213,5 @@ def _do(pipe: Connection, number: int, packed: bytes) -> None:
                 pipe.send(Message("part", number, part))
             outcome = None
         pipe.send(Message("done", number, outcome))
-    except Exception as err:  # whatever it raises is this task's outcome, not this process's end
+    except Exception as err:  # an exception is this task's outcome, not this process's end
         pipe.send(Message("raised", number, f"{type(err).__name__}: {err}"))

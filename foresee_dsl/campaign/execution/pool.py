@@ -9,24 +9,25 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from foresee_dsl.campaign.execution.isolation import Task, Worker
 
 __all__ = ["BATCH", "DEATHS", "Broken", "Part", "Task", "Update", "WorkerPool"]
 
 DEATHS = 3
-"""So often a task's process has to die before the task is to blame. Ours: somebody's `kill`, or the kernel's when
-memory is short, hits an innocent one now and then; a crash inside a library comes back every time."""
+"""How many times a task's process has to die until the task counts as the cause. Ours: a `kill` from outside, or the
+kernel's when memory is short, hits an innocent task now and then; a crash inside a library comes back every time."""
 BATCH = 8
 """Tasks that a process gets at once, at most. Ours: handing one over costs 0.2 ms, so 8 hide it; more would leave other
 workers without work at the end."""
 MEMORY_MB = 4096
-"""Memory of a worker, unless said otherwise. Ours: ten times what the bundled drivers take."""
+"""Default for the memory of a worker. Ours: ten times what the bundled drivers take."""
 _TICK_S = 0.1
-"""How often deadlines and memory are looked at. Ours: a process allocates some 200 MB in that time."""
+"""Interval at which deadlines and memory are checked. Ours: a process allocates some 200 MB in that time."""
 _STARTS = 5
-"""So many processes in a row may die before they begin anything."""
+"""How many processes in a row may die before they begin a task, until the pool gives up. Ours: one may be hit by a
+kill, five mean that none can start."""
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,16 @@ class WorkerPool:
         self._workers: list[Worker] = []
         self._numbers = 0
         self._failed_starts = 0
-        self._looked_s = 0.0
+        self._checked_s = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
-        """Queue more tasks; smaller priorities go first, and among equals who came first."""
+        """Queue more tasks; smaller priorities go first, and among equals those added first."""
         for task in tasks:
             self._numbers += 1
             self._tasks[self._numbers] = task
@@ -108,11 +115,11 @@ class WorkerPool:
             busy = {worker.connection: worker for worker in self._workers if not worker.idle}
             for ready in multiprocessing.connection.wait(list(busy), timeout=_TICK_S):
                 worker = next(w for connection, w in busy.items() if connection is ready)
-                yield from self._listen(worker)
-            if time.monotonic() - self._looked_s >= _TICK_S:
-                self._looked_s = time.monotonic()
+                yield from self._receive(worker)
+            if time.monotonic() - self._checked_s >= _TICK_S:
+                self._checked_s = time.monotonic()
                 for worker in tuple(self._workers):
-                    yield from self._look_after(worker)
+                    yield from self._check_limits(worker)
 
     def close(self) -> None:
         """End the workers now; what they were doing is lost."""
@@ -178,7 +185,7 @@ class WorkerPool:
             # Before all others. Suspects last of these: the innocent rest of their batch need not wait for them.
             heapq.heappush(self._queue, ((-1, self._deaths[number]), number))
 
-    def _listen(self, worker: Worker) -> Iterator[Update]:
+    def _receive(self, worker: Worker) -> Iterator[Update]:
         try:
             for message in worker.messages():
                 self._failed_starts = 0
@@ -216,9 +223,9 @@ class WorkerPool:
         self._requeue(number for number, _ in worker.waiting)
         return worker.kill(gone=gone)
 
-    def _look_after(self, worker: Worker) -> Iterator[Update]:
+    def _check_limits(self, worker: Worker) -> Iterator[Update]:
         if worker.connection.poll():
-            return  # it has said more than was read
+            return  # it has sent more than was read
         if worker.current is None:
             # Between two batches: a process that has grown is replaced before it costs an innocent task its run.
             if worker.idle and worker.memory_bytes() > self._memory / 2:

@@ -1,4 +1,4 @@
-"""Looking after stores: what is in one, what nobody needs any more, joining several, and tables for other tools."""
+"""Stores: what is in one, deleting what no result needs, joining several, and tables for other tools."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TABLE = (
 )
 """The columns of an exported table: a row's, without its record."""
 _STALE_S = 3600.0
-"""A half-written blob older than this is nobody's any more. Ours: writing one takes milliseconds."""
+"""A half-written blob older than this belongs to no running process. Ours: writing one takes milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def statistics(store: Store) -> Statistics:
 
 @dataclass(frozen=True)
 class Swept:
-    """What was thrown away: rows, files, and their bytes."""
+    """What was deleted: rows, files, and their bytes."""
 
     rows: int
     files: int
@@ -91,12 +91,12 @@ class Swept:
 
 
 def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
-    """Throw away what nothing points to: traces without a row, rows without their trace, half-written files.
+    """Delete what nothing refers to: traces without a row, rows without their trace, half-written files.
 
     Args:
         store: open to be written.
-        older: also the rows of other versions of this tool, which no campaign of this one takes.
-        damaged: also look into every trace, and throw away those that are not what they were.
+        older: also the rows of other versions of this tool, which no campaign of this version uses.
+        damaged: also read every trace, and delete those whose content has changed.
     """
     rows = 0
     if older:

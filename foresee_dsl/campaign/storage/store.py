@@ -141,7 +141,7 @@ class Store:
         self.execute("DELETE FROM runs WHERE key = ?", (key,))
 
     def of_other_versions(self) -> int:
-        """Return how many results other versions of this tool made, which no campaign of this one takes."""
+        """Return how many results other versions of this tool made, which no campaign of this version uses."""
         return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
 
     def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
@@ -242,13 +242,13 @@ def _check_schema(schema: int, folder: Path) -> None:
 
 
 def _explained(folder: Path, err: Exception) -> str:
-    said = str(getattr(err, "strerror", None) or err)
+    cause = str(getattr(err, "strerror", None) or err)
     kept = "what was finished before is kept, and the same command continues from there"
-    if "not a database" in said or "malformed" in said:
-        return f"the store {folder} is damaged ({said}): move the folder away, or name another with --store"
-    if "readonly" in said or "read-only" in said.lower() or "unable to open" in said:
-        return f"the store {folder} cannot be written ({said}): name another folder with --store; {kept}"
-    return f"the store {folder} cannot be written ({said}): {kept} once there is room"
+    if "not a database" in cause or "malformed" in cause:
+        return f"the store {folder} is damaged ({cause}): move the folder away, or name another with --store"
+    if "readonly" in cause or "read-only" in cause.lower() or "unable to open" in cause:
+        return f"the store {folder} cannot be written ({cause}): name another folder with --store; {kept}"
+    return f"the store {folder} cannot be written ({cause}): {kept} once there is room"
 
 
 def _locked(file: Path) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from foresee_dsl.forecast.geometry import FloatArray
+from foresee_dsl.kernels.lines import FloatArray
 from foresee_dsl.simulate.trace import HEADING, STEER, Trace, X, Y
 
 

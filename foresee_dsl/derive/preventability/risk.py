@@ -18,8 +18,8 @@ import numpy as np
 
 from foresee_dsl.derive.preventability.path import RecordedPath
 from foresee_dsl.derive.preventability.sight import in_view, sight_of
-from foresee_dsl.forecast.geometry import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.kernels.lines import FloatArray
 from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 

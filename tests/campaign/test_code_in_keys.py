@@ -1,0 +1,141 @@
+"""Which edit of the code changes which keys: a step's key contains the code that its class imports, and no other."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.campaign.import_closure import import_closure, imports_of
+from foresee_dsl.campaign.stages import STEPS
+
+PARTS = {step.kind: step.__module__ for step in STEPS} | {
+    "pdm": "foresee_dsl.drivers.pdm",
+    "idm": "foresee_dsl.drivers.idm",
+    "foresee": "foresee_dsl.forecast.foresee",
+    "random": "foresee_dsl.forecast.baselines",
+}
+"""The steps, and some drivers and rankers, with the modules that their code begins with."""
+RUNS = {"seed", "clip", "child"}
+ALL = {step.kind for step in STEPS}
+EDITS = {
+    "language/units.py": ALL | {"foresee", "random"},
+    "compile/compiler.py": ALL,
+    "simulate/runner.py": ALL,
+    "kernels/__init__.py": ALL | {"pdm", "idm", "foresee", "random"},
+    "drivers/protocol.py": ALL | {"pdm", "idm"},
+    "drivers/idm/model.py": {"idm"},
+    "forecast/foresee.py": {"foresee", "random"},
+    "forecast/geometry.py": {"mutants", "foresee", "random"},
+    "forecast/settings.py": {"forecast", "mutants", "foresee", "random"},
+    "forecast/registry.py": {"forecast"},
+    "forecast/protocol.py": {"forecast", "foresee", "random"},
+    "derive/clipping/clip.py": {"forecast"},
+    "derive/clipping/fidelity.py": {"clip"},
+    "derive/operators/steer.py": {"mutants"},
+    "campaign/records.py": ALL,
+    "campaign/steps/child.py": {"child"},
+    "campaign/steps/step.py": ALL,
+    "campaign/stages.py": set(),
+    "campaign/execution/engine.py": set(),
+    "campaign/storage/store.py": set(),
+    "campaign/settings.py": set(),
+    "exchange/outcome.py": set(),
+    "editor/lexer.py": set(),
+    "report/terminal.py": set(),
+    "cli/common.py": set(),
+}
+"""What an edit of a file of the package changes."""
+_ASK = """
+import json, sys
+from foresee_dsl.campaign.import_closure import code_of
+print(json.dumps({name: code_of(module) for name, module in json.loads(sys.argv[1]).items()}))
+"""
+
+
+def code(tree: Path) -> dict[str, str]:
+    """Hashes of the code, by what it is the code of, as a process in a copy of the tree finds them."""
+    environment = {**os.environ, "PYTHONPATH": str(tree)}
+    command = [sys.executable, "-c", _ASK, json.dumps(PARTS)]
+    done = subprocess.run(command, env=environment, cwd=tree, check=True, capture_output=True, text=True)
+    found: dict[str, str] = json.loads(done.stdout)
+    return found
+
+
+@pytest.fixture(scope="module")
+def tree(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the package, laid out as a wheel does it: the data files inside."""
+    copy = tmp_path_factory.mktemp("tree")
+    shutil.copytree(root / "foresee_dsl", copy / "foresee_dsl", ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
+
+
+@pytest.fixture(scope="module")
+def unedited(tree: Path) -> dict[str, str]:
+    return code(tree)
+
+
+def changed(tree: Path, unedited: dict[str, str], file: str, text: str) -> set[str]:
+    """What another text of a file changes."""
+    edited = tree / "foresee_dsl" / file
+    before = edited.read_text()
+    assert text != before
+    edited.write_text(text)
+    try:
+        after = code(tree)
+    finally:
+        edited.write_text(before)
+    return {name for name in PARTS if after[name] != unedited[name]}
+
+
+def test_a_copy_of_the_tree_has_the_same_code(unedited: dict[str, str], root: Path) -> None:
+    assert unedited == code(root)
+    assert len(set(unedited.values())) == len(PARTS)
+
+
+@pytest.mark.parametrize("file", EDITS)
+def test_an_edit_changes_the_keys_of_what_runs_it(tree: Path, unedited: dict[str, str], file: str) -> None:
+    text = (tree / "foresee_dsl" / file).read_text()
+    assert changed(tree, unedited, file, f"{text}\nEDITED = 1\n") == EDITS[file]
+
+
+def test_a_careful_drivers_delay_decides_what_seeds_and_children_say(tree: Path, unedited: dict[str, str]) -> None:
+    """What `preventability` answers is in both results."""
+    file = "derive/preventability/risk.py"
+    text = (tree / "foresee_dsl" / file).read_text()
+    edited = re.sub(r"^DELAY_S = .*$", "DELAY_S = 0.8", text, flags=re.M)
+    assert changed(tree, unedited, file, edited) >= {"seed", "child"}
+
+
+def test_imports_inside_functions_count_and_those_for_type_checkers_do_not() -> None:
+    source = b"""
+import foresee_dsl.errors
+from typing import TYPE_CHECKING
+import numpy
+from .near import by
+if TYPE_CHECKING:
+    from foresee_dsl.simulate import world
+else:
+    import foresee_dsl.files
+def later():
+    from foresee_dsl.language import model, parser
+"""
+    names = ("errors", "files", "language", "language.model", "language.parser")
+    assert set(imports_of(source)) == {f"foresee_dsl.{name}" for name in names}
+
+
+def test_a_module_brings_its_packages_and_what_is_no_module_is_left_out() -> None:
+    found = import_closure(["foresee_dsl.errors", "foresee_dsl.errors.ForeseeError", "foresee_dsl.gone"])
+    assert {"foresee_dsl", "foresee_dsl.errors"} <= set(found)
+    assert "foresee_dsl.gone" not in found and "foresee_dsl.errors.ForeseeError" not in found
+
+
+def test_no_module_of_ours_imports_relatively(root: Path) -> None:
+    relative = re.compile(r"^\s*from \.", re.M)
+    assert not [file for file in (root / "foresee_dsl").rglob("*.py") if relative.search(file.read_text())]
