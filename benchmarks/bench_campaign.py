@@ -12,20 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.figures import Figure, peak_mb
+from foresee_dsl.campaign import records
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.execution.engine import Listener, run_campaign
 from foresee_dsl.campaign.execution.executors import RunOptions
 from foresee_dsl.campaign.execution.pool import Task, WorkerPool
-from foresee_dsl.campaign.records import (
-    ChildOutcome,
-    ClipOutcome,
-    Draft,
-    Forecast,
-    MutantDraft,
-    Mutants,
-    Record,
-    SeedOutcome,
-)
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import AnyStep
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -111,39 +102,39 @@ def made_up(work: Work) -> Iterator[Made]:
         yield Made(step.key, step.kind, step.name, record, TRACE + step.key.encode() if trace else None)
 
 
-def _result(step: AnyStep, work: Work) -> tuple[Record, bool]:
+def _result(step: AnyStep, work: Work) -> tuple[records.Record, bool]:
     """Return the result of a step, and whether it has a trace."""
     match step:
         case SeedStep():
-            return SeedOutcome(load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0), True
+            return records.SeedOutcome(load_case(work.case).id, "", "made_up", Verdict.PASS, "made up", 10.0, 0.0), True
         case ForecastStep():
-            return Forecast(9, tuple(_draft(step, work, rank) for rank in range(1, 5))), False
+            return records.Forecast(9, tuple(_draft(step, work, rank) for rank in range(1, 5))), False
         case ClipStep():
-            return ClipOutcome(
+            return records.ClipOutcome(
                 seed="", family="", name=step.name, file="", text=step.draft.text, rank=step.rank, verdict=Verdict.PASS,
                 reason="made up", duration_s=10.0, wall_s=0.0, largest_m=0.0, median_m=0.0, within=1.0,
                 others_m=(0.0,) * 20,
             ), True  # fmt: skip
         case MutantsStep():
             again = f"_s{step.seed}" if step.seed else ""
-            return Mutants(tuple(_mutant(step.name, again, number) for number in range(1, 5))), False
+            return records.Mutants(tuple(_mutant(step.name, again, number) for number in range(1, 5))), False
         case ChildStep():
             fails = step.name.endswith("1")
-            return ChildOutcome(
+            return records.ChildOutcome(
                 step.name, (work.folder / f"{step.name}.foresee").as_posix(), step.mutant.text, ("timing",),
                 Verdict.F4 if fails else Verdict.PASS, "other", "made up", 5.0, 10.0, "sha256:0123456789abcdef",
             ), fails  # fmt: skip
     raise TypeError(f"no result is made up for a {step.kind}")
 
 
-def _draft(step: ForecastStep, work: Work, rank: int) -> Draft:
+def _draft(step: ForecastStep, work: Work, rank: int) -> records.Draft:
     name, case = f"{step.name}_p{rank}", step.name.rpartition("_")[2]
     parent = relative_path(work.folder.parents[2] / "made_up.foresee", work.folder)
     text = _TEXT.format(kind="clip", name=name, parent=parent, case=f" case {case}")
-    return Draft(rank, text, name, parent, case, f"sha256:{step.key[:11]}{rank}", "")
+    return records.Draft(rank, text, name, parent, case, f"sha256:{step.key[:11]}{rank}", "")
 
 
-def _mutant(clip: str, again: str, number: int) -> MutantDraft:
+def _mutant(clip: str, again: str, number: int) -> records.MutantDraft:
     name = f"{clip}{again}_m{number}"
     text = _TEXT.format(kind="mutant", name=name, parent=f"{clip}.foresee", case="")
-    return MutantDraft(number, text, f"made up {name}")
+    return records.MutantDraft(number, text, f"made up {name}")

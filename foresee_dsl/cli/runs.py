@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import (
-    FAILED,
-    AllowOutsideOption,
-    DriverOption,
-    HandoverOption,
-    JsonOption,
-    OutOption,
-    PresetOption,
-    RankerOption,
-    SeedOption,
-    console,
-    print_json,
-)
+from foresee_dsl.cli import common
 
 if TYPE_CHECKING:
     from foresee_dsl.forecast.protocol import RiskyPoint
@@ -32,14 +20,14 @@ After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after it.")
 
 def run(
     address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip or a mutant.")],
-    driver: DriverOption = "pdm",
-    seed: SeedOption = 0,
+    driver: common.DriverOption = "pdm",
+    seed: common.SeedOption = 0,
     out: Annotated[Path | None, typer.Option("--out", help="Keep the trace in this folder.")] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit code 1 unless it passes and every expectation holds.")
     ] = False,
-    json: JsonOption = False,
-    allow_outside: AllowOutsideOption = False,
+    json: common.JsonOption = False,
+    allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Drive through one test case and say how it ended.
 
@@ -59,7 +47,7 @@ def run(
         trace = out / f"{case_name(case)}.npz"
         result.trace.save(trace)
     if json:
-        print_json(
+        common.print_json(
             {
                 "schema": 1,
                 "test_case": case.id,
@@ -81,18 +69,18 @@ def run(
     else:
         from foresee_dsl.report.terminal import print_run
 
-        print_run(console(), case.id, result, trace)
+        print_run(common.console(), case.id, result, trace)
     if strict and (result.verdict is not Verdict.PASS or not all(e.held for e in result.expectations)):
-        raise typer.Exit(FAILED)
+        raise typer.Exit(common.FAILED)
 
 
 def forecast(
     trace: TraceArgument,
-    ranker: RankerOption = "foresee",
-    seed: SeedOption = 0,
+    ranker: common.RankerOption = "foresee",
+    seed: common.SeedOption = 0,
     before: Before = 5.0,
     after: After = 5.0,
-    json: JsonOption = False,
+    json: common.JsonOption = False,
 ) -> None:
     """Rank the moments of a run around which a failure may hide.
 
@@ -101,24 +89,24 @@ def forecast(
     points = _points(_load_trace(trace), ranker, seed, before, after)
     if json:
         found = [_point_dict(p) for p in points]
-        print_json({"schema": 1, "trace": str(trace), "ranker": ranker, "risky_points": found})
+        common.print_json({"schema": 1, "trace": str(trace), "ranker": ranker, "risky_points": found})
         return
     from foresee_dsl.report.terminal import print_points
 
-    print_points(console(), points)
+    print_points(common.console(), points)
 
 
 def clip(
     trace: TraceArgument,
-    ranker: RankerOption = "foresee",
+    ranker: common.RankerOption = "foresee",
     rank: Annotated[int, typer.Option(min=1, help="Which risky point of the ranked list.")] = 1,
-    seed: SeedOption = 0,
+    seed: common.SeedOption = 0,
     before: Before = 5.0,
     after: After = 5.0,
-    handover: HandoverOption = 0.0,
-    out: OutOption = Path("clips"),
-    json: JsonOption = False,
-    allow_outside: AllowOutsideOption = False,
+    handover: common.HandoverOption = 0.0,
+    out: common.OutOption = Path("clips"),
+    json: common.JsonOption = False,
+    allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Cut the seconds around a risky point out of a run and write them as a clip file.
 
@@ -150,7 +138,7 @@ def clip(
     write_whole(file, print_model(model))
     if json:
         fidelity = {"fidelity_m": round(found.largest_others_m, 4), "fidelity_ego_m": round(found.ego_m, 4)}
-        print_json({"schema": 1, "clip": str(file), **fidelity, **_point_dict(point)})
+        common.print_json({"schema": 1, "clip": str(file), **fidelity, **_point_dict(point)})
     else:
         strays = f"fidelity {found.largest_others_m:.2f} m, of the ego {found.ego_m:.2f} m"
         typer.echo(f"{file}\n  {point.why}\n  {strays}")
@@ -158,12 +146,12 @@ def clip(
 
 def mutate(
     file: Annotated[Path, typer.Argument(metavar="CLIP", help="A clip's file.")],
-    preset: PresetOption = "focused",
+    preset: common.PresetOption = "focused",
     children: Annotated[int, typer.Option(min=1, max=1000, help="How many.")] = 4,
-    driver: DriverOption = "pdm",
-    seed: SeedOption = 0,
-    json: JsonOption = False,
-    allow_outside: AllowOutsideOption = False,
+    driver: common.DriverOption = "pdm",
+    seed: common.SeedOption = 0,
+    json: common.JsonOption = False,
+    allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Mutate a clip, run the children, and write each beside the clip, with what it found.
 
@@ -176,7 +164,7 @@ def mutate(
     for child in outcomes:
         write_whole(Path(child.file), child.text)
     if json:
-        print_json(
+        common.print_json(
             {
                 "schema": 1,
                 "clip": str(file),

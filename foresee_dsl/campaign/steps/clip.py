@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
@@ -21,8 +21,6 @@ from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.campaign.steps.forecast import ForecastStep
 

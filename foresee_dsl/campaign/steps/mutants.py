@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
@@ -18,8 +18,6 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.campaign.steps.clip import ClipStep
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import longest_s, run_test_case
 from foresee_dsl.campaign.records import SeedOutcome
@@ -17,8 +17,6 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from foresee_dsl.campaign.settings import CampaignSettings
 
 

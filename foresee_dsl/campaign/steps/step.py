@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from foresee_dsl.campaign.records import Draft, Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, Ref, load_case, load_trace
@@ -16,8 +16,6 @@ from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
-    from typing import Self
-
     from foresee_dsl.campaign.settings import CampaignSettings
 
 Above = TypeVar("Above")
