@@ -13,10 +13,7 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventability, Preventable
-from foresee_dsl.simulate.results.verdict import Verdict
-
-FAILURES = (Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5, Verdict.STUCK)
-"""The kinds that are counted, in the order of the tables."""
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 
 @dataclass(frozen=True)

@@ -170,7 +170,7 @@ def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, fl
 
 
 def _acts(situation: Situation, preset: Preset, operator: Operator, target: str) -> bool:
-    """Say whether an operator can do anything to a target: whether it can does not depend on the lots drawn."""
+    """Say whether an operator can do anything to a target: whether it can does not depend on the random choices."""
     return bool(operator.changes(situation, target, preset, np.random.default_rng(0)))
 
 

@@ -13,8 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
-from foresee_dsl.report.terminal import COLLISIONS, plain_table
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.report.terminal import plain_table
+from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 
 
 @contextmanager
@@ -48,7 +48,7 @@ def print_assessment(
         console.print(_table("\nBy scenario family", "driver, family", named))
     console.print(
         Text(
-            f"{', '.join(f'{kind.value} {name}' for kind, name in COLLISIONS.items())}: share of the cases;\n"
+            f"{', '.join(f'{kind.value} {kind.label}' for kind in COLLISIONS)}: share of the cases;\n"
             "brake: brakings over 3 m/s^2 a kilometre; ms: the driver's own time a step",
             style="dim",
         )

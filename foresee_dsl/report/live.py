@@ -25,11 +25,10 @@ from rich.progress import Task as Bar
 from rich.text import Text
 
 from foresee_dsl.campaign.execution.engine import Listener
-from foresee_dsl.campaign.results import FAILURES
 from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.terminal import duration
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 TITLES = {step.kind: step.title for step in STEPS if step.drives}
 """Of the kinds of run, which are what is shown."""

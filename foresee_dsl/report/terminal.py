@@ -11,13 +11,13 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from foresee_dsl.campaign.results import FAILURES, CampaignResult, FamilyRow
+from foresee_dsl.campaign.results import CampaignResult, FamilyRow
 from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.files import write_whole
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
-from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, ExpectationResult, Impact, RunResult, Verdict
 
 FAMILY_TITLES = {
     "3": "crossing actor",
@@ -27,14 +27,6 @@ FAMILY_TITLES = {
     "9": "right turn into traffic",
 }
 """The paper's five scenarios in a few words (table of scenarios)."""
-COLLISIONS = {
-    Verdict.F1: "object or off road",
-    Verdict.F2: "pedestrian",
-    Verdict.F3: "frontal",
-    Verdict.F4: "lateral",
-    Verdict.F5: "rear",
-}
-"""The kinds of failure of the paper in a few words."""
 
 
 def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
@@ -78,7 +70,7 @@ def campaign_report(result: CampaignResult, out: Path) -> Group:
     """Return the report: headline, a table a family, fidelity, and the files to open first."""
     total = result.row()
     rows = [*(result.row(family) for family in result.families), total]
-    kinds = ", ".join(f"{kind.value} {name}" for kind, name in COLLISIONS.items())
+    kinds = ", ".join(f"{kind.value} {kind.label}" for kind in COLLISIONS)
     parts: list[Text | Table] = [
         _headline(result, total),
         _counts_table(rows),
@@ -205,9 +197,8 @@ def duration(seconds: float) -> str:
 
 def print_run(console: Console, name: str, result: RunResult, trace: Path | None) -> None:
     """Print how one run ended, and which expectations held."""
-    style = {Verdict.PASS: "bold green", Verdict.TIMEOUT: "bold yellow"}.get(result.verdict, "bold red")
     line = Text(f"{name}: ")
-    line.append(result.verdict.value, style=style)
+    line.append(result.verdict.value, style=result.verdict.style)
     line.append(f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)")
     console.print(line)
     for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):

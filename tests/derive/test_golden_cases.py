@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.steps import clip_around
+from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.presets import PRESETS
 from foresee_dsl.forecast.registry import load_ranker

@@ -11,7 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from foresee_dsl.kernels.boxes import Box, Mover, overlaps
-from foresee_dsl.simulate.results.metrics import drac, eta, gap, minimum_distance, pet, ttc, ttcs
+from foresee_dsl.simulate.results.metrics import eta, ttc
+from tests.support.plain_metrics import minimum_distance, pet
 
 EAST, NORTH, WEST = 0.0, math.pi / 2, math.pi
 
@@ -44,12 +45,8 @@ def test_ttc_by_hand(a: Mover, b: Mover, expected: float) -> None:
     assert ttc(b, a) == pytest.approx(expected, abs=1e-9)
 
 
-def test_many_ttcs_equal_single_ones() -> None:
-    a, b = np.array([h[0] for h in HAND]), np.array([h[1] for h in HAND])
-    assert ttcs(a, b) == pytest.approx(np.array([h[2] for h in HAND]), abs=1e-9)
-    a[0, 0] = math.nan
-    assert math.isnan(ttcs(a, b)[0])
-    assert math.isnan(ttc(Mover(*a[0].tolist()), HAND[0][1]))
+def test_ttc_of_an_absent_actor_is_none() -> None:
+    assert math.isnan(ttc(HAND[0][0]._replace(x=math.nan), HAND[0][1]))
 
 
 movers = st.builds(
@@ -71,7 +68,6 @@ def later(m: Mover, seconds: float) -> Box:
 @given(movers, movers)
 def test_ttc_is_the_first_touch(a: Mover, b: Mover) -> None:
     time = ttc(a, b)
-    assert ttcs(np.array(a), np.array([b])) == pytest.approx(np.array([time]), abs=1e-6)
     if time == inf:
         assert not any(overlaps(later(a, t), later(b, t)) for t in np.arange(0, 12, 0.1))
         return
@@ -87,19 +83,6 @@ def test_eta() -> None:
     assert eta(30, 0.2) == 30  # counted with 1 m/s
     assert eta(0, 10) == 0
     assert eta(-0.1, 10) == inf
-
-
-def test_gap_is_bumper_to_bumper_along_the_follower() -> None:
-    assert gap(car(0, 0, EAST, 10), car(24, 1, EAST, 5)) == pytest.approx(20)
-    assert gap(car(0, 0, NORTH, 10), car(0, 24, WEST, 5)) == pytest.approx(21)  # the leader stands across
-    assert gap(car(0, 0, EAST, 10), car(0, 3, EAST, 5)) == pytest.approx(-4)
-
-
-def test_drac() -> None:
-    assert drac(5, 12.5) == pytest.approx(1.0)  # 25 / 25
-    assert drac(-1, 10) == 0
-    assert drac(0, 0) == 0
-    assert drac(1, 0) == inf
 
 
 def crossing(gap_s: float) -> tuple[np.ndarray, np.ndarray]:

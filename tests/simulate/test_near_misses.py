@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from foresee_dsl.simulate.results.metrics import minimum_distance, pet
 from foresee_dsl.simulate.results.near_misses import HORIZON_S, NearMiss, near_misses
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from tests.support.handmade_traces import EAST, NORTH, SIZES, WEST, Track, make_trace, straight, until
+from tests.support.plain_metrics import minimum_distance, pet
 
 STEP_OFF_MPS2 = 2.5
 

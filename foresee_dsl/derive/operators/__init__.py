@@ -6,11 +6,9 @@ import sys
 from functools import lru_cache
 from importlib.metadata import entry_points
 
-from foresee_dsl.derive.operators.line import LineShift
-from foresee_dsl.derive.operators.moments import DelayShift, HeadStart, TimingShift
+from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
+from foresee_dsl.derive.operators.paper import ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import Operator, Situation
-from foresee_dsl.derive.operators.steer import Steer
-from foresee_dsl.derive.operators.swap import ModelSwap
 
 __all__ = ["GROUP", "Operator", "Situation", "operators"]
 

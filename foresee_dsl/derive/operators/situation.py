@@ -95,8 +95,8 @@ class Situation:
         info = self.trace.actors[self.columns[actor]]
         return info.kind in VEHICLE_KINDS and bool(info.route) and not info.path
 
-    def said(self, actor: str, kind: type[_T]) -> _T | None:
-        """Return what the clip says of an actor in a statement of a kind."""
+    def stated(self, actor: str, kind: type[_T]) -> _T | None:
+        """Return the clip's statement of a kind about an actor, if there is one."""
         return next((item for item in self.actors[actor].body if isinstance(item, kind)), None)
 
     def closest(self, frame: int, among: list[str]) -> list[str]:
@@ -120,6 +120,15 @@ class Operator(Protocol):
     def letter_target(self, situation: Situation) -> str:
         """Return the target that the paper's wording gives ("" for none)."""
         ...
+
+
+class OwnOperator:
+    """An operator that the paper does not have, so that its wording gives no target."""
+
+    def letter_target(self, situation: Situation) -> str:
+        """Return that there is none."""
+        del situation
+        return ""
 
 
 def drawn(rng: Generator, low: float, high: float, step: float, *, centre: float, dead: float) -> float | None:

@@ -1,7 +1,7 @@
 """Whether a careful and competent driver would have avoided a failure: UN Regulation 157's model, driven in its place.
 
 The failing run is driven again, the ego on its recorded way at its recorded speed, until the careful driver has
-perceived the risk (`derive.preventability_risk`) and its delay is over. From then on it brakes, along the same way. The
+perceived the risk (`derive.preventability.risk`) and its delay is over. From then on it brakes, along the same way. The
 other actors do what the test case says, in the real simulation, and may react to the braking ego. A lateral escape is
 not modelled.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Literal
+from typing import Literal, assert_never
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
@@ -41,9 +41,13 @@ class Preventable(StrEnum):
     @property
     def origin(self) -> Literal["yes", "no", "unknown"]:
         """Return how a mutant's `origin` says it."""
-        if self is Preventable.YES:
-            return "yes"
-        return "no" if self is Preventable.NO else "unknown"
+        match self:
+            case Preventable.YES:
+                return "yes"
+            case Preventable.NO:
+                return "no"
+            case Preventable.UNKNOWN:
+                return "unknown"
 
 
 @dataclass(frozen=True)
@@ -147,9 +151,15 @@ def _after_braking(seen: Perception, failed: Impact, braked: RunResult) -> Preve
 
 
 def _without_contact(braked: RunResult) -> tuple[Preventable, str]:
-    if braked.verdict in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK):
-        return Preventable.YES, "avoids the contact"
-    return Preventable.UNKNOWN, f"ends otherwise: {braked.reason}"
+    match braked.verdict:
+        case Verdict.PASS | Verdict.TIMEOUT | Verdict.STUCK:
+            return Preventable.YES, "avoids the contact"
+        case (
+            Verdict.F1 | Verdict.F2 | Verdict.F3 | Verdict.F4 | Verdict.F5 | Verdict.CRASH | Verdict.INVALID
+        ):  # off the road, without a contact; or nothing was driven
+            return Preventable.UNKNOWN, f"ends otherwise: {braked.reason}"
+        case _:
+            assert_never(braked.verdict)
 
 
 def _with_contact(seen: Perception, failed: Impact, left: Impact) -> tuple[Preventable, str]:

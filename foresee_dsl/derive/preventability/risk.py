@@ -24,7 +24,8 @@ from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
-"""The risk has to last this long to be perceived: R157's risk evaluation time, from memory and not checked."""
+"""The risk has to last this long to be perceived: ours, meant as R157's risk evaluation time, whose text
+was not at hand."""
 DELAY_S = 0.75
 """From the perception until braking begins. R157, Annex 4, appendix 3; `CC_rt` in JRC-FSM."""
 CRITICAL_TTC_S = 2.0
@@ -34,8 +35,8 @@ WANDER_M = 0.375
 """What a vehicle sways within its lane without meaning anything: R157, Annex 4, appendix 3, as summarised in JRC-FSM
 (`CC_calc_dist_to_react`). The corridor is this much wider than the ego on either side: ours."""
 HARD_BRAKING_MPS2 = 5.0
-"""Ours, after what R157 calls an emergency manoeuvre (braking above 5 m/s^2; clause not checked): a risk is seen no
-later than when evaluation, delay and this braking just suffice to take the ego's speed down to the other's. With 2 s
+"""Ours, after what R157 calls an emergency manoeuvre (over 5 m/s^2; its clause was not at hand): a risk is seen
+no later than when evaluation, delay and this braking just suffice to take the ego's speed down to the other's. With 2 s
 alone, something that stands on a clear road would be run into from 8.5 m/s upwards (0.85 s are then 7.2 m)."""
 MERGES_RAD = math.pi / 4
 """A vehicle whose heading is this near to the ego's and that comes onto the ego's line is expected to stay there: a

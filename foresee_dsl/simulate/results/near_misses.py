@@ -1,10 +1,11 @@
 """How near a run came to a failure: smallest distance, time to collision and post-encroachment time, hardest braking.
 
-Everything is between the ego's footprint and another's. A *way* is the curve that a footprint took in the run, gone on
-with straight ahead where the run ends. The formulas are those of Westhofen et al., "Criticality Metrics for Automated
-Driving" (Archives of Computational Methods in Engineering, 2023), from memory and not checked; that they go along the
-ways, and not straight ahead from each frame, is ours: straight ahead, everybody who turns at a junction would have a
-small time to collision with who waits there, and two who meet in a bend with each other.
+Everything is between the ego's footprint and another's. A *way* is the curve that a footprint took in the run,
+continued straight ahead where the run ends. The measures are those of Westhofen et al., "Criticality Metrics for
+Automated Driving" (Archives of Computational Methods in Engineering, 2023); our formulas for DRAC and PET were not
+compared with the text. That they go along the ways, and not straight ahead from each frame, is ours: straight ahead,
+every actor that turns at a junction would have a small time to collision with those that wait there, and two that meet
+in a bend with each other.
 
 - distance(t): between the footprints, m.
 - TTC(t): the least tau at which the footprints touch, had both gone on from t with the speeds of t along their ways.

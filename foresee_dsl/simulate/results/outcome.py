@@ -49,12 +49,6 @@ FLUSH_M = 0.05
 """Two sides whose ends are this near to each other touch along their length, nearer in angle than cars are square
 (ours); otherwise a corner of the one touches."""
 
-_PHRASE = {
-    Verdict.F3: "frontal collision with {}",
-    Verdict.F4: "lateral collision with {}",
-    Verdict.F5: "rear collision with {}",
-}
-
 
 def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
     """Return the kind of failure that a collision is.
@@ -291,7 +285,7 @@ class Judge:
         if time_s <= 0:
             return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
         verdict = classify(ego, other, kind)
-        what = _PHRASE.get(verdict, "collision with {}").format(whom)
+        what = verdict.contact.format(whom)
         # What comes after the time is left out when two runs are compared (`campaign.verify`).
         return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
 from foresee_dsl.simulate.trace import Trace
@@ -16,31 +16,47 @@ Striker = Literal["ego", "other", "both", "neither"]
 
 
 class Verdict(StrEnum):
-    """The outcome of a run; F1-F5 are the paper's kinds of failure (section 4.4)."""
+    """The outcome of a run; F1-F5 are the paper's kinds of failure (section 4.4). All that is known of each is here.
 
-    PASS = "pass"
-    F1 = "F1"  # off the drivable area, or into a static object
-    F2 = "F2"  # into a pedestrian
-    F3 = "F3"  # frontal with a vehicle
-    F4 = "F4"  # lateral with a vehicle
-    F5 = "F5"  # rear-end with a vehicle
-    STUCK = "stuck"
-    TIMEOUT = "timeout"
-    CRASH = "crash"  # the driver or the simulator broke, not the car
-    INVALID = "invalid"  # a collision that is there at the first frame
+    Attributes:
+        label: in a few words, for tables.
+        is_collision: F1 to F5.
+        is_failure: of the software under test: F1 to F5, or stuck.
+        style: how a terminal shows it.
+        contact: how a run's reason calls the contact, the other actor in braces.
+    """
 
-    @property
-    def is_collision(self) -> bool:
-        """F1 to F5."""
-        return self in _COLLISIONS
+    _value_: str
+    label: str
+    is_collision: bool
+    is_failure: bool
+    style: str
+    contact: str
 
-    @property
-    def is_failure(self) -> bool:
-        """A failure of the software under test: F1 to F5, or stuck."""
-        return self in _COLLISIONS or self is Verdict.STUCK
+    def __new__(
+        cls, value: str, label: str, counts_as: str = "", style: str = "bold red", contact: str = "collision with {}"
+    ) -> Self:
+        """Make a member; `counts_as`: `collision`, `failure` or neither."""
+        made = str.__new__(cls, value)
+        made._value_, made.label, made.style, made.contact = value, label, style, contact
+        made.is_collision, made.is_failure = counts_as == "collision", bool(counts_as)
+        return made
+
+    PASS = "pass", "passed", "", "bold green"
+    F1 = "F1", "object or off road", "collision"
+    F2 = "F2", "pedestrian", "collision"
+    F3 = "F3", "frontal", "collision", "bold red", "frontal collision with {}"
+    F4 = "F4", "lateral", "collision", "bold red", "lateral collision with {}"
+    F5 = "F5", "rear", "collision", "bold red", "rear collision with {}"
+    STUCK = "stuck", "stood with nothing to wait for", "failure"
+    TIMEOUT = "timeout", "did not arrive in time", "", "bold yellow"
+    CRASH = "crash", "the driver or the simulator broke, not the car"
+    INVALID = "invalid", "a collision at the first frame"
 
 
-_COLLISIONS = frozenset({Verdict.F1, Verdict.F2, Verdict.F3, Verdict.F4, Verdict.F5})
+COLLISIONS = tuple(verdict for verdict in Verdict if verdict.is_collision)
+FAILURES = tuple(verdict for verdict in Verdict if verdict.is_failure)
+"""Those that are counted, in the order of the tables."""
 
 
 @dataclass(frozen=True)
@@ -143,5 +159,5 @@ class RunResult:
 
     @cached_property
     def near_misses(self) -> NearMisses:
-        """How near it came to a failure; worked out when it is asked for first."""
+        """How near it came to a failure; computed when it is asked for first."""
         return near_misses(self.trace)

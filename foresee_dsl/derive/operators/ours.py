@@ -1,4 +1,4 @@
-"""Ours: when an actor is where. Its pace along its own way, a later start, a head start."""
+"""Our own operators: when an actor is where (pace, later start, head start), and beside which line."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.derive.operators.situation import Situation, drawn
+from foresee_dsl.derive.operators.situation import OwnOperator, Situation, drawn
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.derive.validity import touches_nobody
-from foresee_dsl.language.model import Change, Delay, Quantity, Timing, Walked
+from foresee_dsl.language.model import Change, Delay, Line, Quantity, Timing, Walked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 
-class TimingShift:
+class TimingShift(OwnOperator):
     """Ours: the speed along one's own path, scaled; the actor still stops where it must."""
 
     name = "timing"
@@ -30,17 +30,12 @@ class TimingShift:
         value = drawn(rng, settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
         if value is None:
             return ()
-        timing = situation.said(target, Timing)
+        timing = situation.stated(target, Timing)
         was = timing.factor if timing and isinstance(timing.factor, Quantity) else Quantity.of(1.0, "ratio", 2)
         return (Change(actor=target, property="timing", was=was, now=Quantity.of(value, "ratio", 2)),)
 
-    def letter_target(self, situation: Situation) -> str:
-        """None: the paper has no such operator."""
-        del situation
-        return ""
 
-
-class DelayShift:
+class DelayShift(OwnOperator):
     """Ours: a path-follower stands longer before it moves, or less long where it was to stand.
 
     Only for those that can stop on the spot: pedestrians, and cyclists that stand at the clip's beginning.
@@ -57,20 +52,15 @@ class DelayShift:
             return ()
         if situation.way_m(target) < preset.timing.least_way_m:
             return ()
-        delay = situation.said(target, Delay)
+        delay = situation.stated(target, Delay)
         was = delay.time if delay and isinstance(delay.time, Quantity) else Quantity.of(0.0, "time", 2)
         value = drawn(rng, -was.si, settings.high_s, settings.step_s, centre=0.0, dead=settings.low_s)
         if value is None:
             return ()
         return (Change(actor=target, property="delay", was=was, now=Quantity.of(was.si + value, "time", 2)),)
 
-    def letter_target(self, situation: Situation) -> str:
-        """None: the paper has no such operator."""
-        del situation
-        return ""
 
-
-class HeadStart:
+class HeadStart(OwnOperator):
     """Ours: a path-follower that moves is further along its path at the beginning, as if it had set out earlier.
 
     It begins where it was a little later in the unmutated run, so never beyond where it waits.
@@ -80,7 +70,7 @@ class HeadStart:
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw a place on its path at which it touches nobody at the beginning."""
-        walked = situation.said(target, Walked)
+        walked = situation.stated(target, Walked)
         if walked is None or not isinstance(walked.along, Quantity) or not situation.follows_path(target):
             return ()
         if situation.speed_mps(target, 0) <= STANDS_MPS or situation.way_m(target) < preset.timing.least_way_m:
@@ -106,7 +96,24 @@ class HeadStart:
                 found.append(place)
         return found
 
-    def letter_target(self, situation: Situation) -> str:
-        """None: the paper has no such operator."""
-        del situation
-        return ""
+
+class LineShift(OwnOperator):
+    """An actor on a path or a bicycle goes over to a line beside its own.
+
+    Not for cars and the like: in their lanes they have a hand's breadth, and what leaves the lane is `steer`.
+    """
+
+    name = "line"
+
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Draw how far to the left of its own way (negative: to the right)."""
+        settings = preset.line
+        rides = situation.kind(target) == "bicycle" and situation.on_lanes(target)
+        if not (situation.follows_path(target) or rides) or situation.way_m(target) < preset.timing.least_way_m:
+            return ()
+        value = drawn(rng, -settings.high_m, settings.high_m, settings.step_m, centre=0.0, dead=settings.least_m)
+        if value is None:
+            return ()
+        line = situation.stated(target, Line)
+        was = line.left if line and isinstance(line.left, Quantity) else Quantity.of(0.0, "length", 2)
+        return (Change(actor=target, property="line", was=was, now=Quantity.of(was.si + value, "length", 2)),)

@@ -1,4 +1,4 @@
-"""The steering perturbation (paper, section 3.4)."""
+"""The paper's operators (section 3.4): model swap and steering."""
 
 from __future__ import annotations
 
@@ -10,9 +10,42 @@ from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.derive.operators.situation import Situation, drawn
 from foresee_dsl.derive.presets import Preset, SteerSettings
+from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.language.model import Change, Quantity, Steers
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, lateral_limit_mps2
 from foresee_dsl.simulate.trace import STEP_S
+
+
+class ModelSwap:
+    """Another model of the same class, checked to fit.
+
+    The paper also lets a bicycle become a pedestrian; here not: the two follow different rules in SUMO, so that the
+    child would differ by more than a model.
+    """
+
+    name = "model_swap"
+
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Draw one of the models that fit."""
+        del preset
+        now = situation.trace.actors[situation.columns[target]].model
+        others = situation.fitting(target)
+        if not others:
+            return ()
+        return (Change(actor=target, property="model", was=now, now=others[int(rng.integers(len(others)))]),)
+
+    def letter_target(self, situation: Situation) -> str:
+        """Of the close actors whose closest frame lies in the window, the closest."""
+        settings = ForeseeSettings()
+        best = {actor: int(gaps.argmin()) for actor, gaps in situation.gaps.items()}
+        relevant = [
+            actor
+            for actor, frame in best.items()
+            if 0 < frame < situation.trace.frames - 1  # at an edge of the window, its closest frame lies outside
+            and situation.gaps[actor][frame] <= settings.radius_m(situation.kind(actor))
+            and situation.kind(actor) != "obstacle"
+        ]
+        return min(relevant, key=lambda a: (float(situation.gaps[a].min()), situation.columns[a]), default="")
 
 
 class Steer:
@@ -36,7 +69,7 @@ class Steer:
         value = drawn(rng, low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
         if value is None:
             return ()
-        steers = situation.said(target, Steers)
+        steers = situation.stated(target, Steers)
         was = steers.value if steers and isinstance(steers.value, Quantity) else Quantity.of(0.0, "ratio", 2)
         return (
             Change(
