@@ -1,7 +1,7 @@
 """The driver protocol: what a driver is told, what it sees each step, and what it answers.
 
 Coordinates are SUMO's: x east, y north, metres; headings counter-clockwise from east, radians; speeds m/s. Positions
-are the centre of the footprint unless said otherwise.
+are the centre of the footprint unless stated otherwise.
 """
 
 from __future__ import annotations

@@ -218,13 +218,13 @@ class Tracker:
         lost_s = measured_s - self._sightings["last_s"]
         keep = lost_s <= np.where(self._state[:, SPEED] < STANDS_MPS, STANDING_COAST_S, COAST_S)
         self._state, self._sightings = self._state[keep], self._sightings[keep]
-        kept = np.flatnonzero(keep).tolist()
-        self._numbers, self._kinds = [self._numbers[k] for k in kept], [self._kinds[k] for k in kept]
+        rows = np.flatnonzero(keep).tolist()
+        self._numbers, self._kinds = [self._numbers[k] for k in rows], [self._kinds[k] for k in rows]
         self._places = {number: k for k, number in enumerate(self._numbers)}
 
 
 class SignalMemory:
-    """The colours of the signals, kept for a moment where a lorry or a bend takes one out of sight."""
+    """The colours of the signals, remembered for a moment where a lorry or a bend hides one."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[float, SignalColour]] = {}

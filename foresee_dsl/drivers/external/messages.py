@@ -68,7 +68,7 @@ def read_control(line: bytes) -> Control:
 
 
 def plain(value: object) -> Any:  # noqa: ANN401  what JSON can say
-    """Return a value as dicts, lists, texts, finite numbers, booleans and None; what cannot be said is left out.
+    """Return a value as dicts, lists, texts, finite numbers, booleans and None; what JSON cannot express is left out.
 
     Dataclasses become objects with a key a field, arrays lists, numbers that are not finite None.
     """
@@ -84,7 +84,7 @@ def _plain(value: object) -> object:  # noqa: PLR0911  one return a kind
     if isinstance(value, (tuple, list)):
         return [v for v in map(_plain, value) if v is not _LEFT_OUT]
     if isinstance(value, dict):
-        return _kept((str(k), _plain(v)) for k, v in value.items())
+        return _object_of((str(k), _plain(v)) for k, v in value.items())
     if isinstance(value, np.generic):
         return _plain(value.item())
     if isinstance(value, np.ndarray):
@@ -92,11 +92,11 @@ def _plain(value: object) -> object:  # noqa: PLR0911  one return a kind
             return _LEFT_OUT
         return _plain(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
-        return _kept((name, _plain(getattr(value, name))) for name in _names(type(value)))
+        return _object_of((name, _plain(getattr(value, name))) for name in _names(type(value)))
     return _LEFT_OUT
 
 
-def _kept(pairs: Any) -> dict[str, object]:  # noqa: ANN401  pairs of a key and anything
+def _object_of(pairs: Any) -> dict[str, object]:  # noqa: ANN401  pairs of a key and anything
     return {key: value for key, value in pairs if value is not _LEFT_OUT}
 
 

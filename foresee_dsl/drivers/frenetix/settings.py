@@ -18,14 +18,14 @@ END_TIMES_S = (2.0, 3.0, 4.0)
 """Ours: how long a sampled change of speed or lane takes; under 2 s it is uncomfortable, beyond 4 s nothing is
 predicted."""
 SPEED_SHARES = (1.0, 0.75, 0.5, 0.25)
-"""Ours: sampled end speeds as shares of the highest one ; the present speed, that of the road here and 0 come on
+"""Ours: sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 come on
 top."""
 STOP_SPEED_MPS = 0.02
 """Ours: the end speed of a stop; with exactly 0 rounding makes the last frame run backwards, and the library rejects
 that."""
 LONGEST_STOP_S = 12.0
 """Ours: a stop that takes longer, or a way that takes longer than the horizon at the route's highest speed, is not
-thought about yet: a plan begins to brake 56 m before the place at 50 km/h, and stays within the library's
+considered yet: a plan begins to brake 56 m before the place at 50 km/h, and stays within the library's
 coordinates."""
 ACCELERATION_MPS2 = 2.5
 """Ours: the most a plan gains speed with, whatever the motor can; nuPlan calls up to 2.4 m/s^2 comfortable."""
@@ -33,8 +33,9 @@ RISE = 0.6
 """Ours: the mean acceleration of a sample is at most this share of the car's. A quartic's peak is 1.5 times its mean,
 which leaves a tenth in hand."""
 LOW_SPEED_MPS = 4.0
-"""The library's low-velocity mode (lateral motion over the way instead of over time) below this; its authors' planner
-uses the same figure (cited from memory, not checked)."""
+"""The library's low-velocity mode (lateral motion over the way instead of over time) below this; the same
+as the default of commonroad-reactive-planner (`low_vel_mode_threshold`). Published configurations of other planners of
+this family have 2 m/s."""
 LEAST_WAY_M = 0.6
 """Ours: a lateral motion over less than this cannot be computed reliably; such a sample is replaced by braking
 straight on."""

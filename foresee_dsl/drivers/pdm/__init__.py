@@ -2,7 +2,7 @@
 
 In the manner of PDM-Closed (Dauner et al. 2023), on sensed objects. Between steps it keeps its tracker (the others'
 places and speeds, smoothed) and the colours of signals for a second, both made of what it saw since `reset`. Its
-decisions keep nothing: a run taken up again in the middle goes on in the same way as soon as the tracker has settled.
+decisions keep nothing: a run resumed in the middle continues in the same way as soon as the tracker has settled.
 """
 
 from __future__ import annotations
