@@ -4,8 +4,8 @@ The lower bound that other drivers are compared with: no change of lane, nobody 
 tracker, signals and the steering are those of `pdm`; between steps it keeps no more than that does.
 
 The model is that of Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3. Its constants are ours,
-for city traffic: those of the paper (table I) are for motorways, where 0.73 m/s^2 take half a minute to 50 km/h. They are
-meant to be those of Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, which could not be looked up.
+for city traffic: those of the paper (table I) are for motorways, where 0.73 m/s^2 take half a minute to 50 km/h. They
+are meant to be those of Treiber and Kesting 2013, Traffic Flow Dynamics, table 11.2, which could not be looked up.
 """
 
 from __future__ import annotations
