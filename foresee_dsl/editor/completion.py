@@ -20,7 +20,7 @@ from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.language.units import UNITS, Dimension
 
 _MOST_FILES = 500
-"""So many files are offered at most (ours: nobody reads more, and a list is sent with every letter)."""
+"""So many files are offered at most (ours: more are not read, and the list is sent with every letter)."""
 _MOST_ENTRIES = 20_000
 """So many entries of folders are looked at for them (ours: about 50 ms)."""
 
@@ -125,7 +125,7 @@ def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Befo
         return
     for name, found in files.definitions(path, *kinds).items():
         if found.occurrence.owner.kind is m.Traffic:
-            continue  # nobody can be named by the traffic's name alone
+            continue  # the traffic's name alone names no actor
         if slot.token == "DOTTED" and kind == "actor":
             yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in _properties(slot, place))
             continue

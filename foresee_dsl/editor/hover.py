@@ -39,8 +39,8 @@ def hover(files: Files, path: Path, line: int, column: int) -> Hover | None:
     if line > len(lines):
         return None
     found = navigate.at(files, path, line, column)
-    if found is not None and (said := _of_name(files, path, found)):
-        return Hover(said, found.span)
+    if found is not None and (about := _of_name(files, path, found)):
+        return Hover(about, found.span)
     for token in _TOKEN.finditer(lines[line - 1]):
         if not token.start() < column <= token.end() + 1:
             continue
@@ -95,8 +95,8 @@ def _of_name(files: Files, path: Path, use: Occurrence) -> str:
 def _more(files: Files, path: Path, found: Found) -> str:
     """What an actor's model is like."""
     model = found.occurrence.owner.fields.get("model")
-    said = _model(files, path, model) if isinstance(model, str) else None
-    return f"\n\n{said}" if said is not None else ""
+    about = _model(files, path, model) if isinstance(model, str) else None
+    return f"\n\n{about}" if about is not None else ""
 
 
 def _model(files: Files, path: Path, name: str) -> str | None:
@@ -122,9 +122,9 @@ def _written(files: Files, found: Found) -> str:
     if span.line == span.end_line:
         return lines[0][span.column - 1 : span.end_column - 1]
     indent = span.column - 1
-    kept = [line if k == 0 else line[min(indent, len(line) - len(line.lstrip())) :] for k, line in enumerate(lines)]
-    kept[0] = kept[0][indent:]
-    return "\n".join(kept if len(kept) <= _LONGEST else [*kept[: _LONGEST - 1], "  ..."])
+    block = [line if k == 0 else line[min(indent, len(line) - len(line.lstrip())) :] for k, line in enumerate(lines)]
+    block[0] = block[0][indent:]
+    return "\n".join(block if len(block) <= _LONGEST else [*block[: _LONGEST - 1], "  ..."])
 
 
 def _where(path: Path, found: Found) -> str:

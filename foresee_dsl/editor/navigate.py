@@ -159,7 +159,7 @@ def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
         text = files.text(file) or ""
         broken = not read_syntax(text).whole and re.search(rf"\b{old}(?:_back)?\b", text) is not None
         if broken and (file in affected or any(other.name in text for other in affected)):
-            raise RenameError(f"'{shown(file)}' has mistakes: mend them first")
+            raise RenameError(f"'{shown(file)}' has errors: fix them first")
 
 
 def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> None:

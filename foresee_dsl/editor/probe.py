@@ -66,7 +66,7 @@ def before(text: str, offset: int) -> Before:
     text = plain(text)[:offset]
     heads: list[int] = []
     start, depth, last, begun = 0, 0, "", False
-    kept: list[str] = []
+    open_heads: list[str] = []
     for piece in _PIECE.finditer(text):
         last = piece[0]
         if last in ("[", "("):
@@ -74,17 +74,17 @@ def before(text: str, offset: int) -> Before:
         elif last in ("]", ")"):
             depth = max(0, depth - 1)
         elif last == "{":
-            kept.append(text[start : piece.end()])
+            open_heads.append(text[start : piece.end()])
             heads.append(start)
             start, depth = piece.end(), 0
         elif last == "}" and heads:
             start = heads.pop()
-            kept.pop()
+            open_heads.pop()
         elif (last == "\n" and depth == 0) or last == ";":
             begun = begun or bool(_without_comments(text[start : piece.start()]).strip())
             start = piece.end()
     statement = text[start:]
-    above = ("foresee 1\n" if begun else "") + "".join(_without_comments(head) for head in kept)
+    above = ("foresee 1\n" if begun else "") + "".join(_without_comments(head) for head in open_heads)
     if last.startswith("#"):
         return Before("", "", in_comment=True)
     if last.startswith('"') and (len(last) == 1 or not last.endswith('"')):
@@ -109,7 +109,7 @@ def words(terminals: tuple[str, ...]) -> tuple[str, ...]:
 def slots(text: str, terminals: tuple[str, ...]) -> Iterator[Slot]:
     """Return what a name, number, unit or text would mean that stands right behind a text.
 
-    One word can be several things (`when ego` goes on as `ego within 5 m of ...` or `gap < 2 s`): all of them, once.
+    One word can be several things (`when ego` continues as `ego within 5 m of ...` or `gap < 2 s`): all of them, once.
     """
     for terminal in ("NAME", "STRING", "DOTTED", "NUMBER", "UNIT"):
         if terminal not in terminals:

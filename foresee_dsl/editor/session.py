@@ -87,7 +87,7 @@ class ForeseeServer(LanguageServer):
                 self._waiting[other] = asyncio.ensure_future(self._check(other, pause, places=places))
 
     def close(self, uri: str) -> None:
-        """Take back what was said about a document that is not open any more."""
+        """Remove the diagnostics of a document that is not open any more."""
         self._forget(uri)
         self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, []))
 
@@ -173,7 +173,7 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
         overlay: the texts that the editor holds, by absolute path.
         places: also build the network and place every actor, which takes up to some seconds.
 
-    Nothing is raised for what somebody wrote, nor where SUMO's programs are missing.
+    Nothing is raised for what is in the text, nor where SUMO's programs are missing.
     """
     try:
         result = check_paths([str(path)], {**overlay, path: text})

@@ -39,7 +39,7 @@ def plain(text: str) -> str:
 
 @lru_cache(maxsize=_KEPT)
 def read_syntax(text: str) -> Syntax:
-    """Return what can be read of a text; never raises for what somebody wrote."""
+    """Return what can be read of a text; never raises for what is in the text."""
     text = plain(text)
     if len(text) > MAX_BYTES:
         return Syntax(None, whole=False)
@@ -50,8 +50,8 @@ def read_syntax(text: str) -> Syntax:
     except UnexpectedInput:
         from foresee_dsl.language.syntax.recover import recover
 
-        tree, mistakes = recover(text)
-        whole = not mistakes
+        tree, errors = recover(text)
+        whole = not errors
     return Syntax(root_of(tree), whole, tuple(comments))
 
 

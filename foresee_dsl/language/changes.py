@@ -141,8 +141,9 @@ def _of_actor(
 def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.VehicleModel | None) -> Participant:
     """Return a clip's actor whose model was swapped with the cruise speed that the new model makes of the old one.
 
-    A clip says what everybody drives, which is the old model's doing: who walked 10 % faster than usual does so as
-    somebody else too, and nobody drives faster than the new model can. A scenario says a speed because it is meant.
+    A clip states every actor's cruise speed, which its model determined: a pedestrian who walked 10 % faster than the
+    old model's cruise speed walks 10 % faster than the new one's, at most at the new model's top speed. A scenario
+    states a cruise speed only where the author means that speed, so it stays.
     """
     cruise = _item_of(actor, m.CruiseSpeed)
     if actor.state is None or cruise is None or not isinstance(cruise.speed, m.Quantity) or was is None or now is None:

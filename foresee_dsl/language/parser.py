@@ -18,7 +18,7 @@ from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
-from foresee_dsl.language.syntax.nodes import Mistake, Node, NodeMaker, span_of
+from foresee_dsl.language.syntax.nodes import Node, NodeMaker, TextError, span_of
 from foresee_dsl.language.traversal import walk
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ MAX_BYTES = 2_000_000
 """The largest file that is read (ours: a hundred times the largest clip of a twenty-actor scene)."""
 
 _MAX_RECOVERED = 200_000
-"""In a longer text only the first mistake of the grammar is looked for (ours: recovering costs 0.1 ms a line)."""
+"""In a longer text only the first error of the grammar is looked for (ours: recovering costs 0.1 ms a line)."""
 
 
 def parse(text: str, path: str) -> Document:
@@ -42,31 +42,31 @@ def parse(text: str, path: str) -> Document:
         path: how the file is called in messages.
 
     Raises:
-        InputError: with every mistake found, once each, in the order of their places.
+        InputError: with every error found, once each, in the order of their places.
     """
     text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     if not text.strip():
         help = "begin with `foresee 1`, then a scenario, network, clip, mutant or models block"
         raise InputError((Diagnostic("FS002", "the file is empty", help, path),))
-    mistakes: list[Mistake] = []
+    errors: list[TextError] = []
     comments: list[Token] = []
     try:
         tree, comments = parse_tree(text)
     except UnexpectedInput as error:
-        tree, mistakes = _look_further(text, error)
-    partial = bool(mistakes)
+        tree, errors = _look_further(text, error)
+    partial = bool(errors)
     maker, builder = NodeMaker(tree), Builder(partial=partial)
     parts = [child for child in tree.children if isinstance(child, Tree)]
     header = next((child for child in parts if child.data == "header"), None)
     if header is not None:
-        mistakes += _wrong_version(header)
+        errors += _wrong_version(header)
     nodes = [maker.make(child) for child in parts if child.data != "header"]
     models = [builder.build(node) for node in nodes]
-    mistakes += [*maker.mistakes, *builder.mistakes, *_nameless(nodes)]
-    if mistakes:
+    errors += [*maker.errors, *builder.errors, *_nameless(nodes)]
+    if errors:
         from foresee_dsl.language.syntax.partial import with_certain
 
-        raise InputError(with_certain(_diagnostics(mistakes, text, path), nodes, text, path))
+        raise InputError(with_certain(_diagnostics(errors, text, path), nodes, text, path))
     model = models[0]
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
@@ -82,7 +82,7 @@ def load(path: Path, shown_as: str | None = None) -> Document:
         shown_as: how it is called in messages (as the user named it); the path itself when absent.
 
     Raises:
-        InputError: the file is missing, is a folder, too large, no UTF-8 text, or has mistakes.
+        InputError: the file is missing, is a folder, too large, no UTF-8 text, or has errors.
     """
     name = shown_as if shown_as is not None else str(path)
     text = read_text(path, name)
@@ -102,12 +102,12 @@ _Numbers = tuple[int, int, int, int]
 
 
 def _with_spans(document: Document, spans: Iterable[tuple[Item, str, _Numbers]]) -> Document:
-    """Give a kept document its spans back, which are by the items' identity."""
+    """Give a stored document its spans back, which are keyed by the items' identity."""
     return replace(document, spans={(id(item), field): Span(*numbers) for item, field, numbers in spans})
 
 
 def _numbers(span: Span) -> _Numbers:
-    """Return what a span is kept as: a frozen dataclass takes four times as long to come back."""
+    """Return a span as it is stored: unpickling a frozen dataclass takes four times as long."""
     return span.line, span.column, span.end_line, span.end_column
 
 
@@ -154,7 +154,7 @@ def format_text(text: str, path: str) -> str:
     """Return the text in the canonical layout, with all its comments and the author's grouping.
 
     Raises:
-        InputError: the text has mistakes (or, our fault, the result would not mean the same).
+        InputError: the text has errors (or, our fault, the result would not mean the same).
     """
     from foresee_dsl.language.printer import print_model
 
@@ -167,44 +167,44 @@ def format_text(text: str, path: str) -> str:
     return result
 
 
-def _look_further(text: str, error: UnexpectedInput) -> tuple[Tree[Token], list[Mistake]]:
-    """Find all mistakes of a text that the grammar refused."""
+def _look_further(text: str, error: UnexpectedInput) -> tuple[Tree[Token], list[TextError]]:
+    """Find all errors of a text that the grammar refused."""
     from foresee_dsl.language.syntax.recover import recover
 
     if len(text) <= _MAX_RECOVERED:
-        tree, mistakes = recover(text)
-        if mistakes:
-            return tree, mistakes
+        tree, errors = recover(text)
+        if errors:
+            return tree, errors
     line, column = max(error.line, 1), max(error.column, 1)
     if isinstance(error, UnexpectedToken) and error.token.type == "$END":
         line, column = text.count("\n") + 1, 1
     place = Span(line, column, line, column + 1)
-    return Tree("file", []), [Mistake("FS003", "unexpected text: this is not how a statement goes on", "", place)]
+    return Tree("file", []), [TextError("FS003", "unexpected text: this is not how a statement goes on", "", place)]
 
 
-def _wrong_version(header: Tree[Token]) -> Iterable[Mistake]:
+def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:
     number = header.children[0]
     if str(number) != VERSION and isinstance(number, Token):
         message = f"this file is written in version {str(number)[:20]} of the language"
-        yield Mistake("FS009", message, f"this tool reads `foresee {VERSION}`", span_of(number))
+        yield TextError("FS009", message, f"this tool reads `foresee {VERSION}`", span_of(number))
 
 
-def _nameless(nodes: Sequence[Node]) -> Iterable[Mistake]:
+def _nameless(nodes: Sequence[Node]) -> Iterable[TextError]:
     """A network of its own needs a name (inside a scenario it needs none)."""
     for node in nodes:
         if node.kind is Network and "name" not in node.places:
             place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("network"))
-            yield Mistake("FS014", "this network needs a name", "write it like `network town { ... }`", place)
+            yield TextError("FS014", "this network needs a name", "write it like `network town { ... }`", place)
 
 
-def _diagnostics(mistakes: Iterable[Mistake], text: str, path: str) -> tuple[Diagnostic, ...]:
+def _diagnostics(errors: Iterable[TextError], text: str, path: str) -> tuple[Diagnostic, ...]:
     lines = text.split("\n")
     found: dict[tuple[int, int, str], Diagnostic] = {}
-    for mistake in mistakes:
-        span = mistake.span
+    for error in errors:
+        span = error.span
         source = lines[span.line - 1] if span.line <= len(lines) else ""
-        diagnostic = Diagnostic(mistake.code, mistake.message, mistake.help, path, span, source)
-        found.setdefault((span.line, span.column, mistake.message), diagnostic)
+        diagnostic = Diagnostic(error.code, error.message, error.help, path, span, source)
+        found.setdefault((span.line, span.column, error.message), diagnostic)
     return tuple(found[key] for key in sorted(found))
 
 

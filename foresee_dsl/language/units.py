@@ -61,7 +61,7 @@ OTHER_WORDS = MappingProxyType(
         "°": "deg",
     }
 )
-"""What people write instead of a unit word, for the mend in a message."""
+"""What people write instead of a unit word, so that a message can name the right one."""
 
 SI_WORD: MappingProxyType[Dimension, str] = MappingProxyType(
     {

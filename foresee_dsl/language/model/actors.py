@@ -1,4 +1,4 @@
-"""Who takes part: the ego, actors of every kind, background traffic; and what they do."""
+"""Traffic participants: the ego, actors of every kind, background traffic; and what they do."""
 
 from __future__ import annotations
 
@@ -396,7 +396,7 @@ class Meets(Item):
     cross in the junction `gap` after (or before) the other would; within its model's limits, never over 1.3 times
     its cruise speed.
 
-    The other counts as driving 3 m/s at least: one does not wait for somebody who waits.
+    The other's speed is taken as at least 3 m/s, so that two actors do not wait for each other.
     """
 
     pattern: ClassVar[str] = "{actor} meets {other} at {junction} {order} {gap}"
@@ -489,8 +489,8 @@ class Then(Item):
     { ... }`: and, from then on, once the condition holds.
 
     Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
-    lane` when it is in the lane (or cannot be), `stops for` when it goes on (`stops` alone never), `meets` when it is
-    through the junction, `ignores` at once. An actor that has left the world holds nothing up.
+    lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
+    is through the junction, `ignores` at once. An actor that has left the world holds nothing up.
     """
 
     pattern: ClassVar[str] = "then [when {condition}] { ...actions }"
@@ -528,7 +528,7 @@ class When(Item):
         ),
         "once": (
             "condition",
-            "the trigger fires the first time only (as it does when nothing is said)",
+            "the trigger fires the first time only (the default)",
             "when once time > 1 s",
         ),
         "every": (

@@ -17,7 +17,7 @@ _Count = Annotated[Quantity, OfDimension("count")]
 
 class Seeds(Item):
     """`seeds "scenarios/**"`: test cases, by file, folder, pattern or address (`"runner.foresee::r01"`), from the
-    campaign's folder; said again for more."""
+    campaign's folder; one statement for each."""
 
     pattern: ClassVar[str] = "seeds {path}"
     words: ClassVar[Words] = {
@@ -29,11 +29,11 @@ class Seeds(Item):
 
 
 class Drivers(Item):
-    """`drivers [pdm, "external:python3 mine.py"]`: who drives; everything is done with each (default: pdm)."""
+    """`drivers [pdm, "external:python3 mine.py"]`: each is tested in every step (default: pdm)."""
 
     pattern: ClassVar[str] = "drivers {names}"
     words: ClassVar[Words] = {
-        "drivers": ("statement", "who drives in a campaign", "drivers [pdm, idm]"),
+        "drivers": ("statement", "the drivers that a campaign tests", "drivers [pdm, idm]"),
     }
 
     kind: Literal["drivers"] = "drivers"
@@ -41,11 +41,11 @@ class Drivers(Item):
 
 
 class Rankers(Item):
-    """`rankers [foresee, proximity]`: who picks the risky points; the clips of each are made (default: foresee)."""
+    """`rankers [foresee, proximity]`: each picks its risky points, which are clipped (default: foresee)."""
 
     pattern: ClassVar[str] = "rankers {names}"
     words: ClassVar[Words] = {
-        "rankers": ("statement", "who picks the risky points of a campaign", "rankers [foresee]"),
+        "rankers": ("statement", "what picks the risky points of a campaign", "rankers [foresee]"),
     }
 
     kind: Literal["rankers"] = "rankers"
@@ -99,7 +99,7 @@ class Children(Item):
 
 
 class Repeat(Item):
-    """`repeat 3`: clips are mutated anew so often, with the seeds that follow the first."""
+    """`repeat 3`: how many times each clip is mutated, each time with the next seed."""
 
     pattern: ClassVar[str] = "repeat {times}"
     words: ClassVar[Words] = {
@@ -111,7 +111,7 @@ class Repeat(Item):
 
 
 class FirstSeed(Item):
-    """`seed 7`: what every lot that is drawn comes from."""
+    """`seed 7`: the seed of all random choices."""
 
     pattern: ClassVar[str] = "seed {seed}"
 

@@ -200,7 +200,7 @@ class Sustained(Phrase):
     condition: Condition
     duration: Time
     since: Time | None = None
-    """0 s or earlier; without it nobody knows what was before."""
+    """0 s or earlier; without it, nothing is known of the time before the run."""
 
 
 class Not(Phrase):

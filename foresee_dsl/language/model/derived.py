@@ -59,8 +59,8 @@ class Goal(Item):
 class Fidelity(Item):
     """`fidelity 0.00 m ego 0.12 m`: how far the run of the unmutated clip is from its parent's, at most.
 
-    The first length is about the other actors, the one behind `ego` about the ego, whose driver starts afresh. Where
-    there is no second, the first is about everybody.
+    The first length is about the other actors, the one behind `ego` about the ego, whose driver starts afresh. Without
+    a second length, the first is about all actors.
     """
 
     pattern: ClassVar[str] = "fidelity {deviation} [ego {ego}]"

@@ -42,7 +42,8 @@ class Add(Item):
 class Replace(Item):
     """`change vehicle runner: car.suv { ... }`: the statement of the same kind and name is this one now.
 
-    What stands once at most (the ego, the network, `weather`, `end`) needs no name; a `when` or `expect` needs one.
+    A statement that a scenario has at most once (the ego, the network, `weather`, `end`) needs no name; a `when` or
+    `expect` needs one.
     """
 
     pattern: ClassVar[str] = "change {item}"

@@ -84,7 +84,7 @@ class Junction(Item):
         ),
         "right_before_left": (
             "constant",
-            "a junction's control: who comes from the right goes first",
+            "a junction's control: vehicles from the right go first",
             "right_before_left",
         ),
         "stop": ("constant", "a junction's control: all-way stop", "junction j4 at (0 m, 0 m) stop"),
@@ -192,7 +192,7 @@ class VehicleModel(Item):
     (`compile.catalogue`); for obstacles only the size matters, pedestrians have no wheels.
 
     Front overhang, wheelbase and rear overhang make up the length: of the three, one that is absent is what the others
-    leave. `cruise_speed` is what it walks or drives where nobody says a speed, `max_speed` the most that it can.
+    leave. `cruise_speed` is its speed where the scenario gives none, `max_speed` the highest that it can reach.
     """
 
     pattern: ClassVar[str] = (
@@ -213,7 +213,7 @@ class VehicleModel(Item):
         "rear_overhang": ("setting", "from the rear axle to the rear bumper", "rear_overhang 0.96 m"),
         "mass": ("setting", "a model's mass", "mass 1350 kg"),
         "max_speed": ("setting", "the fastest that a model can go", "max_speed 180 km/h"),
-        "cruise_speed": ("setting", "what a model walks or drives where nobody says a speed", "cruise_speed 1.3 m/s"),
+        "cruise_speed": ("setting", "a model's speed where the scenario gives none", "cruise_speed 1.3 m/s"),
         "acceleration": ("setting", "how strongly: of a model, or in an actor's state", "acceleration 3 m/s^2"),
         "braking": ("setting", "a model's comfortable braking", "braking 4 m/s^2"),
         "emergency_braking": ("setting", "a model's hardest braking", "emergency_braking 9 m/s^2"),

@@ -1,1 +1,1 @@
-"""Text to tree to model: the grammar's parser, nodes with places, comments; and what is said of a broken file."""
+"""Text to tree to model: the grammar's parser, nodes with places, comments; and the errors of a broken file."""

@@ -1,4 +1,4 @@
-"""From positioned nodes to the pydantic model; every validation error becomes a mistake at the field's place."""
+"""From positioned nodes to the pydantic model; every validation error becomes an error at the field's place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import closest, unit_hint
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
-from foresee_dsl.language.syntax.nodes import Mistake, Node
+from foresee_dsl.language.syntax.nodes import Node, TextError
 from foresee_dsl.language.units import Dimension
 
 _SHOWN = 40
@@ -22,17 +22,17 @@ _NEEDS = re.compile(r"needs (\w+), but")
 
 
 class Builder:
-    """Builds a model from nodes, bottom up; keeps on after a mistake so that all of them are found.
+    """Builds a model from nodes, bottom up; keeps on after an error so that all of them are found.
 
     Attributes:
         spans: the place of every item and field that was built, as `Document.spans` wants it.
-        mistakes: what was wrong.
+        errors: what was wrong.
     """
 
     def __init__(self, *, partial: bool = False) -> None:
         """Make a builder; `partial`: parts of the tree are missing, so say nothing of what is absent."""
         self.spans: dict[tuple[int, str], Span] = {}
-        self.mistakes: list[Mistake] = []
+        self.errors: list[TextError] = []
         self._partial = partial
 
     def build(self, node: Node) -> m.Item | None:
@@ -70,9 +70,9 @@ class Builder:
         return item
 
     def _explain(self, node: Node, error: ValidationError, failed: set[str]) -> None:
-        """Turn the errors of one item into mistakes, one for each field."""
+        """Turn the errors of one item into errors, one for each field."""
         if not node.fields:
-            return  # nested too deeply, which was said where it was seen
+            return  # nested too deeply, which was reported where it was seen
         seen: set[str] = set()
         for detail in error.errors(include_url=False):
             field = str(detail["loc"][0]) if detail["loc"] else ""
@@ -82,17 +82,17 @@ class Builder:
             if field in failed or key in seen or (self._partial and detail["type"] in ("missing", "too_short")):
                 continue
             seen.add(key)
-            self.mistakes.append(_mistake(node, field, detail, place))
+            self.errors.append(_error(node, field, detail, place))
 
 
-def _mistake(node: Node, field: str, detail: ErrorDetails, place: Span) -> Mistake:
+def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextError:
     shown = _short(detail["input"])
     if field == "unit":
-        return Mistake("FS005", f"unknown unit '{shown}'", unit_hint(str(detail["input"])), place)
+        return TextError("FS005", f"unknown unit '{shown}'", unit_hint(str(detail["input"])), place)
     text = str(detail["input"])
     match detail["type"]:
         case "missing":
-            found = Mistake("FS014", f"{_what(node)} needs `{field}`", f"add a `{field}`", _head(node))
+            found = TextError("FS014", f"{_what(node)} needs `{field}`", f"add a `{field}`", _head(node))
         case "literal_error":
             found = _not_one_of(node, field, text, place)
         case "value_error":
@@ -100,13 +100,13 @@ def _mistake(node: Node, field: str, detail: ErrorDetails, place: Span) -> Mista
         case "string_pattern_mismatch":
             found = _wrong_text(node, field, text, place)
         case "too_short":
-            found = Mistake("FS014", f"{_what(node)} needs more in `{field}`", _at_least(detail), place)
+            found = TextError("FS014", f"{_what(node)} needs more in `{field}`", _at_least(detail), place)
         case "string_too_long" | "string_too_short":
-            found = Mistake("FS017", "this text is empty or too long", _length(detail), place)
+            found = TextError("FS017", "this text is empty or too long", _length(detail), place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
-            found = Mistake("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
+            found = TextError("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
         case _:
-            found = Mistake("FS010", f"`{shown}` cannot stand here", _asked_for(node.kind, field), place)
+            found = TextError("FS010", f"`{shown}` cannot stand here", _asked_for(node.kind, field), place)
     return found
 
 
@@ -120,14 +120,14 @@ def _at_least(detail: ErrorDetails) -> str:
     return f"give at least {least}"
 
 
-def _not_one_of(node: Node, field: str, word: str, place: Span) -> Mistake:
+def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
     known = [k for k in _literals(node.kind.model_fields[field].annotation) if isinstance(k, str)]
     help = f"known are {', '.join(known)}"
     found = closest(word, known)
     if found is not None:
         help = f"did you mean '{found}'?"
     noun = {"what": "rule", "preventable": "answer", "property": "property"}.get(field, field)
-    return Mistake("FS012", f"unknown {noun} '{_short(word)}'", help, place)
+    return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
 
 
 def _literals(annotation: object) -> Iterable[object]:
@@ -139,40 +139,40 @@ def _literals(annotation: object) -> Iterable[object]:
             yield from _literals(part)
 
 
-def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> Mistake:
+def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError:
     if "whole number" in detail["msg"]:
-        return Mistake("FS010", f"`{shown}` is no whole number", "write one such as `2`", place)
+        return TextError("FS010", f"`{shown}` is no whole number", "write one such as `2`", place)
     found = _NEEDS.search(detail["msg"])
     if found is None:
-        return Mistake("FS010", detail["msg"].removeprefix("Value error, "), "", place)
+        return TextError("FS010", detail["msg"].removeprefix("Value error, "), "", place)
     needed = _dimension(found[1])
     value = detail["input"]
     help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}`"
     if isinstance(value, m.Quantity) and not value.unit:
-        return Mistake("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
+        return TextError("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
     is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
-    return Mistake("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
+    return TextError("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
 
 
 def _dimension(word: str) -> Dimension:
     return next((d for d in NOUNS if d == word), "count")
 
 
-def _wrong_text(node: Node, field: str, text: str, place: Span) -> Mistake:
+def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     if field == "pin":
-        return Mistake(
+        return TextError(
             "FS019", f"`{_short(text)}` is no pin", "a pin is `sha256:` and twelve digits or letters a-f", place
         )
     if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
         help = "models are called class.variant, such as `car.compact`"
-        return Mistake("FS011", f"`{_short(text)}` is no name of a model", help, place)
+        return TextError("FS011", f"`{_short(text)}` is no name of a model", help, place)
     if not text:
-        return Mistake("FS017", f"this {field} is empty", "write something between the quotes", place)
+        return TextError("FS017", f"this {field} is empty", "write something between the quotes", place)
     plain = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_0123456789")
     help = "names are snake_case: small letters a-z, digits and underscores, a letter first"
     if plain and plain != text and text.isascii():
         help += f", such as `{_short(plain)}`"
-    return Mistake("FS011", f"`{_short(text)}` is no name", help, place)
+    return TextError("FS011", f"`{_short(text)}` is no name", help, place)
 
 
 def _asked_for(kind: type[m.Item], field: str) -> str:
@@ -190,7 +190,7 @@ def _what(node: Node) -> str:
 
 
 def _head(node: Node) -> Span:
-    """The statement up to its brace: underlining a whole block helps nobody."""
+    """The statement up to its brace: a whole underlined block hides the place."""
     if node.block is None:
         return node.span
     return Span(node.span.line, node.span.column, node.block.line, node.block.column)

@@ -72,7 +72,7 @@ _OFTEN = (
         r"write `within 60 s \g<rest>`, for example",
     ),
 )
-"""Mistakes that are often made and that the grammar notices only later: what it looks like, and what to say."""
+"""Errors that are often made and that the grammar notices only later: what it looks like, and what to say."""
 
 
 class Refusal:

@@ -105,7 +105,7 @@ def _make(grammar: str, starts: tuple[str, ...], cache: Path | None) -> Lark:
 
 
 def _collect(token: Token) -> Token:
-    found = _comments.get(None)  # None: an explanation goes on from a mistake, and wants no comments
+    found = _comments.get(None)  # None: the text behind an error is parsed without collecting comments
     if found is not None:
         found.append(token)
     return token

@@ -63,7 +63,7 @@ A word that turns out to be none becomes a name again when the two are joined (`
 
 
 @dataclass(frozen=True, slots=True)
-class Mistake:
+class TextError:
     """Something wrong that was seen on the way; the parser adds the file and the source line."""
 
     code: str
@@ -89,10 +89,10 @@ def span_of(thing: _Tree | Token) -> Span:
 
 
 class NodeMaker:
-    """Turns one file's tree into nodes, and gathers the mistakes that the shapes show."""
+    """Turns one file's tree into nodes, and gathers the errors that the shapes show."""
 
     def __init__(self, tree: _Tree) -> None:
-        self.mistakes: list[Mistake] = []
+        self.errors: list[TextError] = []
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
         self._depth = 0
@@ -119,7 +119,7 @@ class NodeMaker:
         self._depth += tree.data in _NESTED
         if self._depth > MAX_DEPTH:
             node = Node(_KINDS[tree.data], span_of(tree))
-            self._mistake("FS018", "this is nested too deeply", "split it into several statements", node.span)
+            self._error("FS018", "this is nested too deeply", "split it into several statements", node.span)
         else:
             node = self._made(tree, tree.children)
         self._depth -= tree.data in _NESTED
@@ -183,14 +183,14 @@ class NodeMaker:
         word, value, *rest = setting.children
         name, place = str(word), span_of(setting)
         if name in node.fields:
-            self._mistake("FS013", f"'{name}' is said twice", "keep one of the two", place)
+            self._error("FS013", f"'{name}' is said twice", "keep one of the two", place)
         if value is None:  # `crossings` without a list
             node.fields[name], node.places[name] = (), place
         else:
             self._put(node, name, value)
         if rest and str(rest[0]) != "ego.route":
             help = "write it like `within 120 m of ego.route`"
-            self._mistake("FS006", f"traffic cannot be around '{rest[0]}'", help, span_of(_token(rest[0])))
+            self._error("FS006", f"traffic cannot be around '{rest[0]}'", help, span_of(_token(rest[0])))
 
     def _value(self, form: FieldForm, child: _Tree | Token) -> Node | str:
         """The node of a tree, or the text of a token; a parameter's name where one may stand."""
@@ -201,8 +201,8 @@ class NodeMaker:
             return Node(m.Ref, span_of(child), {"name": str(child)})
         return _text(child)
 
-    def _mistake(self, code: str, message: str, help: str, span: Span) -> None:
-        self.mistakes.append(Mistake(code, message, help, span))
+    def _error(self, code: str, message: str, help: str, span: Span) -> None:
+        self.errors.append(TextError(code, message, help, span))
 
     # ---- values ---------------------------------------------------------------------------------------------------
 
@@ -223,7 +223,7 @@ class NodeMaker:
         node.places[name] = Span(whole.line, whole.column, whole.line, dot)
         if properties and found not in properties:
             place = Span(whole.line, dot + 1, whole.line, whole.end_column)
-            self._mistake("FS006", f"unknown property '{found}' of '{actor}'", did_you_mean(found, properties), place)
+            self._error("FS006", f"unknown property '{found}' of '{actor}'", did_you_mean(found, properties), place)
         return found
 
     def _measure(self, tree: _Tree) -> Node:
@@ -233,9 +233,9 @@ class NodeMaker:
             argument = tree.children[1]
             what = self._dotted(first, node, "actor", ("speed", "acceleration", "eta"))
             if argument is None and what == "eta":
-                self._mistake("FS003", "'eta' needs a junction", "write it like `ego.eta(j4)`", node.span)
+                self._error("FS003", "'eta' needs a junction", "write it like `ego.eta(j4)`", node.span)
             elif argument is not None and what in ("speed", "acceleration"):
-                self._mistake("FS003", f"'{what}' takes no argument", f"write it like `ego.{what}`", node.span)
+                self._error("FS003", f"'{what}' takes no argument", f"write it like `ego.{what}`", node.span)
             if argument is not None:
                 self._put(node, "other", argument)
             node.fields["what"] = what if what in ("speed", "acceleration", "eta") else "speed"
@@ -254,7 +254,7 @@ class NodeMaker:
         if whose is not None and str(whose) != "ego":
             help = "write it like `fidelity 0.00 m ego 0.12 m`"
             message = f"a clip's fidelity tells of the ego, not of '{whose}'"
-            self._mistake("FS003", message, help, span_of(_token(whose)))
+            self._error("FS003", message, help, span_of(_token(whose)))
         return self._made(tree, (deviation, ego))
 
     def _holding(self, tree: _Tree) -> Node:
@@ -271,7 +271,7 @@ class NodeMaker:
         self._put(node, "turn", turn)
         if str(turn) not in _TURNS and (turn.type != "NAME" or str(turn) not in self._parameters):
             help = did_you_mean(str(turn), (*_TURNS, *sorted(self._parameters)))
-            self._mistake("FS004", f"unknown turn '{turn}'", help or f"turns are {', '.join(_TURNS)}", span_of(turn))
+            self._error("FS004", f"unknown turn '{turn}'", help or f"turns are {', '.join(_TURNS)}", span_of(turn))
         return node
 
     def _change(self, tree: _Tree) -> Node:

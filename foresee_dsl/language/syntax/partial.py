@@ -1,7 +1,7 @@
-"""The mistakes of names and values in a file that also has mistakes of its grammar: those that are certain.
+"""The errors of names and values in a file that also has errors of its grammar: those that are certain.
 
-Only statements that were read whole are looked at. What is absent may be in one that was not, so nothing is said of
-it; and a name is unknown only if no statement that was not read holds that word.
+Only statements that were read whole are looked at. What is absent may be in one that was not, so it is not reported;
+and a name is unknown only if no statement that was not read holds that word.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _OF_WHAT_IS_THERE = (
     *("FS010", "FS012", "FS013", "FS030", "FS032", "FS033", "FS034"),
     *("FS038", "FS039", "FS043", "FS046", "FS047", "FS049", "FS050"),
 )
-"""Mistakes that more statements could not mend."""
+"""Errors that stay errors whatever the statements that were not read hold."""
 _TAKEN = "FS049"
 _USES = 2
 _QUOTED = re.compile(r"'([^']+)'")
 
 
 def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str, path: str) -> tuple[Diagnostic, ...]:
-    """Add the mistakes that are certain to those that the text alone shows; in the order of their places.
+    """Add the errors that are certain to those that the text alone shows; in the order of their places.
 
     Args:
         found: what is known to be wrong.
@@ -62,7 +62,7 @@ def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str
 
 
 def _without_uses(found: tuple[Diagnostic, ...], taken: set[str]) -> tuple[Diagnostic, ...]:
-    """Leave out the mistakes at or right behind names that are words of the language: they go with the name."""
+    """Leave out the errors at or right behind names that are words of the language: they go with the name."""
     return tuple(d for d in found if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
 
 
@@ -99,7 +99,7 @@ def _whole(node: Node) -> Node | None:
 
 
 def _around(found: Diagnostic, statements: Sequence[Raw], lines: Lines) -> Raw | None:
-    """Return the innermost statement that a mistake is in; None when it is in none."""
+    """Return the innermost statement that an error is in; None when it is in none."""
     if found.span is None:
         return None
     at = lines.offset(found.span.line, found.span.column)

@@ -1,6 +1,6 @@
-"""Finds the further mistakes of a file that the grammar refused: every statement is parsed on its own.
+"""Finds the further errors of a file that the grammar refused: every statement is parsed on its own.
 
-Only files with a mistake come here; a good file is parsed once, as a whole.
+Only files with an error come here; a good file is parsed once, as a whole.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import PLACES, Refusal
 from foresee_dsl.language.syntax.grammar import grammar_text, parse_tree
-from foresee_dsl.language.syntax.nodes import MAX_DEPTH, Mistake
+from foresee_dsl.language.syntax.nodes import MAX_DEPTH, TextError
 from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 
 _Tree = Tree[Token]
@@ -46,7 +46,7 @@ def _blocks() -> Mapping[str, str]:
     return found
 
 
-def recover(text: str) -> tuple[_Tree, list[Mistake]]:
+def recover(text: str) -> tuple[_Tree, list[TextError]]:
     """Return a tree of the statements that are well-formed, and what is wrong with the others."""
     return _Recovery(text).run()
 
@@ -55,12 +55,12 @@ class _Recovery:
     def __init__(self, text: str) -> None:
         self._text = text
         self._lines = Lines(text)
-        self._mistakes: list[Mistake] = []
+        self._errors: list[TextError] = []
         self._depth = 0
 
-    def run(self) -> tuple[_Tree, list[Mistake]]:
-        statements, self._mistakes = scan(self._text, self._lines)
-        broken_braces = bool(self._mistakes)
+    def run(self) -> tuple[_Tree, list[TextError]]:
+        statements, self._errors = scan(self._text, self._lines)
+        broken_braces = bool(self._errors)
         trees: list[Token | _Tree] = []
         definitions = statements
         if statements and self._first_word(statements[0]) == "foresee":
@@ -71,42 +71,42 @@ class _Recovery:
             self._header_missing(statements[0])
             near = closest(self._first_word(statements[0]), ("foresee", *_DEFINITIONS))
             definitions = statements[1:] if near == "foresee" else statements
-        if not definitions and not self._mistakes:
+        if not definitions and not self._errors:
             place = self._lines.span(len(self._text), len(self._text) + 1)
-            self._mistakes.append(Mistake("FS014", "this file defines nothing", _one_of_the_definitions(), place))
+            self._errors.append(TextError("FS014", "this file defines nothing", _one_of_the_definitions(), place))
         for k, raw in enumerate(definitions):
             if k > 0 and broken_braces:
                 break  # what follows a brace too many belongs to the first definition
             tree = self._definition(raw, is_first=k == 0)
             trees += [tree] if tree is not None else []
-        return Tree("file", trees), self._mistakes
+        return Tree("file", trees), self._errors
 
     def _header_missing(self, first: Raw) -> None:
         place = self._span(first)
         help = "write `foresee 1`, the version of the language, on the first line"
-        self._mistakes.append(Mistake("FS009", "the first line must be `foresee 1`", help, place))
+        self._errors.append(TextError("FS009", "the first line must be `foresee 1`", help, place))
 
     def _definition(self, raw: Raw, *, is_first: bool) -> _Tree | None:
         word = self._first_word(raw)
-        if len(self._mistakes) >= MOST:
+        if len(self._errors) >= MOST:
             return None
         if not word:
             place = self._lines.span(raw.open, raw.open + 1)
-            self._mistakes.append(Mistake("FS003", "a block without a statement in front of it", _NO_HEAD, place))
+            self._errors.append(TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place))
             return None
         meant = word if word in _DEFINITIONS else closest(word, _DEFINITIONS)
         if not is_first:
             message = f"a second definition, `{word[:40]}`, in one file"
             if word in _DEFINITIONS:
-                self._mistakes.append(Mistake("FS008", message, "give it a file of its own", self._span(raw)))
+                self._errors.append(TextError("FS008", message, "give it a file of its own", self._span(raw)))
             else:
-                self._mistakes.append(
-                    Mistake("FS008", f"`{word[:40]}` stands outside the braces", "move it inside", self._span(raw))
+                self._errors.append(
+                    TextError("FS008", f"`{word[:40]}` stands outside the braces", "move it inside", self._span(raw))
                 )
             return None
         if meant is None:
             what = f"`{word[:40]}` cannot be what a file defines"
-            self._mistakes.append(Mistake("FS004", what, _one_of_the_definitions(), self._span(raw)))
+            self._errors.append(TextError("FS004", what, _one_of_the_definitions(), self._span(raw)))
             return None
         if word != meant:
             self._misspelt(raw, word, meant)
@@ -117,12 +117,12 @@ class _Recovery:
 
     def _misspelt(self, raw: Raw, word: str, meant: str) -> None:
         at = self._lines.span(raw.start, raw.start + len(word))
-        self._mistakes.append(Mistake("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
+        self._errors.append(TextError("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
         self._block(raw, _blocks()[meant])
 
     def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
         """Parse one statement; its block's statements (of the rule `inner`) one by one."""
-        if len(self._mistakes) >= MOST:
+        if len(self._errors) >= MOST:
             return None
         inner = inner or self._inner(raw, rule)
         tree = self._parse(raw, rule)
@@ -154,7 +154,7 @@ class _Recovery:
     def _block(self, raw: Raw, rule: str) -> list[_Tree]:
         if self._depth > MAX_DEPTH:
             message = "this is nested too deeply"
-            self._mistakes.append(Mistake("FS018", message, "split it into several statements", self._span(raw)))
+            self._errors.append(TextError("FS018", message, "split it into several statements", self._span(raw)))
             return []
         self._depth += 1
         trees = [self._statement(inner, rule) for inner in raw.block or ()]
@@ -167,31 +167,31 @@ class _Recovery:
         try:
             tree, _ = parse_tree(head + " {}" if raw.block is not None else head, rule)
         except UnexpectedInput as error:
-            self._mistakes.append(self._explained(error, raw, head, rule))
+            self._errors.append(self._explained(error, raw, head, rule))
             return None
         line, column = self._lines.place(raw.start)
         _shift(tree, line - 1, column - 1)
         return tree
 
-    def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> Mistake:
+    def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> TextError:
         label = _LABEL.match(head)
         if label is not None and label[1] in TAKEN:
             place = self._lines.span(raw.start + label.start(1), raw.start + label.end(1))
-            return Mistake("FS049", f"'{label[1]}' is a word of the language", "give it another label", place)
+            return TextError("FS049", f"'{label[1]}' is a word of the language", "give it another label", place)
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
         if refusal.start >= len(head) and raw.block is not None:
             return self._at_brace(refusal, raw, rule)
         place = self._lines.span(raw.start + refusal.start, raw.start + min(refusal.end, len(head) + 1))
-        return Mistake(refusal.code, refusal.message, refusal.help, place)
+        return TextError(refusal.code, refusal.message, refusal.help, place)
 
-    def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> Mistake:
+    def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> TextError:
         place = self._lines.span(raw.open, raw.open + 1)
         word = self._first_word(raw)
         if raw.start == raw.end:
-            return Mistake("FS003", "a block without a statement in front of it", _NO_HEAD, place)
+            return TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
-            return Mistake("FS003", f"`{word}` has no block", f"write it like `{USAGE[word]}`", place)
-        return Mistake(refusal.code, refusal.message, refusal.help, place)
+            return TextError("FS003", f"`{word}` has no block", f"write it like `{USAGE[word]}`", place)
+        return TextError(refusal.code, refusal.message, refusal.help, place)
 
     def _first_word(self, raw: Raw) -> str:
         return self._word(raw, 0)

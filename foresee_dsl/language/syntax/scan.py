@@ -7,13 +7,13 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Span
-from foresee_dsl.language.syntax.nodes import Mistake
+from foresee_dsl.language.syntax.nodes import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _LIST_REACH = 2000
 """How far the end of a list that goes over several lines is looked for (ours: some thirty points)."""
 MOST = 100
-"""After this many mistakes the search stops (ours: nobody reads more, and a broken file must not cost minutes)."""
+"""After this many errors the search stops (ours: more are not read, and a broken file must not cost minutes)."""
 _SHOWN = 3
 """So many blocks that are not closed are reported one by one (ours: one brace too few can leave all open)."""
 _PLAUSIBLE = 3
@@ -62,7 +62,7 @@ class _Frame:
     found: list[Raw] = field(default_factory=list)
 
 
-def scan(text: str, lines: Lines) -> tuple[list[Raw], list[Mistake]]:
+def scan(text: str, lines: Lines) -> tuple[list[Raw], list[TextError]]:
     """Return the statements of a file, and what is wrong with its braces.
 
     Where braces do not balance, the indentation tells which block was meant to end where.
@@ -70,22 +70,22 @@ def scan(text: str, lines: Lines) -> tuple[list[Raw], list[Mistake]]:
     scanner = _Scanner(text, lines, trust_indentation=False)
     found = scanner.run()
     if scanner.balanced:
-        return found, scanner.mistakes
+        return found, scanner.errors
     repaired = _Scanner(text, lines, trust_indentation=True)
     found_again = repaired.run()
     if 0 < repaired.wrong <= max(_PLAUSIBLE, scanner.wrong):
-        return found_again, repaired.mistakes
-    return found, scanner.mistakes  # the file is not indented
+        return found_again, repaired.errors
+    return found, scanner.errors  # the file is not indented
 
 
 class _Scanner:
     def __init__(self, text: str, lines: Lines, *, trust_indentation: bool) -> None:
-        self.mistakes: list[Mistake] = []
+        self.errors: list[TextError] = []
         self.balanced = True
         self._text = text
         self._lines = lines
         self._trusting = trust_indentation
-        self._open_blocks: list[Mistake] = []
+        self._open_blocks: list[TextError] = []
         self._stack = [_Frame(Raw(0, 0), -1)]  # the file itself
         self._current: Raw | None = None
         self._after_brace = False
@@ -94,8 +94,8 @@ class _Scanner:
 
     @property
     def wrong(self) -> int:
-        """How many mistakes there are, those that are not reported too."""
-        return len(self.mistakes) + max(len(self._open_blocks) - _SHOWN - 1, 0)
+        """How many errors there are, those that are not reported too."""
+        return len(self.errors) + max(len(self._open_blocks) - _SHOWN - 1, 0)
 
     def run(self) -> list[Raw]:
         for piece in _PIECE.finditer(self._text):
@@ -138,10 +138,12 @@ class _Scanner:
             indent = self._indent(start)
             while self._trusting and indent is not None and len(self._stack) > 1 and indent <= self._stack[-1].indent:
                 self._unclosed(start)
-            if self._after_brace and len(self.mistakes) < MOST:
+            if self._after_brace and len(self.errors) < MOST:
                 place = self._lines.span(start, end)
-                self.mistakes.append(
-                    Mistake("FS003", "two statements on one line", "begin a new line, or write `;` between them", place)
+                self.errors.append(
+                    TextError(
+                        "FS003", "two statements on one line", "begin a new line, or write `;` between them", place
+                    )
                 )
                 self._after_brace = False
             self._current = Raw(start, end)
@@ -162,9 +164,9 @@ class _Scanner:
         self._end()
         if len(self._stack) == 1 or (self._trusting and indent is not None and indent > self._stack[-1].indent):
             self.balanced = False
-            if not any(mistake.code == "FS007" for mistake in self.mistakes):
+            if not any(error.code == "FS007" for error in self.errors):
                 place = self._lines.span(at, at + 1)
-                self.mistakes.append(Mistake("FS007", "this `}` closes nothing", "remove it, or add the `{`", place))
+                self.errors.append(TextError("FS007", "this `}` closes nothing", "remove it, or add the `{`", place))
             return
         self._stack.pop().raw.close = at + 1
         self._after_brace = True
@@ -178,17 +180,17 @@ class _Scanner:
         name = first[0].rstrip(":")[:40] if first else "block"
         place = self._lines.span(raw.start, raw.open + 1)
         message = f"the block of `{name}` is not closed"
-        self._open_blocks.append(Mistake("FS007", message, "add a `}` where it ends", place))
+        self._open_blocks.append(TextError("FS007", message, "add a `}` where it ends", place))
 
     def _few_of_the_unclosed(self) -> None:
         """Report the outermost blocks that are not closed; of the others how many there are."""
-        unclosed = sorted(self._open_blocks, key=lambda mistake: (mistake.span.line, mistake.span.column))
-        self.mistakes += unclosed[:_SHOWN]
+        unclosed = sorted(self._open_blocks, key=lambda error: (error.span.line, error.span.column))
+        self.errors += unclosed[:_SHOWN]
         more = len(unclosed) - _SHOWN
         if more > 0:
             what = "1 more block is" if more == 1 else f"{more} more blocks are"
             help = "close the outermost ones first"
-            self.mistakes.append(Mistake("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
+            self.errors.append(TextError("FS007", f"{what} not closed", help, unclosed[_SHOWN].span))
 
     def _indent(self, at: int) -> int | None:
         """The indentation of what stands at an offset, or None when something is before it on its line."""
