@@ -18,7 +18,7 @@ def compile_test_case(case: TestCase) -> SumoBundle:
     """Compile a test case: its network (from the cache where it is known), vehicle types, signals and scene.
 
     Raises:
-        InputError: what it says is impossible on its network; one diagnostic for each mistake.
+        InputError: something in it is impossible on its network; one diagnostic for each error.
         CompileError: SUMO's programs are missing or refuse the network.
     """
     from foresee_dsl.compile.compiler import compile_case
@@ -27,7 +27,7 @@ def compile_test_case(case: TestCase) -> SumoBundle:
 
 
 def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return what is impossible in test cases on their networks, each mistake once.
+    """Return what is impossible in test cases on their networks, each error once.
 
     Actors are placed by the compiler's own code; nothing is written but a network that is new.
 
@@ -39,9 +39,9 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
 
     found: dict[Diagnostic, None] = {}
     for case in cases:
-        # what a case means is all that placing it depends on; mistakes are not kept, as they have places in the text
-        right = disk_cache.entry("placed", (case.meaning, tool_version()))
-        if disk_cache.load(right):
+        # placing depends on a case's meaning alone; errors are not cached, as they have places in the text
+        sound = disk_cache.entry("placed", (case.meaning, tool_version()))
+        if disk_cache.load(sound):
             continue
         from foresee_dsl.compile.compiler import check_case  # here: a fifth of a check's time
 
@@ -50,5 +50,5 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
         except InputError as error:
             found |= dict.fromkeys(error.diagnostics)
         else:
-            disk_cache.store(right, True)
+            disk_cache.store(sound, True)
     return tuple(found)

@@ -1,4 +1,4 @@
-"""What compiling gives: files for SUMO, the network's geometry, and the scene at the first frame."""
+"""The result of compiling: files for SUMO, the network's geometry, and the scene at the first frame."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class ModelSpec:
 
     Attributes:
         front_overhang_m: from the front axle to the front bumper.
-        height_m: what it hides behind it, from the road to its top (a rider's or walker's head included).
-        cruise_mps: what it drives or walks when nobody hurries it; None: as fast as the road allows.
+        height_m: from the road to its top (with a rider's head), for what it hides behind it.
+        cruise_mps: its speed without a `speed` statement; None: as fast as the road allows.
     """
 
     name: str
@@ -45,14 +45,14 @@ class ModelSpec:
 
     @property
     def rear_overhang_m(self) -> float:
-        """From the rear axle to the rear bumper, m; what wheelbase and front overhang leave of the length."""
+        """From the rear axle to the rear bumper, m."""
         return self.length_m - self.wheelbase_m - self.front_overhang_m
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One phase of a signal: its stage (index), SUMO's state string, its length, and when it begins within its
-    stage."""
+    """One phase of a signal: its stage (index), SUMO's state string, its duration, and the time since its stage
+    began."""
 
     stage: int
     state: str
@@ -74,7 +74,7 @@ class Signal:
     phases: tuple[Phase, ...]
 
     def phase_at(self, stage: str, elapsed_s: float) -> tuple[int, float]:
-        """Return the phase (index) that a stage shows `elapsed_s` after it began, and the time that is left of it.
+        """Return the phase (index) of a stage `elapsed_s` after it began, and the time that is left of it, s.
 
         Raises:
             KeyError: no such stage.
@@ -126,11 +126,11 @@ class PlacedActor:
         route: edge ids, the first being where it stands. line: the centreline of that route (ego and sumo; None
             otherwise).
         path: its points, m (path actors; empty otherwise). along_m: how far along it.
-        cruise_mps: desired speed. waits: it stands still until a trigger `starts` it. delay_s: it moves off that
+        cruise_mps: desired speed. waits: it stands still until a trigger `starts` it. delay_s: it starts to move that
             much later.
         timing: factor on its speed along its own path.
-        line_m: how far to the left of its lane's middle it keeps (a path has that in its points already).
-        recorded: what the ego follows before its driver takes over, in the order of time.
+        line_m: its distance to the left of its lane's middle (a path has that in its points already).
+        recorded: the states that the ego follows before its driver takes over, in the order of time.
     """
 
     id: str
@@ -158,17 +158,16 @@ class PlacedActor:
     """("signals" | "priority", junction or None for all)."""
     meets: tuple[MeetsState, ...] = ()
     walk_stops: tuple[tuple[float, float, str, int], ...] = ()
-    """Crossings on a walker's path that it enters on green only: (enters m, leaves m along the path, tls, link)."""
+    """Crossings on a pedestrian's path that it enters on green only: (enters m, leaves m along the path, tls, link)."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything at the first frame, and what will happen. Actor 0 is the ego; the others in the file's order, then
-    the traffic.
+    """The first frame, the triggers and the expectations. Actor 0 is the ego; the others are in the file's order, then
+    the background traffic.
 
-    `goal_s` and `start_s`: lengths along the ego's line. `signals`: (junction, stage, elapsed s) where the file says
-    it;
-    the others begin with their first stage.
+    `goal_s` and `start_s`: lengths along the ego's line, m. `signals`: (junction, stage, elapsed s) where the file
+    gives them; other signals begin with their first stage.
     """
 
     actors: tuple[PlacedActor, ...]
@@ -184,15 +183,17 @@ class Scene:
     sun: float = 0.0
     """Ratios from 0 to 1, as `weather` has them; for sensors."""
     clip: bool = False
-    """It begins from exact states, in the middle of a run: a clip or a child."""
+    """A clip or a child: it begins from exact states in the middle of a run."""
     began_s: float = 0.0
-    """A clip's or child's first frame in the time of the run that it was cut from: the sensors' noise goes on there."""
+    """Time of a clip's or child's first frame in the run that it was cut from, s: the sensors' noise continues from
+    there."""
     must_arrive: bool = False
-    """Not to arrive before the end is a timeout; otherwise reaching the end without a failure is a pass."""
+    """Whether an ego that does not arrive before the end is a timeout; otherwise the end without a failure is a
+    pass."""
     notes: tuple[str, ...] = ()
-    """What the author should know and is no mistake, such as background traffic that found no room."""
+    """Notes for the author that are no errors, such as background traffic that found no room."""
     places: Mapping[Place, XY] = field(default_factory=dict)
-    """Where the places of conditions are that are not written as coordinates, m."""
+    """Coordinates, m, of the places in conditions that are written in another way."""
 
     @property
     def ego(self) -> PlacedActor:

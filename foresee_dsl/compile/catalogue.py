@@ -1,4 +1,4 @@
-"""Turns catalogue entries into numbers: what an entry leaves open takes its class's default."""
+"""Turns catalogue entries into `ModelSpec`s: a value that an entry does not give is its class's default."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KMH = 1 / 3.6
 
 @dataclass(frozen=True, slots=True)
 class ClassDefaults:
-    """What a model of a class has when its entry says nothing; wheelbase and overhang are shares of the length."""
+    """Values of a class for what an entry does not give; wheelbase and front overhang are shares of the length."""
 
     wheelbase_share: float
     overhang_share: float
@@ -39,8 +39,8 @@ class ClassDefaults:
 # Shares: ours, typical of the class (a compact: 2.6 m and 0.85 m of 4.2 m).
 # Steering: ours. 35 deg gives a car of 2.7 m wheelbase its usual turning circle of 11 m; 40 deg/s is a hand wheel
 # turned with 600 deg/s, as when evading, through a ratio of 15; heavy vehicles have about 20. Obstacles do not move.
-# Heights: ours, usual of the class, with the rider; SUMO's own defaults are 1.5 m (car), 2.86 m (van), 2.4 m (lorry),
-# 3.4 m (bus), 1.7 m (bicycle) and 1.719 m (on foot), from memory.
+# Heights: ours, usual of the class, with the rider; SUMO 1.28's own are 1.5 m (car, motorcycle), 2.86 m (van), 2.4 m
+# (lorry), 3.4 m (bus), 1.7 m (bicycle) and 1.719 m (on foot), as libsumo's `vehicletype.getHeight` gives them.
 CLASS_DEFAULTS: Mapping[ActorKind, ClassDefaults] = MappingProxyType(
     {
         "car": ClassDefaults(0.61, 0.20, 1500, 180 * _KMH, 2.6, 4.5, 9.0, 35, 40, 1.5),
@@ -92,7 +92,7 @@ def spec_of(model: VehicleModel) -> ModelSpec:
 
 
 def cruise_speed(spec: ModelSpec, limit_mps: float) -> float:
-    """Return what an actor drives (or walks) by default where the limit is `limit_mps`, in m/s."""
+    """Return the default speed of an actor, m/s, where the limit is `limit_mps`."""
     top = spec.max_speed_mps if spec.cruise_mps is None else min(spec.cruise_mps, spec.max_speed_mps)
     return min(limit_mps, top)
 

@@ -1,8 +1,7 @@
-"""Writes the files around a net: vehicle types, and a folder that SUMO's own programs open."""
+"""Writes SUMO's files around a net: vehicle types, and a folder that SUMO's own programs open."""
 
 from __future__ import annotations
 
-import math
 import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -12,14 +11,16 @@ from types import MappingProxyType
 from shapely import LineString, Point
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec, PlacedActor, Signal, SumoBundle
+from foresee_dsl.compile.nets.net_reader import points_of
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import write_programs
-from foresee_dsl.compile.templates import number, render
+from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.templates import number, render, rendered
 
 GHOST = "ghost"
-"""The type of stand-ins for bodies that SUMO does not drive."""
+"""Vehicle type of stand-ins for actors that SUMO does not drive."""
 GHOST_SIZE_M = 0.5
-"""Ours: about a pedestrian's shoulders; traffic reacts to it as to any vehicle."""
+"""Length and width of a stand-in, m. Ours: about a pedestrian's shoulders; traffic reacts to it as to any vehicle."""
 
 _CLASSES: Mapping[ActorKind, str] = MappingProxyType(
     {
@@ -33,63 +34,43 @@ _CLASSES: Mapping[ActorKind, str] = MappingProxyType(
 )
 _TWO_WHEELERS = ("motorcycle", "bicycle")
 NO_LIMIT_MPS = 2777.78
-"""SUMO's desiredMaxSpeed of cars (10,000 km/h). Bicycles would have 20 km/h, which SUMO multiplies by the speed factor
-and takes as a limit, so that a bicycle with a factor for its cruise speed would creep."""
+"""`desiredMaxSpeed`, m/s: SUMO's default for cars (10,000 km/h). SUMO 1.28 multiplies it by the speed factor and takes
+the product as a limit; with a bicycle's default of 20 km/h and a factor for its cruise speed it would creep."""
 SPEED_SLACK = 0.001
-"""Ours: more than what rounding speeds to the millimetre a second does to their ratio."""
+"""Added to speed factors (ours: more than rounding speeds to 1 mm/s changes their ratio)."""
 STEP_S = 0.05
 """20 steps a second, as in the paper (section 4.2)."""
 
 
 @dataclass(frozen=True)
-class _Departure:
-    id: str
-    type: str
-    color: str
-    edges: tuple[str, ...]
-    lane: str
-    pos: str
-    speed: str
-    factor: float
-
-
-@dataclass(frozen=True)
 class _Lane:
-    """A lane: its centreline, SUMO's length and its speed limit."""
+    """A lane of the net file: its centreline, its `length` and its speed limit."""
 
     shape: LineString
     length_m: float
     limit_mps: float
 
 
-@dataclass(frozen=True)
-class _Shape:
-    id: str
-    type: str
-    points: tuple[tuple[float, float], ...]
-    fill: bool
-
-
-def write_types(models: Iterable[ModelSpec], out: Path) -> None:
-    """Write SUMO's types: one for each model on wheels, by name, and the ghost.
+def types_of(models: Iterable[ModelSpec]) -> str:
+    """Return SUMO's file of vehicle types: one for each model on wheels, by name, and the stand-in's.
 
     Krauss, SUMO's default, is the car-following model: its next step depends on positions and speeds alone, which a
-    clip holds (others keep a memory, such as IDMM's level of service). Nothing is left to chance (sigma, speedDev), and
-    the changes of lane that depend on hidden sums (keeping right, gaining speed) are off; those for the route remain.
+    clip holds (others have a memory, such as IDMM's level of service). Nothing is random (sigma, speedDev), and lane
+    changes that depend on sums inside SUMO (keeping right, gaining speed) are off; those for the route remain.
     """
     by_name = {model.name: model for model in models if model.kind in _CLASSES}
     types = [
         {"model": model, "vclass": _CLASSES[model.kind], "min_gap": 1.0 if model.kind in _TWO_WHEELERS else 2.0}
         for _, model in sorted(by_name.items())
     ]
-    render("types.add.xml", out, types=types, ghost=GHOST, ghost_size=GHOST_SIZE_M, no_limit=NO_LIMIT_MPS)
+    return rendered("types.add.xml", types=types, ghost=GHOST, ghost_size=GHOST_SIZE_M, no_limit=NO_LIMIT_MPS)
 
 
 def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
     """Write a test case as a folder for `sumo` and `sumo-gui`: open `scenario.sumocfg`.
 
-    The ego drives like any other vehicle there, and what the scenario triggers does not happen. Bodies that SUMO does
-    not drive are drawn as shapes.
+    The ego drives like any other vehicle there, and triggers have no effect. Actors that SUMO does not drive are drawn
+    as shapes.
 
     Returns:
         The files, the configuration first.
@@ -120,52 +101,38 @@ def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
     return config, net, types, routes, signals, drawn
 
 
-def _departure(actor: PlacedActor, lanes: Mapping[str, _Lane]) -> _Departure:
-    """How SUMO is told to insert a vehicle; one that stands inside a junction starts with its route instead."""
+def _departure(actor: PlacedActor, lanes: Mapping[str, _Lane]) -> dict[str, object]:
+    """How SUMO inserts a vehicle; one that stands inside a junction starts at the beginning of its route instead."""
     edge, _, index = actor.lane.rpartition("_")
     edges = _edges(actor)
-    on_first = actor.lane in lanes and edge == edges[0]
-    pos, speed, factor = "0", "max", 1.0
-    if on_first:
+    where: dict[str, object] = {"lane": "best", "pos": "0", "speed": "max", "factor": 1.0}
+    if actor.lane in lanes and edge == edges[0]:
         lane = lanes[actor.lane]
-        pos = number(lane.shape.project(Point(actor.x, actor.y)) / lane.shape.length * lane.length_m)
-        speed_mps = min(actor.speed_mps, actor.model.max_speed_mps)
-        speed = number(speed_mps)
-        # SUMO refuses to insert what is faster than its factor times the limit.
-        factor = max(actor.cruise_mps or lane.limit_mps, speed_mps) / lane.limit_mps + SPEED_SLACK
-    return _Departure(
-        id=actor.id,
-        type=actor.model.name,
-        color="red" if actor.control == "ego" else "yellow",
-        edges=edges,
-        lane=index if on_first else "best",
-        pos=pos,
-        speed=speed,
-        factor=factor,
-    )
+        pos = lane.shape.project(Point(actor.x, actor.y)) / lane.shape.length * lane.length_m
+        speed = min(actor.speed_mps, actor.model.max_speed_mps)
+        # SUMO 1.28 refuses to insert a vehicle that is faster than its factor times the limit
+        factor = max(actor.cruise_mps or lane.limit_mps, speed) / lane.limit_mps + SPEED_SLACK
+        where = {"lane": index, "pos": number(pos), "speed": number(speed), "factor": factor}
+    color = "red" if actor.control == "ego" else "yellow"
+    return {"id": actor.id, "type": actor.model.name, "color": color, "edges": edges, **where}
 
 
 def _edges(actor: PlacedActor) -> tuple[str, ...]:
     return tuple(edge for edge in actor.route if not edge.startswith(":"))
 
 
-def _shapes(actor: PlacedActor) -> list[_Shape]:
-    """A body's footprint (m, centred on its position), and its path when it has one."""
-    c, s = math.cos(actor.heading_rad), math.sin(actor.heading_rad)
-    half_length, half_width = actor.model.length_m / 2, actor.model.width_m / 2
-    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1))
-    box = tuple(
-        (actor.x + a * half_length * c - b * half_width * s, actor.y + a * half_length * s + b * half_width * c)
-        for a, b in corners
-    )
-    found = [_Shape(actor.id, actor.model.name, box, True)]
+def _shapes(actor: PlacedActor) -> list[dict[str, object]]:
+    """An actor's footprint, and its path when it has one."""
+    found: list[dict[str, object]] = [
+        {"id": actor.id, "type": actor.model.name, "points": (*(box := footprint(actor)), box[0]), "fill": True}
+    ]
     if len(actor.path) >= 2:
-        found.append(_Shape(f"{actor.id}.path", "path", tuple((float(x), float(y)) for x, y in actor.path), False))
+        found.append({"id": f"{actor.id}.path", "type": "path", "points": actor.path, "fill": False})
     return found
 
 
 def _passed(signal: Signal, stage: str, elapsed_s: float) -> float:
-    """How far into its cycle a signal is when the stage has been on for `elapsed_s`, s."""
+    """The time since a signal's cycle began, s, when a stage has been on for `elapsed_s`."""
     phase, left_s = signal.phase_at(stage, elapsed_s)
     return sum(p.duration_s for p in signal.phases[: phase + 1]) - left_s
 
@@ -176,7 +143,6 @@ def _lanes(net: Path, wanted: set[str]) -> dict[str, _Lane]:
     for lane in parse_net(net).iter("lane"):
         name = lane.get("id", "")
         if name in wanted:
-            points = [tuple(map(float, p.split(",")[:2])) for p in lane.get("shape", "").split()]
             length_m, limit_mps = float(lane.get("length", "0")), float(lane.get("speed", "0"))
-            found[name] = _Lane(LineString(points), length_m, limit_mps)
+            found[name] = _Lane(LineString(points_of(lane.get("shape", ""))), length_m, limit_mps)
     return found

@@ -13,29 +13,24 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
+def rendered(template: str, **values: object) -> str:
+    """Return the text that `templates/sumo/<template>.j2` gives with all the values that it names."""
+    return _environment().get_template(f"{template}.j2").render(**values)
+
+
 def render(template: str, out: Path, **values: object) -> Path:
-    """Write a file from the template `templates/sumo/<template>.j2`.
-
-    Args:
-        template: the file's name without `.j2`, such as `nodes.nod.xml`.
-        out: the file to write.
-        values: what the template names; all of it is needed.
-
-    Returns:
-        `out`.
-    """
-    text = _environment().get_template(f"{template}.j2").render(**values)
-    out.write_text(text, encoding="utf-8", newline="\n")
+    """Write what `rendered` gives to a file, and return the file."""
+    out.write_text(rendered(template, **values), encoding="utf-8", newline="\n")
     return out
 
 
 def template_sources() -> tuple[bytes, ...]:
-    """Return the bytes of all templates, by name: part of the key of what is made from them."""
+    """Return the bytes of all templates, in the order of their names: part of the cache key of what they make."""
     return tuple(path.read_bytes() for path in sorted(_folder().glob("*.j2")))
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number as text, rounded (to the millimetre), without a sign on zero or needless digits."""
+    """Return a number as text, rounded (to the millimetre), without trailing zeros and without a sign on zero."""
     text = f"{value:.{digits}f}"
     if "." in text:
         text = text.rstrip("0").rstrip(".")

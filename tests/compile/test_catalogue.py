@@ -8,7 +8,7 @@ import pytest
 
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, cruise_speed, spec_of
 from foresee_dsl.compile.nets.network_builder import build_network
-from foresee_dsl.compile.sumo_files import write_types
+from foresee_dsl.compile.sumo_files import types_of
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.checks.documents import check_document
@@ -199,7 +199,7 @@ def test_people_walk_and_cycle_at_their_pace_and_vehicles_at_the_limit(specs):
 
 
 def test_types_of_all_models_on_wheels_and_the_ghost(tmp_path, specs):
-    write_types([*specs.values(), *specs.values()], tmp_path / "types.add.xml")
+    (tmp_path / "types.add.xml").write_text(types_of([*specs.values(), *specs.values()]))
     types = {e.get("id"): e for e in ElementTree.parse(tmp_path / "types.add.xml").getroot()}
     on_wheels = {name for name, spec in specs.items() if spec.kind not in ("pedestrian", "obstacle")}
     assert set(types) == on_wheels | {"ghost"}
@@ -215,15 +215,15 @@ def test_types_of_all_models_on_wheels_and_the_ghost(tmp_path, specs):
 
 
 def test_types_do_not_depend_on_the_order_of_the_models(tmp_path, specs):
-    write_types(specs.values(), tmp_path / "a.xml")
-    write_types(reversed(list(specs.values())), tmp_path / "b.xml")
+    (tmp_path / "a.xml").write_text(types_of(specs.values()))
+    (tmp_path / "b.xml").write_text(types_of(reversed(list(specs.values()))))
     assert (tmp_path / "a.xml").read_bytes() == (tmp_path / "b.xml").read_bytes()
 
 
 def test_sumo_drives_every_type_over_the_junction(tmp_path, specs):
     net, types, routes = (tmp_path / name for name in ("n.net.xml", "types.add.xml", "r.rou.xml"))
     build_network(four_arms(), net)
-    write_types(specs.values(), types)
+    types.write_text(types_of(specs.values()))
     names = [e.get("id") for e in ElementTree.parse(types).getroot()]
     rows = [
         f'<vehicle id="{n}" type="{n}" depart="{3 * k}"><route edges="south north_back"/></vehicle>'

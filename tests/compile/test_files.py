@@ -13,7 +13,7 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.sumo_files import write_sumo_folder, write_types
+from foresee_dsl.compile.sumo_files import types_of, write_sumo_folder
 from foresee_dsl.language.model import VehicleModel
 from tests.support.built_networks import four_arms, q
 
@@ -39,7 +39,7 @@ def bundle(tmp_path_factory):
     build_network(four_arms(), net)
     car, walker, crate = spec("car.plain", 4.5, 1.8), spec("pedestrian.adult", 0.4, 0.5), spec("obstacle.crate", 1, 1)
     bicycle = spec("bicycle.city", 1.8, 0.6)
-    write_types([car, walker, bicycle], types)
+    types.write_text(types_of([car, walker, bicycle]))
     up = math.pi / 2
     on_way = {"model": car, "heading_rad": up, "cruise_mps": 13.0, "lane": "south_1", "route": ("south", "north_back")}
     down = {**on_way, "heading_rad": -up, "cruise_mps": 4.0, "lane": "north_1", "route": ("north", "south_back")}

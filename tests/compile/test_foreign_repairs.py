@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
-from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
+from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.netconvert import run_netconvert
@@ -19,11 +19,13 @@ from foresee_dsl.errors import CompileError
 from tests.support.built_networks import four_arms
 
 LANES = """<net>
-  <edge id=":j_0" function="internal"><lane id=":j_0_0" index="0" length="7.00" shape="50.00,0.00 43.00,0.00"/></edge>
-  <edge id=":k_0" function="internal"><lane id=":k_0_0" index="0" length="2.00" shape="{turn}"/></edge>
-  <edge id="a" from="i" to="j"><lane id="a_0" index="0" length="50.00" shape="0.00,0.00 50.00,0.00"/></edge>
-  <edge id="b" from="j" to="k"><lane id="b_0" index="0" length="{length}" shape="{b}"/></edge>
-  <edge id="c" from="k" to="l"><lane id="c_0" index="0" length="38.00" shape="62.00,0.00 100.00,0.00"/></edge>
+  <edge id=":j_0" function="internal">
+    <lane id=":j_0_0" index="0" speed="9" length="7.00" shape="50.00,0.00 43.00,0.00"/>
+  </edge>
+  <edge id=":k_0" function="internal"><lane id=":k_0_0" index="0" speed="9" length="2.00" shape="{turn}"/></edge>
+  <edge id="a" from="i" to="j"><lane id="a_0" index="0" speed="9" length="50.00" shape="0.00,0.00 50.00,0.00"/></edge>
+  <edge id="b" from="j" to="k"><lane id="b_0" index="0" speed="9" length="{length}" shape="{b}"/></edge>
+  <edge id="c" from="k" to="l"><lane id="c_0" index="0" speed="9" length="38.00" shape="62.00,0.00 100.00,0.00"/></edge>
   <connection from="a" to="b" fromLane="0" toLane="0" via=":j_0_0" dir="s" state="M"/>
   <connection from="b" to="c" fromLane="0" toLane="0" via=":k_0_0" dir="s" state="M"/>
 </net>"""
@@ -31,8 +33,8 @@ LANES = """<net>
 
 def shapes(text: str) -> dict[str, tuple[str, str]]:
     root = ElementTree.fromstring(text)
-    assert mend_overlaps(root) == 1
-    assert mend_overlaps(root) == 0  # nothing is left to mend
+    assert repair_overlaps(root) == 1
+    assert repair_overlaps(root) == 0  # nothing is left to repair
     return {lane.get("id", ""): (lane.get("shape", ""), lane.get("length", "")) for lane in root.iter("lane")}
 
 
@@ -56,7 +58,7 @@ def test_lanes_that_follow_each_other_stay() -> None:
     joint = root.find("edge/lane")
     assert joint is not None
     joint.set("shape", "43.00,5.00 43.00,0.00")  # comes from the side
-    assert mend_overlaps(root) == 0
+    assert repair_overlaps(root) == 0
 
 
 @pytest.fixture(scope="module")

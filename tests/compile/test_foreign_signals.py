@@ -10,10 +10,10 @@ import pytest
 
 from foresee_dsl.compile.foreign.networks import close_parking, write_net
 from foresee_dsl.compile.foreign.signal_programs import give_programs, stages_of
-from foresee_dsl.compile.nets.net_reader import read_net
+from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.compile.nets.safe_xml import parse_net
-from foresee_dsl.compile.nets.signals import read_links, read_signals
+from foresee_dsl.compile.nets.signals import links_of, read_signals
 from tests.support.built_networks import four_arms, t_junction
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
@@ -47,7 +47,7 @@ def test_no_two_greens_meet_unless_one_yields(network: object, tmp_path: Path) -
     ((junction, signal),) = read_signals(tmp_path / "new.net.xml", None).items()
     assert len(signal.stages) == 2
     assert all(stage.endswith("_go") for stage in signal.stages)
-    links = read_links(root, junction)
+    links = links_of(topology_of(root), junction)
     for phase in signal.phases:
         free = {link.index for link in links if phase.state[link.index] == "G"}
         for link in links:

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.network_builder import build_network
-from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, read_links, read_signals
+from foresee_dsl.compile.nets.signals import ALL_RED_S, AMBER_S, PEDESTRIAN_CLEARANCE_S, links_of, read_signals
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Network
 from tests.support.built_networks import (
@@ -36,7 +37,7 @@ def signal(net):
 
 @pytest.fixture(scope="module")
 def links(net):
-    return {(link.edge or link.crosses[0], link.direction): link for link in read_links(net_root(net), "j4")}
+    return {(link.edge or link.crosses[0], link.direction): link for link in links_of(topology_of(net_root(net)), "j4")}
 
 
 def letters(signal, links, phase):
@@ -89,7 +90,7 @@ def test_the_stem_of_a_t_junction_yields_to_people_and_has_its_own_crossing_red(
     network = t_junction()
     build_network(network, tmp_path / "n.net.xml")
     signal = read_signals(tmp_path / "n.net.xml", network)["j4"]
-    links = {(k.edge or k.crosses[0], k.direction): k for k in read_links(net_root(tmp_path / "n.net.xml"), "j4")}
+    links = {(k.edge or k.crosses[0], k.direction): k for k in links_of(read_net(tmp_path / "n.net.xml"), "j4")}
     stem = letters(signal, links, 4)
     assert {key: c for key, c in stem.items() if c != "r"} == {
         ("south", "l"): "g",
@@ -139,7 +140,7 @@ def test_such_a_run_would_notice_cars_that_do_not_yield(tmp_path, net, signal):
 @pytest.mark.parametrize("network", [four_arms(), four_arms(back=2), t_junction()], ids=["four", "wide", "t"])
 def test_no_two_movements_that_conflict_both_have_the_right_of_way(tmp_path, network):
     build_network(network, tmp_path / "n.net.xml")
-    links = read_links(net_root(tmp_path / "n.net.xml"), "j4")
+    links = links_of(read_net(tmp_path / "n.net.xml"), "j4")
     for phase in read_signals(tmp_path / "n.net.xml", network)["j4"].phases:
         first = {link.index for link in links if phase.state[link.index] == "G"}
         assert not [(link.index, link.foes & first) for link in links if link.index in first and link.foes & first]

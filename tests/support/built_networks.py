@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.sumo_files import write_types
+from foresee_dsl.compile.sumo_files import types_of
 from foresee_dsl.language.model import Junction, Network, Point, Quantity, Road, Stage, VehicleModel
 
 UNITS = {"speed": "km/h", "lanes": "", "back": ""}
@@ -96,7 +96,7 @@ def drive_everywhere(
 ) -> dict:
     """Send cars from every dead end to every other one (and people along the same ways) and run SUMO."""
     model = VehicleModel(name="car.plain", length=q(4.5), width=q(1.8))
-    write_types([spec_of(model)], folder / "types.add.xml")
+    (folder / "types.add.xml").write_text(types_of([spec_of(model)]))
     if reckless:
         text = (folder / "types.add.xml").read_text()
         blind = 'jmIgnoreFoeProb="1" jmIgnoreFoeSpeed="99" jmIgnoreJunctionFoeProb="1" sigma='

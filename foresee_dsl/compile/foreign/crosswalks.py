@@ -1,26 +1,30 @@
-"""Puts pedestrian crossings where an OpenDRIVE map has its crosswalk objects; netconvert reads none of them."""
+"""Puts pedestrian crossings where an OpenDRIVE map has its crosswalk objects, which netconvert 1.28 does not read."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element, ElementTree, SubElement  # no parsing: that is netfile's
+from xml.etree.ElementTree import Element, ElementTree, SubElement  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap, number
-from foresee_dsl.compile.roads.polyline import XY, wrap
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.topology import Crossing, Topology
 from foresee_dsl.errors import CompileError
 
 NEAR_M = 8.0
 """A crosswalk belongs to the arm whose guessed crossing is no farther from it than this (the farthest of Town10HD's 16
 is 4.9 m away; measured)."""
 _BESIDE_M = 2.0
-"""Crossings of one arm, each over one direction of it, lie about as far from the crosswalk (ours)."""
-_SAME_RAD = math.radians(30)
-_LEAST_M, _MOST_M = 1.0, 8.0
+"""Crossings of one arm, each over one direction of it, differ in their distance from the crosswalk by this, m
+(ours)."""
+_SAME_DIRECTION_RAD = math.radians(30)
+"""Largest angle between a crosswalk and its crossing (ours)."""
+_LEAST_WIDTH_M, _MOST_WIDTH_M = 1.0, 8.0
+"""Widths outside this range are cut to it, m (ours)."""
 _LENGTH_M, _WIDTH_M = 14.0, 2.5
-"""How large a crosswalk without an outline is (ours: those of CARLA's towns, over four lanes)."""
+"""Size of a crosswalk without an outline, m (ours: those of CARLA's towns, over four lanes)."""
 
 
 @dataclass(frozen=True)
@@ -49,45 +53,41 @@ def crosswalks_of(root: Element) -> tuple[Crosswalk, ...]:
     return tuple(found)
 
 
-def write_crossings(net: Element, crosswalks: Sequence[Crosswalk], out: Path) -> int:
+def write_crossings(net: Topology, crosswalks: Sequence[Crosswalk], out: Path) -> int:
     """Write what netconvert needs to put crossings where crosswalks are, at junctions that have any.
 
     At such a junction there are those only; at the others netconvert's guesses stay.
 
     Args:
-        net: with guessed crossings: they say over which edges a crossing leads.
+        net: with the crossings that netconvert guessed, which have the edges that a crossing leads over.
         crosswalks: of the map that it was made of.
         out: the file of connections to write.
 
     Returns:
         How many crosswalks lie at a junction's arm; nothing is written for none.
     """
-    guessed = {name: (edge, shape) for name, edge, shape in _guessed(net)}
     placed: dict[str, Crosswalk] = {}
     used = 0
     for crosswalk in crosswalks:
         near = sorted(
             (away, name)
-            for name, (_, shape) in guessed.items()
-            if (away := _away(crosswalk, shape)) <= NEAR_M and name not in placed
+            for name, crossing in net.crossings.items()
+            if (away := _away(crosswalk, crossing)) <= NEAR_M and name not in placed
         )
+        junctions = [net.crossings[name].junction for _, name in near]
         of_arm = [
-            name for away, name in near if _junction(name) == _junction(near[0][1]) and away <= near[0][0] + _BESIDE_M
+            name
+            for (away, name), junction in zip(near, junctions, strict=True)
+            if junction == junctions[0] and away <= near[0][0] + _BESIDE_M
         ]
         placed |= dict.fromkeys(of_arm, crosswalk)
         used += bool(of_arm)
     connections = Element("connections")
     for name, crosswalk in sorted(placed.items()):
-        edge, shape = guessed[name]
-        SubElement(connections, "crossing", _crossing(edge, shape, crosswalk))
+        SubElement(connections, "crossing", _moved(net.crossings[name], crosswalk))
     if placed:
         ElementTree(connections).write(out, encoding="UTF-8", xml_declaration=True)
     return used
-
-
-def _junction(crossing: str) -> str:
-    """`:j4_c0` lies in junction `j4`."""
-    return crossing[1:].rpartition("_")[0]
 
 
 def _crosswalk(roads: RoadMap, road: Element, thing: Element) -> Crosswalk:
@@ -104,41 +104,31 @@ def _crosswalk(roads: RoadMap, road: Element, thing: Element) -> Crosswalk:
     long, wide = max(us) - min(us), max(vs) - min(vs)
     if wide > long:
         long, wide, turned = wide, long, turned + math.pi / 2
-    return Crosswalk(Pose(x, y, turned), long, min(max(wide, _LEAST_M), _MOST_M))
+    return Crosswalk(Pose(x, y, turned), long, min(max(wide, _LEAST_WIDTH_M), _MOST_WIDTH_M))
 
 
-def _guessed(net: Element) -> Iterator[tuple[str, Element, tuple[XY, XY]]]:
-    """The crossings of a net: name, edge, and both ends."""
-    for edge in net.iterfind("edge[@function='crossing']"):
-        lane = edge.find("lane")
-        points = lane.get("shape", "").split() if lane is not None else []
-        if len(points) > 1:
-            ends = [tuple(float(value) for value in point.split(",")[:2]) for point in (points[0], points[-1])]
-            yield edge.get("id", ""), edge, ((ends[0][0], ends[0][1]), (ends[1][0], ends[1][1]))
-
-
-def _away(crosswalk: Crosswalk, shape: tuple[XY, XY]) -> float:
+def _away(crosswalk: Crosswalk, crossing: Crossing) -> float:
     """How far along its road a crosswalk is from a crossing, m; infinite for one of another arm."""
-    (x0, y0), (x1, y1) = shape
+    (x0, y0), (x1, y1) = crossing.lane.shape[0], crossing.lane.shape[-1]
     heading = crosswalk.pose.heading_rad
     turned = abs(wrap(math.atan2(y1 - y0, x1 - x0) - heading))
     dx, dy = (x0 + x1) / 2 - crosswalk.pose.x, (y0 + y1) / 2 - crosswalk.pose.y
     over_m = abs(dx * math.cos(heading) + dy * math.sin(heading))
-    if min(turned, math.pi - turned) > _SAME_RAD or over_m > crosswalk.length_m / 2:
+    if min(turned, math.pi - turned) > _SAME_DIRECTION_RAD or over_m > crosswalk.length_m / 2:
         return math.inf
     return abs(dy * math.cos(heading) - dx * math.sin(heading))
 
 
-def _crossing(edge: Element, shape: tuple[XY, XY], crosswalk: Crosswalk) -> dict[str, str]:
-    """The crossing moved along its road to where the crosswalk is."""
-    (x0, y0), (x1, y1) = shape
+def _moved(crossing: Crossing, crosswalk: Crosswalk) -> dict[str, str]:
+    """Attributes of a `<crossing>` that is moved along its road to where the crosswalk is."""
+    (x0, y0), (x1, y1) = crossing.lane.shape[0], crossing.lane.shape[-1]
     across = math.atan2(y1 - y0, x1 - x0)
     dx, dy = crosswalk.pose.x - (x0 + x1) / 2, crosswalk.pose.y - (y0 + y1) / 2
     along_m = dy * math.cos(across) - dx * math.sin(across)
     mx, my = -along_m * math.sin(across), along_m * math.cos(across)
     return {
-        "node": _junction(edge.get("id", "")),
-        "edges": edge.get("crossingEdges", ""),
+        "node": crossing.junction,
+        "edges": " ".join(crossing.edges),
         "width": f"{crosswalk.width_m:.2f}",
         "shape": f"{x0 + mx:.2f},{y0 + my:.2f} {x1 + mx:.2f},{y1 + my:.2f}",
     }

@@ -1,14 +1,14 @@
-"""Takes over networks that were not written in the language: SUMO nets and OpenDRIVE maps."""
+"""Converts networks that were not written in the language: SUMO nets and OpenDRIVE maps."""
 
 from __future__ import annotations
 
 import math
 import tempfile
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is netfile's
+from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossings
-from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
+from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
 from foresee_dsl.compile.nets.net_reader import read_net
@@ -20,7 +20,7 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
 _EDITION = "8"
-"""Raise it when an OpenDRIVE map becomes another net than before."""
+"""Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
 
 _NET_EDITION = "3"
 """The same for a SUMO net."""
@@ -34,13 +34,13 @@ SUFFIXES = (".net.xml", ".xodr")
 _SPEED_UNITS = {word: UNITS[word] for word in ("m/s", "km/h", "mph")}
 """OpenDRIVE's e_unitSpeed; metres a second where none is given."""
 _DRIVEN = ("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop")
-"""OpenDRIVE's types of lanes that their road's limit holds for; SUMO's table has 80 km/h for entries and exits."""
+"""OpenDRIVE's types of lanes that get their road's limit; SUMO's typemap has 80 km/h for entries and exits."""
 _TYPEMAPS = ("opendriveNetconvert.typ.xml", "opendriveNetconvertPedestrians.typ.xml")
-_OPTIONS = (
-    *("--opendrive.internal-shapes", "true"),
+_OPTIONS = (  # of netconvert 1.28
+    *("--opendrive.internal-shapes", "true"),  # lanes inside junctions as in the map, not as netconvert would bend them
     *("--crossings.guess", "true"),
-    *("--offset.disable-normalization", "true"),
-    *("--no-turnarounds.except-deadend", "true"),
+    *("--offset.disable-normalization", "true"),  # coordinates stay those of the map
+    *("--no-turnarounds.except-deadend", "true"),  # traffic turns round only where it could go nowhere else
     *("--no-warnings", "true"),
 )
 
@@ -85,7 +85,7 @@ def _speed(speed: Element) -> float | None:
 
 
 def _give_lanes_their_limits(root: Element) -> None:
-    """Write the roads' limits into their lanes: netconvert reads a lane's limit, but not its road's."""
+    """Write the roads' speed limits into their lanes: netconvert 1.28 reads a lane's limit, but not its road's."""
     for road in root.iterfind("road"):
         for section in road.iterfind("lanes/laneSection"):
             limit = limit_of(road, float(section.get("s", "0")))
@@ -108,8 +108,8 @@ def _copy_net(path: Path, data: bytes, out: Path) -> None:
     except TypeError as err:  # rows of one number cannot be put in order
         raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
     except (KeyError, ValueError, IndexError) as err:
-        said = f"there is no {err}" if isinstance(err, KeyError) else str(err)
-        raise CompileError(f"{path} is no sound SUMO network: {said}") from err
+        detail = f"there is no {err}" if isinstance(err, KeyError) else str(err)
+        raise CompileError(f"{path} is no sound SUMO network: {detail}") from err
 
 
 def _check_sound(parts: Topology) -> None:
@@ -140,12 +140,11 @@ def _convert_map(path: Path, out: Path) -> None:
         types = ",".join(str(maps / file) for file in _TYPEMAPS)
         files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
         run_netconvert([*files, *_OPTIONS], folder)
-        net = parse_net(folder / "map.net.xml")
-        if write_crossings(net, crosswalks_of(root), folder / "crossings.con.xml"):
+        if write_crossings(read_net(folder / "map.net.xml"), crosswalks_of(root), folder / "crossings.con.xml"):
             run_netconvert([*files, *_OPTIONS, "--connection-files", "crossings.con.xml"], folder)
-            net = parse_net(folder / "map.net.xml")
+        net = parse_net(folder / "map.net.xml")
         close_parking(net)
-        mend_overlaps(net)
+        repair_overlaps(net)
         give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
         write_net(net, out)
 
@@ -153,8 +152,8 @@ def _convert_map(path: Path, out: Path) -> None:
 def close_parking(root: Element) -> int:
     """Close the parking lanes of a net that came from an OpenDRIVE map, and return how many there are.
 
-    netconvert lets vehicles drive on them with 5 km/h. It keeps the lanes' types in their edge's, from the right, as
-    in `sidewalk|parking|driving`; sidewalks that were added later stand in front of those.
+    netconvert 1.28 lets vehicles drive on them at 5 km/h. It keeps the lanes' types in their edge's `type`, from the
+    right, as in `sidewalk|parking|driving`; sidewalks that it adds itself come before those.
     """
     closed = 0
     for edge in root.iterfind("edge"):

@@ -1,4 +1,4 @@
-"""Where a place on an OpenDRIVE road is: reference lines and lanes, as far as positions need them."""
+"""Where a place on an OpenDRIVE road is: reference lines, lane sections and lane widths."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by netfile
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _SPIRAL_STEP_M = 0.25
-"""A clothoid is summed up in steps of this (ours: Simpson's rule, error below a micrometre at 0.1 1/m)."""
+"""Step of the integral over a clothoid, m (ours: Simpson's rule, error below a micrometre at a curvature of 0.1
+1/m)."""
 
 _LARGEST = 1e12
-"""Far beyond any coordinate (ours); cubes of it are still numbers."""
+"""Largest number that is taken from a map (ours: far beyond any coordinate, and its cube is still finite)."""
 
 Cubic = tuple[float, float, float, float, float]
 """`s` from which it holds, then a, b, c, d of a + b ds + c ds^2 + d ds^3."""
@@ -43,7 +44,7 @@ class RoadMap:
     """The roads of an OpenDRIVE map, by id."""
 
     def __init__(self, root: Element) -> None:
-        """Take the map's root; roads are worked out when they are asked for."""
+        """Take the map's root; a road is read each time it is asked for."""
         self._roads = {road.get("id", ""): road for road in root.iterfind("road")}
 
     @classmethod
@@ -82,11 +83,11 @@ class RoadMap:
         section = self._section(element, s)
         ds = s - number(section, "s", 0.0)
         lanes = {int(number(e, "id")): e for e in section.iterfind(f"{'left' if lane > 0 else 'right'}/lane")}
-        for number_ in range(side, lane + side, side):
-            if number_ not in lanes:
+        for k in range(side, lane + side, side):
+            if k not in lanes:
                 raise CompileError(f"the map's road {road} has no lane {lane} at {s:g} m")
-            width = _cubic_at(_cubics(lanes[number_].iterfind("width"), "sOffset"), ds)
-            t += side * (width / 2 if number_ == lane else width)
+            width = _cubic_at(_cubics(lanes[k].iterfind("width"), "sOffset"), ds)
+            t += side * (width / 2 if k == lane else width)
         return self.at(road, s, t + offset)
 
     def _road(self, road: str) -> Element:
@@ -138,7 +139,7 @@ def _arc(curvature: float, ds: float) -> tuple[float, float, float]:
 
 
 def _spiral(curvature: float, change: float, ds: float) -> tuple[float, float, float]:
-    """Sum up a clothoid by Simpson's rule."""
+    """Integrate a clothoid by Simpson's rule."""
     steps = 2 * max(math.ceil(abs(ds) / _SPIRAL_STEP_M), 1)
     h = ds / steps
     u = v = 0.0
@@ -220,6 +221,6 @@ def plain_number(element: Element, name: str, default: float | None = None) -> f
     except ValueError:
         value = math.nan
     if not abs(value) <= _LARGEST:  # NaN neither
-        said = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
-        raise ValueError(f"attribute {name} of <{element.tag}> {said}")
+        fault = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
+        raise ValueError(f"attribute {name} of <{element.tag}> {fault}")
     return value

@@ -1,4 +1,5 @@
-"""Signal programs for networks that come without any: stages for opposite approaches, named by where they come from."""
+"""Fixed-time signal programs for foreign networks: ours where there are none, fixed times where programs are
+actuated."""
 
 from __future__ import annotations
 
@@ -7,11 +8,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from xml.etree.ElementTree import SubElement  # no parsing: that is netfile's
+from xml.etree.ElementTree import SubElement  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.bundle import Signal
-from foresee_dsl.compile.nets.signals import NAMED_STAGES, program, read_links
+from foresee_dsl.compile.nets.net_reader import topology_of
+from foresee_dsl.compile.nets.signals import NAMED_STAGES, links_of, program
 from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import number
 from foresee_dsl.language.model import Junction, Point, Quantity, Stage
 
@@ -19,24 +22,24 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 GREEN_S = 20.0
-"""Ours: as long as the shorter stages of the bundled town; who comes with 30 km/h from 160 m away still sees it."""
+"""Ours: as long as the shorter stages of the bundled town; a vehicle at 30 km/h that is 160 m away still gets it."""
 _FIXED = ("static", "rail_signal", "rail_crossing")
-"""SUMO's types of programs that no road traffic changes."""
+"""SUMO's types of programs that do not react to road traffic."""
 OPPOSITE_RAD = math.radians(135)
 """Approaches whose directions differ by this much or more share a stage (ours: within 45 degrees of opposite)."""
 _COMPASS = ("n", "ne", "e", "se", "s", "sw", "w", "nw")
 _ORDER = ("n", "s", "e", "w", "ne", "sw", "nw", "se")
-"""How they stand in a stage's name: `ns_go`, `ew_go`."""
+"""The order of directions in a stage's name: `ns_go`, `ew_go`."""
 
 
 def give_programs(root: Element) -> int:
-    """Put programs of ours in the place of those that netconvert made up.
+    """Replace the programs that netconvert 1.28 invents for a map without programs.
 
     Each junction with a signal of its own gets a stage for each pair of opposite approaches, and one for each approach
-    that has no opposite: 20 s of green, then amber and all red as in our own networks; who turns left gives way to
-    oncoming traffic, and people walk where only turning vehicles, which yield to them, cross their way. A stage is
-    called by where its traffic comes from: `ns_go`, `e_go`. Joint signals of several junctions keep their programs, and
-    so do those at which there would be one stage only.
+    that has no opposite: 20 s of green, then amber and all red as in our own networks. Vehicles that turn left yield to
+    oncoming traffic; pedestrians walk where only turning vehicles, which yield to them, cross their way. A stage is
+    named after the direction that its traffic comes from: `ns_go`, `e_go`. Joint signals of several junctions keep
+    their programs, and so do those that would get only one stage.
 
     Args:
         root: of a SUMO net; changed in place.
@@ -45,9 +48,10 @@ def give_programs(root: Element) -> int:
         How many programs were replaced.
     """
     replaced = 0
-    headings = _last_headings(root)
+    topology = topology_of(root)
+    headings = _last_headings(topology)
     for logic in root.iterfind("tlLogic"):
-        made = _program(root, logic.get("id", ""), headings)
+        made = _program(topology, logic.get("id", ""), headings)
         states = {len(phase.get("state", "")) for phase in logic.iterfind("phase")}
         if made is None or states != {len(made.phases[0].state)}:  # it controls more than this junction
             continue
@@ -77,8 +81,8 @@ class Fixed:
 def fix_times(root: Element) -> Fixed:
     """Give every signal for road traffic one program of fixed times, with the stages that it has.
 
-    What a program that reacts to traffic has seen is not in the states that runs begin from (SUMO refuses to load
-    them), and a run switches through its phases in their order.
+    SUMO 1.28 refuses to load the state of an actuated program, so a run could not start from a clip's state; and the
+    simulator switches through the phases in their order.
 
     Args:
         root: of a SUMO net; changed in place.
@@ -86,7 +90,7 @@ def fix_times(root: Element) -> Fixed:
     last: dict[str, Element] = {}
     reacting = others = 0
     for logic in root.findall("tlLogic"):
-        if logic.get("id", "") in last:  # SUMO begins with the program that it has read last
+        if logic.get("id", "") in last:  # of several programs SUMO 1.28 starts with the last
             root.remove(last[logic.get("id", "")])
             others += 1
         last[logic.get("id", "")] = logic
@@ -118,41 +122,31 @@ def stages_of(headings: Mapping[str, float]) -> list[tuple[str, tuple[str, ...]]
             found.append((_named(axis, axis + math.pi), (one, other)))
             left = [edge for edge in left if edge not in (one, other)]
     found += [(_named(headings[edge]), (edge,)) for edge in left]
-    return _told_apart(sorted(found))
+    return _numbered(sorted(found))
 
 
-def _program(root: Element, tls: str, headings: Mapping[str, float]) -> Signal | None:
+def _program(topology: Topology, tls: str, headings: Mapping[str, float]) -> Signal | None:
     """Our program for a signal; None where its movements are not those of one junction."""
-    try:
-        links = read_links(root, tls)
-    except KeyError:  # a movement that is not in the junction's right-of-way table
+    links = links_of(topology, tls) or ()
+    approaches = {link.edge: headings[link.edge] for link in links if link.edge in headings}
+    if not approaches or [link.index for link in links] != list(range(len(links))):
         return None
-    entering = {link.edge: headings[link.edge] for link in links if link.edge in headings}
-    if not entering or [link.index for link in links] != list(range(len(links))):
-        return None
-    edges = sorted({*entering, *(edge for link in links for edge in link.crosses)})
+    edges = sorted({*approaches, *(edge for link in links for edge in link.crosses)})
     road_of = {edge: f"road_{k}" for k, edge in enumerate(edges)}  # ids of a foreign net need not be names
     stages = tuple(
         Stage(name=name, duration=Quantity.of(GREEN_S, "time", 0), green=tuple(road_of[edge] for edge in green))
-        for name, green in stages_of(entering)
+        for name, green in stages_of(approaches)
     )
-    if len(stages) < 2:  # it is there for people who cross; netconvert has given them a phase
+    if len(stages) < 2:  # it protects a crossing on an open road; netconvert's program has a phase for that
         return None
     zero = Quantity.of(0.0, "length", 0)
     return program(Junction(name="foreign", at=Point(x=zero, y=zero), stages=stages), links, road_of)
 
 
-def _last_headings(root: Element) -> dict[str, float]:
+def _last_headings(topology: Topology) -> dict[str, float]:
     """The direction (rad) in which each edge comes to its end, from the last two points of its first lane."""
-    found = {}
-    for edge in root.iterfind("edge"):
-        lane = edge.find("lane")
-        if edge.get("function") is None and lane is not None:
-            (x0, y0), (x1, y1) = (
-                [float(v) for v in pair.split(",")[:2]] for pair in lane.get("shape", "").split()[-2:]
-            )
-            found[edge.get("id", "")] = math.atan2(y1 - y0, x1 - x0)
-    return found
+    ends = {edge.id: edge.lanes[0].shape[-2:] for edge in topology.edges.values() if edge.lanes}
+    return {edge: math.atan2(y1 - y0, x1 - x0) for edge, ((x0, y0), (x1, y1)) in ends.items()}
 
 
 def _from(heading_rad: float) -> str:
@@ -167,14 +161,14 @@ def _named(*headings: float) -> str:
     return f"{('' if plain else '_').join(words)}_go"
 
 
-def _told_apart(stages: Sequence[tuple[str, tuple[str, ...]]]) -> list[tuple[str, tuple[str, ...]]]:
-    """Number the stages of one name: `e_go`, `e_2_go`."""
+def _numbered(stages: Sequence[tuple[str, tuple[str, ...]]]) -> list[tuple[str, tuple[str, ...]]]:
+    """Number stages of the same name: `e_go`, `e_2_go`."""
     seen: Counter[str] = Counter()
-    told = []
+    numbered = []
     for name, edges in stages:
         seen[name] += 1
-        told.append((name if seen[name] == 1 else f"{name.removesuffix('_go')}_{seen[name]}_go", edges))
-    return told
+        numbered.append((name if seen[name] == 1 else f"{name.removesuffix('_go')}_{seen[name]}_go", edges))
+    return numbered
 
 
 def _apart(one_rad: float, other_rad: float) -> float:

@@ -20,7 +20,7 @@ from foresee_dsl.files import cache_folder
 from foresee_dsl.language.model import Network
 
 FORMAT = 1
-"""Raise it when our own code makes other nets from the same input."""
+"""Part of the cache key: raise it when our own code makes other nets from the same input."""
 
 NET = "net.net.xml"
 _SUM = "sha256"

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 _SUMO_CLASS: dict[LaneKind, str] = {"car": "passenger", "bicycle": "bicycle", "pedestrian": "pedestrian"}
-_DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width: what a lane without `width` has
+_DEFAULT_WIDTH_M = 3.2
+"""Width of a lane without `width`: SUMO's default lane width."""
 _TURNS: dict[str, Turn] = {
     "s": "straight",
     "l": "left",
@@ -34,25 +35,45 @@ def read_net(net_file: Path) -> Topology:
     Raises:
         CompileError: it cannot be read, or is no SUMO network.
     """
-    root = parse_net(net_file)
+    return topology_of(parse_net(net_file))
+
+
+def topology_of(root: Element) -> Topology:
+    """Return what a net's tree says; a `KeyError` or `ValueError` where a part or an attribute is missing or no
+    number."""
     functions: dict[str, str] = {}
+    over: dict[str, tuple[str, ...]] = {}
     lanes: dict[str, Lane] = {}
     edges: dict[str, Edge] = {}
     for element in root.iterfind("edge"):
         name, function = element.attrib["id"], element.get("function", "normal")
         functions[name] = function
+        over[name] = tuple(element.get("crossingEdges", "").split())
         own = tuple(_lane(child, name, function) for child in element.iterfind("lane"))
         lanes.update((lane.id, lane) for lane in own)
         if function == "normal":
             edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
     junctions, rows = _junctions(root)
     connections = [element.attrib for element in root.iterfind("connection")]
+    signals = {c["to"]: (c["tl"], int(c["linkIndex"])) for c in connections if c["to"][0] == ":" and "tl" in c}
     return Topology(
         lanes=lanes,
         edges=edges,
         junctions=junctions,
         movements=tuple(_movements(connections, edges, lanes, rows)),
-        crossings=_crossings(connections, lanes, functions, rows),
+        crossings={
+            name: Crossing(
+                id=name,
+                lane=lanes[f"{name}_0"],
+                edges=over[name],
+                junction=_junction_of(name),
+                tls=signals[name][0] if name in signals else None,
+                link=signals[name][1] if name in signals else -1,
+                index=rows.get(f"{name}_0", -1),
+            )
+            for name, function in functions.items()
+            if function == "crossing"
+        },
         walking_areas={
             name: WalkingArea(id=name, junction=_junction_of(name), polygon=lanes[f"{name}_0"].shape)
             for name, function in functions.items()
@@ -68,7 +89,7 @@ def _lane(element: Element, edge: str, function: str) -> Lane:
         id=get["id"],
         edge=edge,
         index=int(get["index"]),
-        shape=_points(get["shape"]),
+        shape=points_of(get["shape"]),
         length_m=float(get["length"]),
         speed_mps=float(get["speed"]),
         width_m=float(get.get("width", _DEFAULT_WIDTH_M)),
@@ -78,7 +99,8 @@ def _lane(element: Element, edge: str, function: str) -> Lane:
     )
 
 
-def _points(text: str) -> Points:
+def points_of(text: str) -> Points:
+    """Return the points of a `shape` attribute, m; heights are left out."""
     pairs = (pair.split(",") for pair in text.split())
     return tuple((float(pair[0]), float(pair[1])) for pair in pairs)
 
@@ -108,7 +130,7 @@ def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
             type=get.get("type", ""),
             x=float(get["x"]),
             y=float(get["y"]),
-            polygon=_points(get["shape"]) if get.get("shape") else (),
+            polygon=points_of(get["shape"]) if get.get("shape") else (),
             requests=tuple((int(r["response"], 2), int(r["foes"], 2)) for _, r in requests),
         )
     return junctions, rows
@@ -143,21 +165,6 @@ def _movements(
             index=next((rows[lane] for lane in reversed(via) if lane in rows), -1),
             kinds=frozenset.intersection(*(lanes[lane].kinds for lane in chain)),
         )
-
-
-def _crossings(
-    connections: Iterable[dict[str, str]], lanes: dict[str, Lane], functions: dict[str, str], rows: dict[str, int]
-) -> dict[str, Crossing]:
-    signals = {c["to"]: (c["tl"], int(c["linkIndex"])) for c in connections if c["to"][0] == ":" and "tl" in c}
-    found = {}
-    for name, function in functions.items():
-        if function == "crossing":
-            lane = lanes[f"{name}_0"]
-            tls, link = signals.get(name, (None, -1))
-            found[name] = Crossing(
-                id=name, lane=lane, junction=_junction_of(name), tls=tls, link=link, index=rows.get(lane.id, -1)
-            )
-    return found
 
 
 def _footways(

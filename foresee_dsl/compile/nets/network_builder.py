@@ -1,4 +1,4 @@
-"""Builds a SUMO network from one written in the language."""
+"""Builds the SUMO network of a network that is written in the language."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pathlib import Path
 from foresee_dsl.compile.nets import signals
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
-from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.roads.polyline import XY
+from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building, Count, Junction, Length, Network, Point, Quantity, Road, Speed
@@ -22,12 +23,12 @@ LANE_WIDTH_M = 3.3
 SPEED_MPS = 50 / 3.6
 """The usual urban limit (Vienna Convention countries)."""
 CORNER_RADIUS_M = 5.0
-"""Ours: with a 2 m sidewalk the kerb's radius is 7 m; SUMO's default of 4 m is too tight for buses (their lane's centre
-would turn with 5.6 m where there is no sidewalk)."""
+"""Radius of the inner edge of a turn, m. Ours: with a 2 m sidewalk the road's edge has 7 m; SUMO's default of 4 m is
+too tight for buses (the centre of their lane would turn with 5.6 m where there is no sidewalk)."""
 CROSSING_WIDTH_M = 4.0
 """SUMO's default (netconvert --default.crossing-width)."""
 BACK = "_back"
-"""Appended to a road's name: its edge in the other direction."""
+"""Suffix of a road's name for its edge in the other direction."""
 
 _CONTROL_TYPES = {
     "signals": "traffic_light",
@@ -35,8 +36,8 @@ _CONTROL_TYPES = {
     "right_before_left": "right_before_left",
     "stop": "allway_stop",
 }
-_OPTIONS = (
-    *("--no-internal-links", "false"),
+_OPTIONS = (  # of netconvert 1.28
+    *("--no-internal-links", "false"),  # vehicles follow lanes inside junctions
     *("--offset.disable-normalization", "true"),  # coordinates stay those of the file
     *("--no-turnarounds.except-deadend", "true"),  # traffic turns round only where it could go nowhere else
     *("--walkingareas", "true"),
@@ -44,22 +45,11 @@ _OPTIONS = (
     *("--no-warnings", "true"),
 )
 
-XY = tuple[float, float]
-
 
 @dataclass(frozen=True)
-class Node:
-    """One `<node>`."""
-
-    id: str
-    type: str
-    x: float
-    y: float
-
-
-@dataclass(frozen=True)
-class Edge:
-    """One `<edge>`: all its car lanes have the same width; `parking` and `sidewalk` are None where there is none."""
+class _Edge:
+    """One `<edge>` of netconvert's input: all its car lanes have the same width; `parking` and `sidewalk` are None
+    where there is none."""
 
     id: str
     start: str
@@ -74,14 +64,6 @@ class Edge:
     priority: int
 
 
-@dataclass(frozen=True)
-class Crossing:
-    """One `<crossing>`: over all edges of one road at one junction."""
-
-    node: str
-    edges: tuple[str, ...]
-
-
 def build_network(network: Network, out: Path) -> None:
     """Write the SUMO net of a network to `out`: the same network gives the same bytes.
 
@@ -94,28 +76,29 @@ def build_network(network: Network, out: Path) -> None:
     junctions = {item.name: item for item in network.body if isinstance(item, Junction)}
     roads = tuple(item for item in network.body if isinstance(item, Road))
     _check_names(junctions, roads)
-    edges = tuple(edge for road in roads for edge in road_edges(road, junctions))
+    edges = tuple(edge for road in roads for edge in _road_edges(road, junctions))
     with tempfile.TemporaryDirectory(prefix="foresee-net-") as name:
         folder = Path(name)
         files = _write_plain(folder, tuple(junctions.values()), roads, edges)
         net = folder / "net.net.xml"
         run_netconvert([*files, *_OPTIONS, "--output-file", net.name], folder)
+        topology = read_net(net)
         controlled = tuple(j for j in junctions.values() if j.control == "signals")
         if controlled:
-            root = parse_net(net)
-            roads_of = {edge: road.name for road in roads for edge in edges_at(road, road.start)}
-            programs = [signals.program(j, signals.read_links(root, j.name), roads_of) for j in controlled]
+            # programs need the numbers of the movements, which netconvert gives: it runs again with the programs
+            roads_of = {edge: road.name for road in roads for edge in _edges_at(road, road.start)}
+            programs = [signals.program(j, signals.links_of(topology, j.name) or (), roads_of) for j in controlled]
             signals.write_programs(programs, folder / "signals.tll.xml")
             final = folder / "final.net.xml"
             extra = ["--tllogic-files", "signals.tll.xml"]
             run_netconvert([*files, *extra, *_OPTIONS, "--output-file", final.name], folder)
-            signals.check_same_links(net, final)
+            signals.check_same_links(topology, read_net(final))
             net = final
-        _check_buildings(network, net)
+        _check_buildings(network, topology)
         out.write_bytes(without_header(net.read_bytes()))
 
 
-def road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[Edge, ...]:
+def _road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[_Edge, ...]:
     """Return the edges of a road: one or two.
 
     A one-way road lies with its middle on the line between its junctions; a two-way road drives on the right of that
@@ -127,14 +110,14 @@ def road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[Edge, ...]:
         raise CompileError(f"road {road.name} needs at least one lane")
     ends = (junctions[road.start].at, junctions[road.end].at)
     line = [_xy(p) for p in (ends[0], *road.via, ends[1])]
-    sidewalk = None if road.sidewalk is None or _si(road.sidewalk) == 0 else _si(road.sidewalk)
+    sidewalk = _si(road.sidewalk) or None
     parking = None if road.parking is None else _si(road.parking)
-    half_median = _si_or(road.median, 0.0) / 2
-    width = _si_or(road.lane_width, LANE_WIDTH_M)
-    speed = _si_or(road.speed, SPEED_MPS)
+    half_median = _si(road.median) / 2
+    width = _si(road.lane_width, LANE_WIDTH_M)
+    speed = _si(road.speed, SPEED_MPS)
 
-    def edge(name: str, start: str, end: str, count: int, shape: Sequence[XY]) -> Edge:
-        return Edge(
+    def edge(name: str, start: str, end: str, count: int, shape: Sequence[XY]) -> _Edge:
+        return _Edge(
             id=name,
             start=start,
             end=end,
@@ -170,31 +153,26 @@ def shift_right(line: Sequence[XY], distance: float) -> list[XY]:
     return moved
 
 
-def edges_at(road: Road, junction: str) -> tuple[str, ...]:
+def _edges_at(road: Road, junction: str) -> tuple[str, ...]:
     """Return the ids of a road's edges that touch a junction."""
     if junction not in (road.start, road.end):
         return ()
-    return (road.name, road.name + BACK) if is_two_way(road) else (road.name,)
-
-
-def is_two_way(road: Road) -> bool:
-    """True when the road has a lane in the other direction."""
-    return _count(road.back, _count(road.lanes, 1)) > 0
+    return (road.name, road.name + BACK) if _count(road.back, _count(road.lanes, 1)) else (road.name,)
 
 
 def _write_plain(
-    folder: Path, junctions: Sequence[Junction], roads: Sequence[Road], edges: Sequence[Edge]
+    folder: Path, junctions: Sequence[Junction], roads: Sequence[Road], edges: Sequence[_Edge]
 ) -> list[str]:
     """Write netconvert's input; return the options that name it."""
-    nodes = [Node(j.name, _CONTROL_TYPES[j.control], *_xy(j.at)) for j in junctions]
+    nodes = [dict(zip("xy", _xy(j.at), strict=True), id=j.name, type=_CONTROL_TYPES[j.control]) for j in junctions]
     walked = {edge.id for edge in edges if edge.sidewalk is not None}
     crossings = [
-        Crossing(j.name, found)
+        {"node": j.name, "edges": found}
         for j in junctions
         if j.crossings is not None
         for road in roads
         if road.name in j.crossings or not j.crossings
-        if (found := tuple(e for e in edges_at(road, j.name) if e in walked))
+        if (found := tuple(e for e in _edges_at(road, j.name) if e in walked))
     ]
     render("nodes.nod.xml", folder / "nodes.nod.xml", nodes=nodes, radius=CORNER_RADIUS_M)
     render("edges.edg.xml", folder / "edges.edg.xml", edges=edges)
@@ -212,26 +190,27 @@ def _check_names(junctions: dict[str, Junction], roads: Sequence[Road]) -> None:
         for end in (road.start, road.end):
             if end not in junctions:
                 raise CompileError(f"road {road.name} names the junction {end}, which is not in the network")
-        for edge in edges_at(road, road.start):
+        for edge in _edges_at(road, road.start):
             if edge in seen:
-                raise CompileError(f"two roads have the edge {edge}: a road may not be called like another one's back")
+                raise CompileError(
+                    f"two roads have the edge {edge}: a road may not have the name of another one's back"
+                )
             seen.add(edge)
     if not roads:
         raise CompileError("the network has no roads")
 
 
-def _check_buildings(network: Network, net: Path) -> None:
-    """A building on a lane would be driven through, and blind whoever is inside."""
+def _check_buildings(network: Network, topology: Topology) -> None:
+    """Raise a `CompileError` for a building on a lane: actors would drive through it and see nothing inside."""
     buildings = {item.name: [_xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
     if not buildings:
         return
     import shapely
 
-    parts = read_net(net)
     bands = {
         lane.id: shapely.LineString(lane.shape).buffer(lane.width_m / 2, cap_style="flat")
-        for lane in parts.lanes.values()
-        if (lane.kinds or lane.parking) and lane.edge not in parts.walking_areas
+        for lane in topology.lanes.values()
+        if (lane.kinds or lane.parking) and lane.edge not in topology.walking_areas
     }
     for name, outline in buildings.items():
         shape = shapely.Polygon(outline)
@@ -244,7 +223,7 @@ def _check_buildings(network: Network, net: Path) -> None:
 
 
 def _priority(lanes: int, speed_mps: float) -> int:
-    """SUMO's rank of a road: the wider goes first, among equals the faster."""
+    """SUMO's priority of a road: the one with more lanes goes first, among equals the faster one."""
     return 1000 * lanes + round(speed_mps * 3.6)
 
 
@@ -253,14 +232,12 @@ def _xy(point: Point) -> XY:
 
 
 def _count(value: Count | None, default: int) -> int:
-    return default if value is None else round(_si(value))
+    return round(_si(value, default))
 
 
-def _si_or(value: Length | Speed | None, default: float) -> float:
-    return default if value is None else _si(value)
-
-
-def _si(value: Length | Speed | Count) -> float:
+def _si(value: Length | Speed | Count | None, default: float = 0.0) -> float:
+    if value is None:
+        return default
     if not isinstance(value, Quantity):
         raise CompileError(f"a network cannot use the parameter {value.name}")
     return value.si

@@ -1,4 +1,4 @@
-"""Reads network files that may come from outside, with a hardened parser."""
+"""Reads XML files that may come from outside: with defusedxml, and within limits of size and depth."""
 
 from __future__ import annotations
 

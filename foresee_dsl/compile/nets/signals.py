@@ -1,20 +1,18 @@
-"""Fixed-time signal programs: written for the language's stages, read back from any net."""
+"""Fixed-time signal programs: made from the language's stages, written for SUMO, and read from any net."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Phase, Signal
+from foresee_dsl.compile.nets.net_reader import topology_of
 from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.roads.topology import Crossing, Movement, Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Junction, Network, Quantity, Stage
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 AMBER_S = 3.0
 """SUMO's default (netconvert --tls.yellow.time) for 50 km/h; the same in Germany's RiLSA."""
@@ -25,7 +23,7 @@ PEDESTRIAN_CLEARANCE_S = 5.0
 12 m at 1.2 m/s. A stage under 10 s gives half of itself."""
 
 NAMED_STAGES = "foresee.stages"
-"""A parameter of programs in foreign nets whose phases are called like the stages that they belong to."""
+"""Key of a `param` that marks our programs in foreign nets: the name of a phase there is the name of its stage."""
 
 _VEHICLE_GREEN = "Gg"
 
@@ -71,14 +69,14 @@ def program(junction: Junction, links: Sequence[Link], roads_of: Mapping[str, st
         raise CompileError(f"junction {junction.name} has a signal, but there is no movement that it could control")
     if not junction.stages:
         raise CompileError(f"the signal of junction {junction.name} has no stages")
-    entering = {roads_of[link.edge] for link in links if not link.is_crossing}
+    approaches = {roads_of[link.edge] for link in links if not link.is_crossing}
     phases: list[Phase] = []
     for k, stage in enumerate(junction.stages):
-        unknown = [road for road in stage.green if road not in entering]
+        unknown = [road for road in stage.green if road not in approaches]
         if unknown:
             raise CompileError(
                 f"stage {stage.name} of junction {junction.name} gives green to {unknown[0]}, which does not enter it "
-                f"(these do: {', '.join(sorted(entering))})"
+                f"(these do: {', '.join(sorted(approaches))})"
             )
         phases += _stage_phases(k, stage, links, roads_of)
     return Signal(junction.name, junction.name, tuple(s.name for s in junction.stages), tuple(phases))
@@ -104,15 +102,18 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
     Args:
         net_file: a SUMO net.
         network: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, but
-            for programs that we gave it (`programs.give_programs`), and a program that controls several junctions
+            for programs that we gave it (`give_programs`), and a program that controls several junctions
             appears once for each.
 
     Raises:
         CompileError: not a net, or not the net of `network`.
     """
     root = parse_net(net_file)
+    controlled: dict[str, str] = {}
+    for movement in _with_signal(topology_of(root)):
+        controlled.setdefault(movement.junction, movement.tls or "")
     found = {}
-    for junction, tls in sorted(_controlled(root).items()):
+    for junction, tls in sorted(controlled.items()):
         logic = next((e for e in root.iterfind("tlLogic") if e.get("id") == tls), None)
         if logic is None:
             continue  # a foreign net may leave a movement's program out; SUMO then switches it off
@@ -130,48 +131,44 @@ def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
     return found
 
 
-def read_links(root: Element, junction: str) -> tuple[Link, ...]:
-    """Return the movements that a junction's signal controls, by index; none where netconvert gave it no signal."""
-    node = next((e for e in root.iterfind("junction") if e.get("id") == junction), None)
-    if node is None:
+def links_of(topology: Topology, junction: str) -> tuple[Link, ...] | None:
+    """Return the movements that a junction's signal controls, by index; none where netconvert gave it no signal.
+
+    None where the signal controls another junction too, or the right-of-way matrix has no row for a movement.
+    """
+    controlled = sorted((one for one in _with_signal(topology) if one.tls == junction), key=lambda one: one.link)
+    if any(one.junction != junction or one.index < 0 for one in controlled):
+        return None
+    node = topology.junctions.get(junction)
+    if node is None or not controlled:
         return ()
-    requests = {
-        int(e.get("index", "0")): (_bits(e.get("foes")), _bits(e.get("response"))) for e in node.iterfind("request")
-    }
-    place = _request_of_via(root, node.get("intLanes", "").split())
-    crossings = {
-        e.get("id", ""): tuple(e.get("crossingEdges", "").split()) for e in root.iterfind("edge[@function='crossing']")
-    }
-    controlled: list[tuple[int, Element, int]] = []
-    for connection in root.iterfind(f"connection[@tl='{junction}']"):
-        lane = connection.get("via") or f"{connection.get('to')}_{connection.get('toLane')}"
-        controlled.append((int(connection.get("linkIndex", "0")), connection, place[lane]))
-    index_of = {request: index for index, _, request in controlled}
-    links = []
-    for index, connection, request in sorted(controlled, key=lambda c: c[0]):
-        over = crossings.get(connection.get("to", ""), ())
-        foes, response = ({index_of[r] for r in bits if r in index_of} for bits in requests[request])
-        links.append(
-            Link(
-                index=index,
-                edge="" if over else connection.get("from", ""),
-                crosses=over,
-                direction="" if over else connection.get("dir", ""),
-                foes=frozenset(foes),
-                yields_to=frozenset(response),
-            )
+    return tuple(
+        Link(
+            index=one.link,
+            edge="" if isinstance(one, Crossing) else one.from_edge,
+            crosses=one.edges if isinstance(one, Crossing) else (),
+            direction="" if isinstance(one, Crossing) else one.direction,
+            foes=frozenset(other.link for other in controlled if node.conflicts(one.index, other.index)),
+            yields_to=frozenset(other.link for other in controlled if node.yields(one.index, other.index)),
         )
-    return tuple(links)
+        for one in controlled
+    )
 
 
-def check_same_links(first: Path, second: Path) -> None:
+def check_same_links(first: Topology, second: Topology) -> None:
     """Make sure that two builds number the movements of all signals alike.
 
     Raises:
         CompileError: they do not, so that a program for the one does not fit the other.
     """
-    if _link_table(first) != _link_table(second):
+    one, other = (sorted((m.tls or "", m.link, m.ends) for m in _with_signal(t)) for t in (first, second))
+    if one != other:
         raise CompileError("netconvert numbered the signals' movements differently when it was given their programs")
+
+
+def _with_signal(topology: Topology) -> list[Movement | Crossing]:
+    both: tuple[Movement | Crossing, ...] = (*topology.movements, *topology.crossings.values())
+    return [one for one in both if one.tls is not None]
 
 
 def _stage_phases(k: int, stage: Stage, links: Sequence[Link], roads_of: Mapping[str, str]) -> list[Phase]:
@@ -240,39 +237,3 @@ def _check_stages(found: Mapping[str, Signal], network: Network) -> None:
             wanted = tuple(stage.name for stage in junction.stages)
             if junction.name not in found or found[junction.name].stages != wanted:
                 raise CompileError(f"the net has no signal with the stages of junction {junction.name}")
-
-
-def _controlled(root: Element) -> dict[str, str]:
-    """Signal ids by the junctions that they control."""
-    ends = {e.get("id", ""): e.get("to", "") for e in root.iterfind("edge")}
-    result: dict[str, str] = {}
-    for connection in root.iterfind("connection[@tl]"):
-        source = connection.get("from", "")
-        # Internal edges are called ":JUNCTION_3", walking areas ":JUNCTION_w0".
-        junction = source[1:].rpartition("_")[0] if source.startswith(":") else ends.get(source, "")
-        result.setdefault(junction, connection.get("tl", ""))
-    return result
-
-
-def _request_of_via(root: Element, internal_lanes: Sequence[str]) -> dict[str, int]:
-    """Place in the junction's right-of-way table, by the first internal lane of a movement (or a crossing's lane).
-
-    The table is in the order of the junction's internal lanes; of a movement that waits in the middle it is the second
-    lane that is listed.
-    """
-    place = {lane: k for k, lane in enumerate(internal_lanes)}
-    for connection in root.iterfind("connection"):
-        lane = connection.get("via", "")
-        if lane in place and connection.get("from", "").startswith(":"):
-            place[f"{connection.get('from')}_{connection.get('fromLane')}"] = place[lane]
-    return place
-
-
-def _link_table(net_file: Path) -> list[tuple[str, ...]]:
-    keys = ("tl", "linkIndex", "from", "fromLane", "to", "toLane")
-    return sorted(tuple(e.get(key, "") for key in keys) for e in parse_net(net_file).iterfind("connection[@tl]"))
-
-
-def _bits(text: str | None) -> frozenset[int]:
-    """Indices of the ones in a right-of-way string; the rightmost is index 0."""
-    return frozenset(k for k, c in enumerate(reversed(text or "")) if c == "1")

@@ -42,11 +42,10 @@ PEDESTRIAN_GAP_M = 1.0
 PARKED_STEP_M = 0.5
 """Spacing of the candidate places on parking strips, m (ours: drivers leave gaps of any size)."""
 PARKED_GAP_M = 0.8
-"""Free strip between two parked vehicles, m. Ours: about the least that lets one pull out (RASt 06 counts 5.2 m to
-5.7 m of strip for a car of 4.7 m; from memory, not checked)."""
+"""Free strip between two parked vehicles, m. Ours: about the least that lets one pull out."""
 CORNER_M = 8.0
-"""No vehicle is parked nearer to a junction, m. Ours, between 5 m (Germany, StVO section 12) and 10 m before a crossing
-with a stop line in other countries (from memory, not checked)."""
+"""No vehicle is parked nearer to a junction, m: Germany's StVO, section 12 (3), for roads with a cycle track; 5 m for
+others."""
 SLACK_M = 0.15
 """Largest distance of a parked vehicle from the middle of its strip, to either side, m (ours)."""
 WALKS_TRIED = 20

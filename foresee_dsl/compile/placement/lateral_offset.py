@@ -1,4 +1,4 @@
-"""A path moved to the side: what `line 0.60 m` makes of the path that its author wrote.
+"""Shifts a path sideways: what the statement `line 0.60 m` does to the path of its actor.
 
 Plain numbers, no numpy: `foresee check` places actors with it.
 """
@@ -11,36 +11,37 @@ from itertools import pairwise
 from foresee_dsl.compile.roads.polyline import XY, Points, distance, distinct, interpolate, lengths, whole_millimetres
 
 LINE_OVER_M = 5.0
-"""Over so much of its path somebody goes over to its `line`. Ours: 0.6 m of it are 7 deg, which reads as a walker who
-crosses obliquely; 4 s for a walker, about 1 s for somebody on a bicycle."""
+"""Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
+pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
 _SHARPEST = 0.5
-"""Cosine of half the turn at a corner; in sharper ones the parallel line would run far out (a mitre of two widths)."""
+"""Cosine of half the turn at a corner; in sharper corners the offset line is cut at two widths, as it would run far
+out (ours)."""
 
 
-def moved_aside(path: Points, along_m: float, left_m: float) -> Points:
-    """Return a path that leaves its own line at a length and runs beside it after `LINE_OVER_M` more.
+def shifted(path: Points, along_m: float, left_m: float) -> Points:
+    """Return a path that is the same up to a length, and runs beside the old one from `LINE_OVER_M` later on.
 
-    Up to that length it is what it was. It comes to its end beside the old one, also where less is left.
+    It ends beside the old end even where less than that is left.
 
     Args:
         path: its points, m.
-        along_m: where it begins to leave.
-        left_m: how far to the left it is to run; negative for the right.
+        along_m: where it starts to leave, m along the path.
+        left_m: how far to the left it runs, m; negative for the right.
     """
     marks = lengths(path)
     begins = min(max(along_m, 0.0), marks[-1])
     over = max(min(LINE_OVER_M, marks[-1] - begins), 1e-6)
-    kept = [point for point, mark in zip(path, marks, strict=True) if mark < begins]
+    before = [point for point, mark in zip(path, marks, strict=True) if mark < begins]
     bends = [(begins, 0.0)]
     bends += [(mark, left_m * min((mark - begins) / over, 1.0)) for mark in marks if mark > begins]
     if begins + over < marks[-1]:
         bends.append((begins + over, left_m))
     new = whole_millimetres(_beside(path, marks, mark, left) for mark, left in sorted(bends))
-    return distinct((*kept, *new))
+    return distinct((*before, *new))
 
 
 def _beside(path: Points, marks: tuple[float, ...], mark: float, left_m: float) -> XY:
-    """Return the point beside a length of a path; at a corner, where the parallels of both sides meet."""
+    """Return the point beside a length of a path; at a corner, where the offset lines of both sides meet."""
     x = interpolate(mark, marks, [p[0] for p in path])
     y = interpolate(mark, marks, [p[1] for p in path])
     sides = [(a, b) for (a, b), (s, t) in zip(pairwise(path), pairwise(marks), strict=True) if s <= mark <= t and s < t]

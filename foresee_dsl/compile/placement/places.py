@@ -1,4 +1,4 @@
-"""Finds where a place of the language is."""
+"""Finds where a place of the language is on a network."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from foresee_dsl.language.model import AlongEdge, AlongRoute, PastJunction, Plac
 from foresee_dsl.language.traversal import si_of, word_of
 
 _SLACK_M = 1e-3
-"""A place may lie this much beyond an end (roundings of files)."""
+"""A place may lie this far beyond an end, m (ours: roundings of files)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Spot:
 
 
 class Lines(Protocol):
-    """What a place needs to know of the actors that it names."""
+    """The routes and starts of the actors that places name."""
 
     def line_of(self, actor: str) -> RouteLine:
         """Return an actor's route line.

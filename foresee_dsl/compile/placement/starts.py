@@ -1,4 +1,4 @@
-"""Where each actor stands at the first frame: its route, lane and line, or its path."""
+"""Where each actor is at the first frame: its route, lane and line, or its path."""
 
 from __future__ import annotations
 
@@ -8,80 +8,66 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.placement.lateral_offset import moved_aside
+from foresee_dsl.compile.placement.lateral_offset import shifted
 from foresee_dsl.compile.placement.places import Spot, si, spot
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points, distance, distinct, line_of, whole_millimetres, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
+from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.model import (
-    Actor,
-    AlongEdge,
-    AlongRoute,
-    EdgeRoute,
-    Ego,
-    Item,
-    Line,
-    PastJunction,
-    Path,
-    Point,
-    Route,
-    StartAt,
-    State,
-    Walked,
-)
 from foresee_dsl.language.traversal import word_of
 
 EGO_BEHIND_M = 10.0
-"""The ego's line begins this much before its first edge: its rear may still be there (ours: a rigid truck's length)."""
+"""The ego's line begins this far before its first edge, m: its rear may still be there (ours: a rigid truck's
+length)."""
 EGO_BEYOND_M = 80.0
-"""...and goes on this much after its last edge: a driver that plans 4 s ahead at 60 km/h looks 67 m ahead."""
+"""The ego's line goes on this far after its last edge, m (ours: a driver that plans 4 s ahead at 60 km/h looks 67 m
+ahead)."""
 OFF_ROUTE_M = 3.0
-"""A start farther from every lane of the route than this is a mistake (asked for)."""
-
-NEARLY_M = 0.2
-"""Who is beside a line by a lane's width less this follows another. Ours: who passes something in the next lane stays
-that much on its own side (measured: 3.05 m of 3.5 m)."""
-
+"""A start farther than this from every lane of its route, m, is reported (ours: about a lane's width)."""
+OTHER_LANE_MARGIN_M = 0.2
+"""A clip's ego whose distance from its route's line is less than a lane's width minus this follows that line. Ours:
+when it passes something in the next lane it stays that much on its own side (measured: 3.05 m of 3.5 m)."""
 OFF_STATE_M = 0.05
-"""Who is further than this from where `moving` says has been moved along its path by a mutation, and is there. Ours:
-the roundings of a clip's figures come to 1 mm."""
-
-_SAME_WAY_RAD = math.radians(60)
+"""A path follower farther than this, m, from the point that `moving` gives has been moved along its path by a mutation,
+and is at that point. Ours: the roundings of a clip's figures come to 1 mm."""
+_SAME_DIRECTION_RAD = math.radians(60)
 _BEYOND_WEIGHT = 30.0
-"""Who is beyond a lane's end is on the next one, though it has not turned with that yet. Ours: lanes inside junctions
-begin with a corner of up to 0.3 rad; 1 cm outweighs it."""
-_T = TypeVar("_T", bound=Item)
+"""Cost of being beyond a lane's end, per metre, against a radian of heading: a vehicle beyond it is on the next lane,
+although it has not turned with that lane yet. Ours: internal lanes begin with a corner of up to 0.3 rad; 1 cm
+outweighs it."""
+_T = TypeVar("_T", bound=m.Item)
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
 
 def lane_kind(spec: ModelSpec) -> LaneKind:
-    """Return whose lanes a model uses."""
+    """Return the kind of lanes that a model uses."""
     if spec.kind == "bicycle":
         return "bicycle"
     return "pedestrian" if spec.kind == "pedestrian" else "car"
 
 
-def item(actor: Ego | Actor, kind: type[_T]) -> _T | None:
-    """Return an actor's (last) statement of a kind; a mutation's comes after the author's."""
+def item(actor: m.Ego | m.Actor, kind: type[_T]) -> _T | None:
+    """Return an actor's last statement of a kind, if any: a mutation's statement comes after the author's."""
     return next((i for i in reversed(actor.body) if isinstance(i, kind)), None)
 
 
-def items(actor: Ego | Actor, kind: type[_T]) -> tuple[_T, ...]:
+def items(actor: m.Ego | m.Actor, kind: type[_T]) -> tuple[_T, ...]:
     """Return an actor's statements of a kind."""
     return tuple(i for i in actor.body if isinstance(i, kind))
 
 
-def route_of(actor: Ego | Actor) -> Route | EdgeRoute | None:
+def route_of(actor: m.Ego | m.Actor) -> m.Route | m.EdgeRoute | None:
     """Return an actor's route statement."""
-    return item(actor, Route) or item(actor, EdgeRoute)
+    return item(actor, m.Route) or item(actor, m.EdgeRoute)
 
 
 @dataclass(frozen=True)
 class OnRoute:
-    """A vehicle on its route: front bumper, lane, edges from the one it stands on, its line and where it is on it."""
+    """A vehicle on its route: front bumper, lane, edges from the one it is on, and its line with where it is on it,
+    m."""
 
     x: float
     y: float
@@ -94,7 +80,7 @@ class OnRoute:
 
 @dataclass(frozen=True)
 class OnPath:
-    """A body on its path: centre of the footprint, its points, how far along."""
+    """An actor on its path: centre of the footprint, the path's points, and how far along it is, m."""
 
     x: float
     y: float
@@ -104,10 +90,16 @@ class OnPath:
 
 
 class Starts:
-    """Works out starts, one actor at a time, as places refer to other actors' routes and starts."""
+    """Computes where actors start, one at a time: a place may refer to the route and start of another actor.
 
-    def __init__(self, network: RoadNetwork, actors: Mapping[str, Ego | Actor], specs: Mapping[str, ModelSpec]) -> None:
-        """Take the actors by name, and the spec of each by its name."""
+    Args:
+        network: where.
+        actors: by name. specs: the model of each, by its name.
+    """
+
+    def __init__(
+        self, network: RoadNetwork, actors: Mapping[str, m.Ego | m.Actor], specs: Mapping[str, ModelSpec]
+    ) -> None:
         self._network, self._actors, self._specs = network, actors, specs
         self._found: dict[str, OnRoute] = {}
         self._resolving: list[str] = []
@@ -142,7 +134,7 @@ class Starts:
                 self._resolving.pop()
         return self._found[name]
 
-    def spot(self, place: Item) -> Spot:
+    def spot(self, place: m.Item) -> Spot:
         """Return where a place is.
 
         Raises:
@@ -157,7 +149,7 @@ class Starts:
             RouteError: a place of the path is impossible, or the path has no length.
         """
         actor, spec = self._actors[name], self._specs[name]
-        statement = item(actor, Path)
+        statement = item(actor, m.Path)
         if statement is None:
             raise RouteError(f"{name} has no path")
         spots = [self.spot(place) for place in statement.points]
@@ -165,7 +157,7 @@ class Starts:
         if len(path) == 2 and distance(*path) < 0.1:
             raise RouteError(f"the path of {name} has no length")
         line = line_of(path)
-        walked, start = item(actor, Walked), item(actor, StartAt)
+        walked, start = item(actor, m.Walked), item(actor, m.StartAt)
         along = si(walked.along) if walked is not None else 0.0
         if actor.state is not None:
             x, y, heading = centre(actor.state, spec)
@@ -177,12 +169,12 @@ class Starts:
         along = min(max(along, 0.0), line.length_m)
         if actor.state is None or (walked is not None and distance(line.at(along)[:2], (x, y)) > OFF_STATE_M):
             x, y, heading = line.at(along)
-        aside = item(actor, Line)
-        path = moved_aside(path, along, si(aside.left)) if aside is not None else path
+        line_statement = item(actor, m.Line)
+        path = shifted(path, along, si(line_statement.left)) if line_statement is not None else path
         return OnPath(x, y, heading, path, along)
 
     def still(self, name: str) -> tuple[float, float, float]:
-        """Return the middle and heading of an actor without route and path.
+        """Return the footprint's centre and the heading of an actor without route and path.
 
         Raises:
             RouteError: it is nowhere, or its place is impossible.
@@ -190,7 +182,7 @@ class Starts:
         actor, spec = self._actors[name], self._specs[name]
         if actor.state is not None:
             return centre(actor.state, spec)
-        start = item(actor, StartAt)
+        start = item(actor, m.StartAt)
         if start is None:
             raise RouteError(f"{name} is nowhere", "give it a route, a path, or start at a place")
         place = self.spot(start.place)
@@ -209,7 +201,7 @@ class Starts:
         return self._network.route_edges(route, lane_kind(spec))
 
     def _first_line(self, name: str) -> RouteLine:
-        """The line before the start is known: from the route's beginning, on the lanes that need no change."""
+        """The line used while the start is not known: from the route's beginning, on the lanes that need no change."""
         return self._network.line(self._edges(name), kind=lane_kind(self._specs[name]))
 
     def _place(self, name: str) -> OnRoute:
@@ -217,10 +209,10 @@ class Starts:
         edges, kind = self._edges(name), lane_kind(spec)
         x, y, heading = self._front(name, actor, spec)
         # a clip's route begins where the actor is; an author's start may be on a later edge
-        ego = isinstance(actor, Ego)
+        ego = isinstance(actor, m.Ego)
         near = edges[:2] if actor.state is not None and not ego else edges
-        start = item(actor, StartAt)
-        if actor.state is None and start is not None and isinstance(start.place, AlongEdge):
+        start = item(actor, m.StartAt)
+        if actor.state is None and start is not None and isinstance(start.place, m.AlongEdge):
             edge = word_of(start.place.edge)
             if edge not in edges:
                 raise RouteError(f"{name} starts on {edge}, off its route", f"its route is {', '.join(edges)}")
@@ -246,14 +238,13 @@ class Starts:
     def _line_of_clip(
         self, edges: tuple[str, ...], lane: Lane, kind: LaneKind, front: tuple[float, float]
     ) -> tuple[RouteLine, float] | None:
-        """Return the line that a clip's ego has followed since before its window, and where it is on it.
+        """Return the line that a clip's ego follows, which is its parent's, and where it is on it.
 
-        That is its parent's, whatever it is passing in another lane. None where it is a lane off: the parent began on
-        another lane than it would have by itself.
+        None where the ego is a whole lane off: the parent started on another lane than its route alone would give.
         """
         line = self._network.line(edges, behind_m=EGO_BEHIND_M, beyond_m=EGO_BEYOND_M, kind=kind)
         s, lateral = line.project(*front)
-        return (line, s) if abs(lateral) < lane.width_m - NEARLY_M else None
+        return (line, s) if abs(lateral) < lane.width_m - OTHER_LANE_MARGIN_M else None
 
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
         """Length from an edge's beginning to that of a lane inside the junction after it."""
@@ -264,29 +255,29 @@ class Starts:
                 return sum(self._network.lanes[one].line.length_m for one in chain)
         return 0.0
 
-    def _front(self, name: str, actor: Ego | Actor, spec: ModelSpec) -> tuple[float, float, float]:
+    def _front(self, name: str, actor: m.Ego | m.Actor, spec: ModelSpec) -> tuple[float, float, float]:
         if actor.state is not None:
             return si(actor.state.at.x), si(actor.state.at.y), wrap(si(actor.state.heading))
-        start = item(actor, StartAt)
+        start = item(actor, m.StartAt)
         line = self._first_line(name)
         if start is None:
             # the whole vehicle on its first edge, where that is long enough
             return line.at(min(line.origin_s + spec.length_m, (line.origin_s + line.end_s) / 2))
         place = self.spot(start.place)
-        elsewhere = isinstance(start.place, AlongRoute | PastJunction) and start.place.actor != name
+        elsewhere = isinstance(start.place, m.AlongRoute | m.PastJunction) and start.place.actor != name
         if place.heading_rad is not None and not elsewhere:
             return place.x, place.y, place.heading_rad
-        s, lateral = line.project(place.x, place.y)  # coordinates, or a place on somebody else's route
-        if isinstance(start.place, Point) and abs(lateral) < 1e-6:
+        s, lateral = line.project(place.x, place.y)  # coordinates, or a place on another actor's route
+        if isinstance(start.place, m.Point) and abs(lateral) < 1e-6:
             return line.at(s)
         return place.x, place.y, line.at(s)[2]
 
     def _match(
         self, edges: tuple[str, ...], kind: LaneKind, x: float, y: float, heading: float
     ) -> tuple[int, Lane, float] | float:
-        """Find the lane of a route (inside junctions too) that a point is on: the edge's place, the lane, m along it.
+        """Return the lane of a route (internal lanes too) that a point is on: index of the edge, lane, m along it.
 
-        Where there is none within 3 m of its edge, the distance to the nearest is all that comes back.
+        Where none has its border within `OFF_ROUTE_M`, return only the distance to the nearest centreline, m.
         """
         best: tuple[float, int, Lane, float] | None = None
         nearest = math.inf
@@ -298,8 +289,10 @@ class Starts:
             turned = abs(wrap(lane.line.at(inside)[2] - heading))
             if off > OFF_ROUTE_M + lane.width_m / 2:
                 continue
-            # of lanes that overlap, the one that points the same way; a skidding actor may stand across
-            cost = off + turned + _BEYOND_WEIGHT * abs(s - inside) + (OFF_ROUTE_M if turned > _SAME_WAY_RAD else 0.0)
+            # lanes overlap in junctions: prefer the one that points the same way, but allow any for a skidding actor
+            cost = (
+                off + turned + _BEYOND_WEIGHT * abs(s - inside) + (OFF_ROUTE_M if turned > _SAME_DIRECTION_RAD else 0.0)
+            )
             if best is None or cost < best[0] - 1e-9:
                 best = cost, k, lane, inside
         return best[1:] if best is not None else nearest
@@ -319,8 +312,8 @@ class Starts:
         return found
 
 
-def centre(state: State, spec: ModelSpec) -> tuple[float, float, float]:
-    """Return the middle of the footprint and the heading of an exact state (which has the front for wheels)."""
+def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
+    """Return the footprint's centre and the heading of an exact state, which gives the front bumper of vehicles."""
     heading = wrap(si(state.heading))
     back = spec.length_m / 2 if spec.kind in WHEELS else 0.0
     return si(state.at.x) - back * math.cos(heading), si(state.at.y) - back * math.sin(heading), heading

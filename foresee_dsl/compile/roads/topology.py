@@ -120,17 +120,28 @@ class Movement:
     index: int
     kinds: frozenset[LaneKind]
 
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The lanes between which it leads."""
+        return self.from_lane, self.to_lane
+
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
-    """A pedestrian crossing: its centreline, its signal (or None) and its row in the junction's `requests`."""
+    """A pedestrian crossing: its lane, the edges that it crosses, its signal, its row in the junction's `requests`."""
 
     id: str
     lane: Lane
+    edges: tuple[str, ...]
     junction: str
     tls: str | None
     link: int
     index: int
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Its lane, as both ends: a crossing is walked in both directions."""
+        return self.lane.id, self.lane.id
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from foresee_dsl.compile.foreign.lane_overlaps import mend_overlaps
+from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.networks import close_parking, write_net
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.netconvert import run_netconvert
@@ -43,7 +43,7 @@ def prepared_net(source: Path, out: Path) -> None:
         run_netconvert(["-s", str(source.resolve()), *options, "-o", "net.net.xml"], folder)
         net = parse_net(folder / "net.net.xml")
         close_parking(net)
-        mend_overlaps(net)
+        repair_overlaps(net)
         give_programs(net)
         fix_times(net)  # of joint signals, which keep theirs
         write_net(net, out)
