@@ -1,4 +1,4 @@
-"""Where movements through a junction cross: intervals along both, and who goes first."""
+"""Where movements through a junction conflict: the intervals along both, and which one yields."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.roads.polyline import Polyline, distinct
+from foresee_dsl.compile.roads.polyline import Points, Polyline, distinct
 from foresee_dsl.compile.roads.route_line import approach
-from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
+from foresee_dsl.compile.roads.topology import Crossing, LaneKind, Movement, Topology
 
 HALF_WIDTH_M = 1.0
 """Two movements conflict where bands of this half width around their centrelines overlap: a car's body, not its
 lane."""
 APPROACH_M = 60.0
-"""How much of a foe's approach is given (the driver protocol): at 50 km/h a car comes from there in 4.3 s."""
+"""Length of a foe's approach that drivers are given, m (ours: at 50 km/h a car covers it in 4.3 s)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Conflict:
-    """A stream that crosses or joins a movement.
+    """A movement or a pedestrian crossing whose area a movement crosses or joins.
 
     Attributes:
         path: [N, 2] m; of vehicles with their approach. entry_s: where on it they enter the junction.
@@ -50,59 +50,42 @@ def conflicts_of(network: Topology, movement: Movement) -> tuple[Conflict, ...]:
     if own is None:
         return ()
     found: list[Conflict] = []
-    for other in network.movements_at(junction.id):
-        if not junction.conflicts(movement.index, other.index) or not other.kinds - {"pedestrian"}:
+    others: tuple[Movement | Crossing, ...] = (*network.movements_at(junction.id), *network.crossings_at(junction.id))
+    for other in others:
+        way: Polyline | None = None
+        if isinstance(other, Crossing):
+            way, half_width_m = other.lane.line, other.lane.width_m / 2
+        elif junction.conflicts(movement.index, other.index) and other.kinds - {"pedestrian"}:
+            way, half_width_m = _way(network, other), HALF_WIDTH_M
+        overlap = _overlap(own, way, half_width_m) if way is not None else None
+        if way is None or overlap is None:
             continue
-        way = _way(network, other)
-        if way is None:
-            continue
-        kind: LaneKind = "car" if "car" in other.kinds else "bicycle"
-        lane = network.lanes[other.from_lane]
-        line = lane.line
-        before = line.xy[bisect_left(line.marks, line.length_m - APPROACH_M) :]
-        if line.length_m < APPROACH_M:
-            before = (*approach(network, lane, APPROACH_M - line.length_m, kind), *before)
-        entry = Polyline.of(before).length_m
-        overlap = _overlap(own, way)
-        if overlap is not None:
-            path = np.array(distinct((*before, *way.xy)))
-            mine, theirs = overlap
-            found.append(
-                Conflict(
-                    path=path,
-                    entry_s=entry,
-                    own=mine,
-                    other=(entry + theirs[0], entry + theirs[1]),
-                    yields=junction.yields(movement.index, other.index),
-                    pedestrian=False,
-                    tls=other.tls or "",
-                    link=other.link,
-                )
-            )
-    return (*found, *_crossings(network, movement, own))
-
-
-def _crossings(network: Topology, movement: Movement, own: Polyline) -> list[Conflict]:
-    junction = network.junctions[movement.junction]
-    found = []
-    for crossing in network.crossings_at(junction.id):
-        way = crossing.lane.line
-        overlap = _overlap(own, way, crossing.lane.width_m / 2)
-        if overlap is None:
-            continue
+        mine, (first, last) = overlap
+        before = _before(network, other) if isinstance(other, Movement) else ()
+        entry = Polyline.of(before).length_m if before else 0.0
         found.append(
             Conflict(
-                path=way.points,
-                entry_s=0.0,
-                own=overlap[0],
-                other=overlap[1],
-                yields=junction.yields(movement.index, crossing.index),
-                pedestrian=True,
-                tls=crossing.tls or "",
-                link=crossing.link,
+                path=np.array(distinct((*before, *way.xy))) if before else way.points,
+                entry_s=entry,
+                own=mine,
+                other=(entry + first, entry + last),
+                yields=junction.yields(movement.index, other.index),
+                pedestrian=isinstance(other, Crossing),
+                tls=other.tls or "",
+                link=other.link,
             )
         )
-    return found
+    return tuple(found)
+
+
+def _before(network: Topology, movement: Movement) -> Points:
+    """The last `APPROACH_M` before a movement's junction."""
+    kind: LaneKind = "car" if "car" in movement.kinds else "bicycle"
+    lane = network.lanes[movement.from_lane]
+    before = lane.line.xy[bisect_left(lane.line.marks, lane.line.length_m - APPROACH_M) :]
+    if lane.line.length_m < APPROACH_M:
+        before = (*approach(network, lane, APPROACH_M - lane.line.length_m, kind), *before)
+    return before
 
 
 def _way(network: Topology, movement: Movement) -> Polyline | None:
@@ -113,7 +96,7 @@ def _way(network: Topology, movement: Movement) -> Polyline | None:
 
 
 def _overlap(
-    own: Polyline, other: Polyline, other_half_width_m: float = HALF_WIDTH_M
+    own: Polyline, other: Polyline, other_half_width_m: float
 ) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Intervals along both lines where their bands overlap, or None."""
     band = shapely.LineString(own.points).buffer(HALF_WIDTH_M, cap_style="flat")

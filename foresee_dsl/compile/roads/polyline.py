@@ -48,6 +48,17 @@ _NARROW_WINDOW_M, _ON_LINE_M = 2.0, 0.5
 lines turn with a radius of 3 m at least (ours)."""
 
 
+def as_array(field: str) -> cached_property[FloatArray]:
+    """Return a property that is a field as a float64 array, made when it is first used."""
+
+    def convert(line: object) -> FloatArray:
+        import numpy as np
+
+        return np.array(getattr(line, field), dtype=np.float64)
+
+    return cached_property(convert)
+
+
 @dataclass(frozen=True, eq=False)
 class Polyline:
     """A directed polyline.
@@ -74,26 +85,12 @@ class Polyline:
         """The whole length."""
         return self.marks[-1]
 
-    @cached_property
-    def points(self) -> FloatArray:
-        """[N, 2] m: `xy` as an array."""
-        import numpy as np
-
-        return np.array(self.xy, dtype=np.float64)
-
-    @cached_property
-    def s(self) -> FloatArray:
-        """[N] m: `marks` as an array."""
-        import numpy as np
-
-        return np.array(self.marks, dtype=np.float64)
-
-    @cached_property
-    def heading(self) -> FloatArray:
-        """[N] rad: `angles` as an array."""
-        import numpy as np
-
-        return np.array(self.angles, dtype=np.float64)
+    points = as_array("xy")
+    """[N, 2] m."""
+    s = as_array("marks")
+    """[N] m."""
+    heading = as_array("angles")
+    """[N] rad."""
 
     @cached_property
     def curvature(self) -> FloatArray:

@@ -8,15 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.polyline import MERGE_M, STEP_M, XY, Points, Polyline, distance
 from foresee_dsl.compile.roads.routing import RouteError, onward
 from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement, Topology
-
-if TYPE_CHECKING:
-    from foresee_dsl.compile.roads.polyline import FloatArray
 
 CHANGE_AFTER_M = 10.0
 """A lane change begins this far into its edge, m (ours: clear of the junction, and early, as drivers are taught)."""
@@ -71,20 +68,12 @@ class RouteLine(Polyline):
     end_s: float
     pieces: tuple[tuple[float, str], ...]
 
-    @cached_property
-    def speed_limit(self) -> FloatArray:
-        """[N] m/s: `limits` as an array."""
-        return _array(self.limits)
-
-    @cached_property
-    def left_m(self) -> FloatArray:
-        """[N] m: `lefts` as an array."""
-        return _array(self.lefts)
-
-    @cached_property
-    def right_m(self) -> FloatArray:
-        """[N] m: `rights` as an array."""
-        return _array(self.rights)
+    speed_limit = lines.as_array("limits")
+    """[N] m/s."""
+    left_m = lines.as_array("lefts")
+    """[N] m."""
+    right_m = lines.as_array("rights")
+    """[N] m."""
 
     @cached_property
     def _piece_starts(self) -> list[float]:
@@ -349,12 +338,6 @@ def _at_shares(line: Polyline, shares: Sequence[float]) -> list[XY]:
     xs, ys = zip(*line.xy, strict=True)
     at = [share * line.length_m for share in shares]
     return [(lines.interpolate(s, line.marks, xs), lines.interpolate(s, line.marks, ys)) for s in at]
-
-
-def _array(values: Sequence[float]) -> FloatArray:
-    import numpy as np
-
-    return np.array(values, dtype=np.float64)
 
 
 def _free(edge: Edge, lane: Lane, kind: LaneKind) -> tuple[float, float]:

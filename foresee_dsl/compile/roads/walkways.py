@@ -1,4 +1,4 @@
-"""Where people walk: sidewalks, corners and crossings as a graph, and random walks on it."""
+"""Where pedestrians walk: sidewalks, walking areas and crossings as a graph, and random walks on it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 ON_CROSSING_M = 0.05
-"""A path whose points are so near to a crossing's centreline was laid along it (clips round to 1 mm, nets to 1 cm)."""
+"""A path with points this near to a crossing's centreline, m, runs along it (clips round to 1 mm, nets to 1 cm)."""
 
 _End = tuple[str, int]
 """The beginning (0) or end (1) of a footway's centreline; a walking area is (id, -1)."""
@@ -43,7 +43,7 @@ class CrossingPart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A pedestrian's path, m, and its crossings in order."""
+    """A pedestrian's path, m, and the stretches of it that run over crossings, in order."""
 
     points: Points
     crossings: tuple[CrossingPart, ...]
