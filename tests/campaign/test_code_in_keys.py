@@ -30,7 +30,7 @@ EDITS = {
     "simulate/runner.py": ALL,
     "kernels/__init__.py": ALL | {"pdm", "idm", "foresee", "random"},
     "drivers/protocol.py": ALL | {"pdm", "idm"},
-    "drivers/idm/model.py": {"idm"},
+    "drivers/idm/__init__.py": {"idm"},
     "forecast/foresee.py": {"foresee", "random"},
     "forecast/geometry.py": {"mutants", "foresee", "random"},
     "forecast/settings.py": {"forecast", "mutants", "foresee", "random"},
