@@ -1,13 +1,16 @@
-"""Names of the language for things that are called otherwise elsewhere."""
+"""Names, sentences and numbers from other tools, as the language can express them."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 from collections.abc import Collection, Iterable
+from decimal import Decimal
 
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.model import Quantity
+from foresee_dsl.language.units import Dimension
 
 _LONGEST = 40
 """Ours: half of what the language allows, so that campaigns can add to it."""
@@ -18,6 +21,10 @@ _ID = re.compile(rf'[^"\n\r\\]{{1,{_LONGEST_ID}}}')
 """What `language.model.values.Id` allows."""
 _LONGEST_SENTENCE = 300
 """Ours: what is read at a glance."""
+DIGITS = 4
+"""Decimals of metres, m/s and degrees, as in clips: they rebuild a run exactly."""
+_LARGEST = 1e7
+"""In SI: map projections come to 1e7 m (ours)."""
 
 
 def name_of(text: str, otherwise: str) -> str:
@@ -56,9 +63,9 @@ def check_ids(ids: Iterable[str], where: str) -> None:
     """
     for name in ids:
         if not _ID.fullmatch(name):
-            said = f"'{name[:40]}...' ({len(name)} letters)" if len(name) > _LONGEST_ID else repr(name)
+            shown = f"'{name[:40]}...' ({len(name)} letters)" if len(name) > _LONGEST_ID else repr(name)
             raise ExchangeError(
-                f"{where} calls an edge or junction {said}, which the language cannot say: ids have at most "
+                f"{where} calls an edge or junction {shown}, which the language cannot express: ids have at most "
                 f"{_LONGEST_ID} letters, and no double quotes, backslashes or line breaks; rename it there"
             )
 
@@ -71,3 +78,18 @@ def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:
         count += 1
         found = f"{name}_{count}"
     return found
+
+
+def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Quantity:
+    """Return a quantity in the unit of generated files, rounded, without needless zeros.
+
+    Raises:
+        ExchangeError: it is larger than anything that is driven.
+    """
+    if not abs(value_si) <= _LARGEST:
+        raise ExchangeError(f"{value_si:g} is no {dimension} that can be meant")
+    exact = Quantity.of(value_si, dimension, digits)
+    plain = exact.value.normalize()
+    if plain.as_tuple().exponent not in range(-digits, 1):  # 1E+2
+        plain = plain.quantize(Decimal(1))
+    return Quantity(value=plain, unit=exact.unit)

@@ -8,12 +8,20 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import ForeseeError
+
+if TYPE_CHECKING:
+    from foresee_dsl.language.model import Definition
 
 
 class ExchangeError(ForeseeError):
     """A foreign file cannot be read, or not be written as we are asked; the message names the file and what to do."""
+
+
+class NotExpressed(Exception):  # noqa: N818 - no error: it is counted and reported
+    """Something of the source has no counterpart in the other format; the text is what is counted, in words."""
 
 
 @dataclass(frozen=True)
@@ -73,3 +81,10 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
 def _missing(out: Path) -> list[Path]:
     """The folders that have to be made for `out`, the innermost first."""
     return [folder for folder in (out, *out.parents) if not folder.exists()]
+
+
+def write_text(file: Path, model: Definition) -> None:
+    """Write a scenario, network or catalogue in the one layout."""
+    from foresee_dsl.language.printer import print_model
+
+    file.write_text(print_model(model), encoding="utf-8", newline="\n")

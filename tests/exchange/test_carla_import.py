@@ -16,8 +16,8 @@ from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.carla.files import Pose
-from foresee_dsl.exchange.carla.net import prepared_net
-from foresee_dsl.exchange.maps.places_on_net import lanes_at, through_of, way_between
+from foresee_dsl.exchange.carla.importer import prepare_net
+from foresee_dsl.exchange.maps.ways import lanes_at, through_of, way_between
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
@@ -113,7 +113,7 @@ def test_a_case_runs(imported: tuple[Imported, Path], family: str) -> None:
 
 def test_the_net_is_moved_back_and_gets_programs(town: tuple[Path, RoadNetwork], tmp_path: Path) -> None:
     net, network = town
-    prepared_net(net, tmp_path / "Town77.net.xml")
+    prepare_net(net, tmp_path / "Town77.net.xml")
     moved = RoadNetwork.from_net(tmp_path / "Town77.net.xml")
     assert moved.junctions["j4"].x == pytest.approx(network.junctions["j4"].x, abs=0.01)
     assert 'name="ns_go"' in (tmp_path / "Town77.net.xml").read_text()

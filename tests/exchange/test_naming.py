@@ -6,9 +6,8 @@ import re
 
 import pytest
 
-from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name, name_of, sentence
+from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name, name_of, quantity, sentence
 from foresee_dsl.exchange.outcome import ExchangeError
-from foresee_dsl.exchange.values import quantity
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.values import NAME_PATTERN
 

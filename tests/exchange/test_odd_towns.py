@@ -17,10 +17,10 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.carla.files import CarlaRoute, family_of, pose_of, read_routes, read_triggers, town_in
-from foresee_dsl.exchange.carla.journey import journey_of, strays
+from foresee_dsl.exchange.carla.placed_route import place_route, strays
 from foresee_dsl.exchange.maps import opendrive
-from foresee_dsl.exchange.maps.heights import Heights, bridges, flat_notes
-from foresee_dsl.exchange.maps.places_on_net import lanes_at, way_between
+from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
+from foresee_dsl.exchange.maps.ways import lanes_at, way_between
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.loading import bundled_models, load_test_cases
 from tests.support.odd_maps import Road, write_map
@@ -53,8 +53,8 @@ def test_the_road_of_the_right_height_is_meant(overpass: Path) -> None:
     spots = bridges(network, heights)
     assert len(spots) == 4  # two lanes over two
     assert all(math.hypot(one.x, one.y) < 15 for one in spots)
-    assert "(4 pairs of edges)" in flat_notes(spots)[0]
-    assert flat_notes(()) == ()
+    assert "(4 pairs of edges)" in bridge_notes(spots)[0]
+    assert bridge_notes(()) == ()
     place = HIGH.at(150)
     for z, road in ((6.3, "-3"), (0.4, "-7"), (-0.2, "-7")):
         found = lanes_at(network, pose_of(place["x"], place["y"], -15.0, z), heights=heights)
@@ -237,7 +237,7 @@ def test_a_way_that_leaves_the_road_is_found(tmp_path: Path) -> None:
     net = block(tmp_path)
     spec = spec_of(bundled_models()["car.sedan"])
     route = CarlaRoute("1", "", "3", pose_of(-90, 1.6, 0), pose_of(290, 1.6, 0), net, 0)
-    sound = journey_of(RoadNetwork.from_net(net), route, [], spec, in_order=False)
+    sound = place_route(RoadNetwork.from_net(net), route, [], spec, in_order=False)
     assert strays(RoadNetwork.from_net(net), sound) == (0.0, 0.0, 0.0)
     root = ElementTree.parse(net).getroot()
     lane = root.find("edge[@id='short']/lane")
@@ -245,7 +245,7 @@ def test_a_way_that_leaves_the_road_is_found(tmp_path: Path) -> None:
     lane.set("shape", "20.00,-7.60 180.00,-7.60")
     ElementTree.ElementTree(root).write(tmp_path / "broken.net.xml")
     broken = RoadNetwork.from_net(tmp_path / "broken.net.xml")
-    depth_m, x, _ = strays(broken, journey_of(broken, route, [], spec, in_order=False))
+    depth_m, x, _ = strays(broken, place_route(broken, route, [], spec, in_order=False))
     assert depth_m > 0.5
     assert 0 < x < 200
 

@@ -10,7 +10,7 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -33,20 +33,15 @@ _LEVEL_M = 0.5
 """Files in which no place is higher than this say no heights: CARLA's older route files have 0 everywhere (ours)."""
 _DENSE_M = 15.0
 """Places without a yaw that are nearer to the next one than this have its direction (ours: no corner lies between)."""
-_NAMED = {
-    "DynamicObjectCrossing": "3",
-    "ParkingCrossingPedestrian": "3",
-    "PedestrianCrossing": "3",
-    "VehicleTurningRoute": "4",
-    "VehicleTurningRoutePedestrian": "4",
-    "OppositeVehicleRunningRedLight": "7",
-    "OppositeVehicleTakingPriority": "7",
-    "SignalizedJunctionLeftTurn": "8",
-    "NonSignalizedJunctionLeftTurn": "8",
-    "SignalizedJunctionRightTurn": "9",
-    "NonSignalizedJunctionRightTurn": "9",
+_NAMES = {
+    "3": ("DynamicObjectCrossing", "ParkingCrossingPedestrian", "PedestrianCrossing"),
+    "4": ("VehicleTurningRoute", "VehicleTurningRoutePedestrian"),
+    "7": ("OppositeVehicleRunningRedLight", "OppositeVehicleTakingPriority"),
+    "8": ("SignalizedJunctionLeftTurn", "NonSignalizedJunctionLeftTurn"),
+    "9": ("SignalizedJunctionRightTurn", "NonSignalizedJunctionRightTurn"),
 }
-"""The families that newer leaderboards call by names (version 2.0; from memory, not checked)."""
+"""The families' names in leaderboard 2.0 (classes of scenario_runner; which belongs to which family is ours)."""
+_FAMILY_OF = {name: family for family, names in _NAMES.items() for name in names}
 
 
 @dataclass(frozen=True)
@@ -160,7 +155,7 @@ def _route(
 
 def family_of(kind: str) -> str:
     """Return the family of a scenario's type: `Scenario7`, or a name that a newer leaderboard has for it."""
-    return _number(kind) or _NAMED.get(kind, "")
+    return _number(kind) or _FAMILY_OF.get(kind, "")
 
 
 def _points(route: Element) -> Iterator[Element]:
@@ -302,8 +297,3 @@ def _family(path: Path) -> str:
 def _number(text: str) -> str:
     found = _FAMILY.search(text)
     return str(int(found.group(1))) if found else ""
-
-
-def towns(routes: Iterable[CarlaRoute]) -> Iterator[str]:
-    """Return the towns that routes name, each once."""
-    yield from dict.fromkeys(route.town for route in routes if route.town)

@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
+from foresee_dsl.compile.foreign.networks import close_parking, foreign_net, write_net
+from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import read_net_once
-from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.compile.nets.netconvert import run_netconvert
+from foresee_dsl.compile.nets.safe_xml import parse_net, parse_xml
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.exchange.carla.families import STAGED, Row, row_of
 from foresee_dsl.exchange.carla.files import read_routes, read_triggers, read_vtypes, town_of
-from foresee_dsl.exchange.carla.journey import Journey, passes
-from foresee_dsl.exchange.carla.match import Import, journeys_of, of_town
 from foresee_dsl.exchange.carla.models import CATALOGUE, catalogue_of, ego_of, vehicles_of
-from foresee_dsl.exchange.carla.net import prepared_net
-from foresee_dsl.exchange.carla.text import FileOfCases, placed_wrongly, text_of
-from foresee_dsl.exchange.maps.contents import left_out_of, notes_on
-from foresee_dsl.exchange.maps.heights import Heights
+from foresee_dsl.exchange.carla.placed_route import PlacedRoute, passes
+from foresee_dsl.exchange.carla.scenario_files import ScenarioFile, misplaced, text_of
+from foresee_dsl.exchange.carla.staging import STAGED, Case, case_of
+from foresee_dsl.exchange.carla.town import Town, place_routes, routes_in_town
+from foresee_dsl.exchange.maps.bridges import Heights
+from foresee_dsl.exchange.maps.opendrive import left_out_of, notes_on
 from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
 from foresee_dsl.language.model import Catalogue, VehicleModel
 from foresee_dsl.language.project.loading import bundled_models
+
+SIDEWALK_MOST_MPS = 30.0
+"""Roads up to this limit get sidewalks (ours: all of CARLA's towns but for the motorways of Town04 and 05)."""
 
 
 def run(
@@ -55,29 +61,37 @@ def run(
     left_out: Counter[str] = Counter()
     routes = [route for file in route_files for route in read_routes(file, left_out)]
     triggers = [trigger for file in trigger_files for trigger in read_triggers(file, left_out)]
-    routes = of_town(map_file, routes, left_out)
+    routes = routes_in_town(map_file, routes, left_out)
     catalogue = catalogue_of(read_vtypes(vtypes), left_out) if vtypes is not None else None
     found: list[Imported] = []
 
     def write(folder: Path) -> None:
         net = _put_network(map_file, folder)
-        state = _state(net, _models(catalogue), left_out)
-        journeys = journeys_of(state, routes, triggers)
-        files = _files(state, journeys, net.name, catalogue)
-        _write_files(state, files, folder, catalogue)
-        _list_map(state, map_file)
-        cases = sum(len(file.rows) for file in files.values())
-        found.append(Imported((), cases, dict(state.taken), +state.left_out, tuple(state.notes)))
+        town = _town(net, catalogue, left_out)
+        files = _scenario_files(town, place_routes(town, routes, triggers), net.name, catalogue)
+        if not files:
+            raise ExchangeError("no route could be imported: " + (town.notes[0] if town.notes else "there is none"))
+        if catalogue is not None:
+            write_text(folder / CATALOGUE, catalogue)
+            town.taken["blueprints"] += len(vehicles_of(catalogue))
+        for file in files:
+            (folder / f"{file.name}.foresee").write_text(text_of(file), encoding="utf-8", newline="\n")
+        if map_file.suffix == ".xodr":
+            root = parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")
+            parts, _ = read_net_once(foreign_net(map_file), None)
+            town.left_out.update(left_out_of(root, parts))
+            town.notes += notes_on(root, parts)
+        cases = sum(len(file.cases) for file in files)
+        found.append(Imported((), cases, dict(town.taken), +town.left_out, tuple(town.notes)))
 
     files = write_together(out, write)
-    done = found[0]
-    return Imported(files, done.cases, done.taken, done.left_out, done.notes)
+    return replace(found[0], files=files)
 
 
 def _put_network(map_file: Path, folder: Path) -> Path:
     copy = folder / file_name(map_file.name)
     if map_file.name.endswith(".net.xml"):
-        prepared_net(map_file, copy)
+        prepare_net(map_file, copy)
     elif map_file.suffix == ".xodr":
         parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")  # says what is wrong before anything is copied
         shutil.copyfile(map_file, copy)
@@ -86,100 +100,109 @@ def _put_network(map_file: Path, folder: Path) -> Path:
     return copy
 
 
-def _models(catalogue: Catalogue | None) -> dict[str, VehicleModel]:
-    own = {model.name: model for model in catalogue.body if isinstance(model, VehicleModel)} if catalogue else {}
-    return bundled_models() | own
+def prepare_net(source: Path, out: Path) -> None:
+    """Write a net in the coordinates of the map that it was made of, with sidewalks and crossings if it has none.
+
+    Programs of signals are replaced by ours: those of a net that was made of CARLA's map are netconvert's guesses.
+
+    Raises:
+        CompileError: it is no net, or netconvert refuses it.
+        ExchangeError: its offset is no number.
+    """
+    root = parse_net(source)
+    location = root.find("location")
+    offset = location.get("netOffset", "0,0") if location is not None else "0,0"
+    try:
+        x, y = (float(part) for part in offset.split(","))
+    except ValueError as err:
+        raise ExchangeError(f"{source} has a netOffset that is no pair of numbers") from err
+    options = ["--offset.disable-normalization", "true", "--offset.x", f"{-x}", "--offset.y", f"{-y}"]
+    if not any(lane.get("allow") == "pedestrian" for lane in root.iter("lane")):
+        options += ["--sidewalks.guess", "true", "--sidewalks.guess.max-speed", f"{SIDEWALK_MOST_MPS}"]
+    options += ["--crossings.guess", "true", "--no-turnarounds.except-deadend", "true", "--no-warnings", "true"]
+    with tempfile.TemporaryDirectory(prefix="foresee-net-") as name:
+        folder = Path(name)
+        run_netconvert(["-s", str(source.resolve()), *options, "-o", "net.net.xml"], folder)
+        net = parse_net(folder / "net.net.xml")
+        close_parking(net)
+        repair_overlaps(net)
+        give_programs(net)
+        fix_times(net)  # of joint signals, which keep theirs
+        write_net(net, out)
 
 
-def _state(net: Path, models: Mapping[str, VehicleModel], left_out: Counter[str]) -> Import:
+def _town(net: Path, catalogue: Catalogue | None, left_out: Counter[str]) -> Town:
+    models = bundled_models()
+    if catalogue is not None:
+        models |= {model.name: model for model in catalogue.body if isinstance(model, VehicleModel)}
     net_file = foreign_net(net)
     parts, signals = read_net_once(net_file, None)
     network = RoadNetwork.of(parts)
     if not any(edge.for_kind("car") for edge in network.edges.values()):
         raise ExchangeError(f"{net.name} has no lanes for cars: nobody could drive on it")
     check_ids((*network.edges, *network.junctions), net.name)
-    return Import(network, signals, Heights.of(net_file), spec_of(models[ego_of(models)]), left_out)
+    return Town(network, signals, Heights.of(net_file), spec_of(models[ego_of(models)]), left_out)
 
 
-def _files(state: Import, journeys: Sequence[Journey], net: str, catalogue: Catalogue | None) -> dict[str, FileOfCases]:
+def _scenario_files(
+    town: Town, routes: Sequence[PlacedRoute], net: str, catalogue: Catalogue | None
+) -> list[ScenarioFile]:
     """Sort the cases into files by name: a family, and where need be what of it has no signal or nothing staged."""
-    rows: dict[str, list[Row]] = {}
+    cases: dict[str, list[Case]] = {}
     sources: dict[str, dict[str, None]] = {}
     names: dict[str, set[str]] = {}
     count: Counter[str] = Counter()
-    for journey in journeys:
-        family = journey.route.family
+    for route in routes:
+        family = route.route.family
         taken = names.setdefault(family, set())
-        name = distinct_name(f"route_{journey.route.id}", "route", taken)
+        name = distinct_name(f"route_{route.route.id}", "route", taken)
         taken.add(name)
-        row = _row(state, journey, name, count[family], net, catalogue)
-        if row is None:
-            state.left_out["routes that the compiler cannot place"] += 1
+        case = _case(town, route, name, count[family], net, catalogue)
+        if case is None:
+            town.left_out["routes that the compiler cannot place"] += 1
             continue
         count[family] += 1
-        rows.setdefault(_file_name(row), []).append(row)
-        sources.setdefault(_file_name(row), {})[journey.route.file.name] = None
-    _tell_families(state, [row for found in rows.values() for row in found])
-    return {
-        name: FileOfCases(name, net, tuple(found), catalogue, tuple(sources[name]), town_of(Path(net)))
-        for name, found in sorted(rows.items())
-    }
+        cases.setdefault(_file_name(case), []).append(case)
+        sources.setdefault(_file_name(case), {})[route.route.file.name] = None
+    _report_families(town, [case for found in cases.values() for case in found])
+    return [
+        ScenarioFile(name, net, tuple(found), catalogue, tuple(sources[name]), town_of(Path(net)))
+        for name, found in sorted(cases.items())
+    ]
 
 
-def _tell_families(state: Import, rows: Sequence[Row]) -> None:
-    count = Counter(row.family for row in rows)
+def _report_families(town: Town, cases: Sequence[Case]) -> None:
+    count = Counter(case.family for case in cases)
     for family, number in sorted(count.items(), key=lambda item: item[0].zfill(3)):
-        state.taken[f"routes of family {family}" if family else "routes without a family"] += number
+        town.taken[f"routes of family {family}" if family else "routes without a family"] += number
         if family not in STAGED:
-            state.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
-    unstaged = sum(row.variant == "open" and row.family in STAGED for row in rows)
-    state.left_out["routes on which there is no place for their family's behaviour"] += unstaged
-    state.left_out["routes over or under another road (the world is flat: they have no traffic)"] += sum(
-        row.bridge for row in rows
-    )
-    if not state.has_sidewalks:
-        state.notes.append("the map has no sidewalks: besides those of the families nobody walks around")
+            town.left_out[f"behaviour of Scenario{family or '?'}, which we do not know"] += number
+    unstaged = sum(case.variant == "open" and case.family in STAGED for case in cases)
+    town.left_out["routes on which there is no place for their family's behaviour"] += unstaged
+    bridged = sum(case.bridge for case in cases)
+    town.left_out["routes over or under another road (the world is flat: they have no traffic)"] += bridged
+    if not town.has_sidewalks:
+        town.notes.append("the map has no sidewalks: besides those of the families nobody walks around")
 
 
-def _row(state: Import, journey: Journey, name: str, number: int, net: str, catalogue: Catalogue | None) -> Row | None:
-    """The case of a route: staged where the compiler finds a place for everybody, else open; None for neither.
+def _case(town: Town, route: PlacedRoute, name: str, number: int, net: str, catalogue: Catalogue | None) -> Case | None:
+    """The case of a route: staged where the compiler finds a place for every actor, else open; None for neither.
 
-    Where there are no sidewalks nobody walks around.
+    Where there are no sidewalks there is no background traffic on foot.
     """
-    bridge = passes(journey, state.bridges)
+    bridge = passes(route, town.bridges)
     for staged in (True, False):
-        row = row_of(state.network, state.signals, journey, name=name, number=number, staged=staged)
-        row = replace(row, bridge=bridge, walkers=state.has_sidewalks)
-        file = FileOfCases(_file_name(row), net, (row,), catalogue, (), "")
-        if not placed_wrongly(file, state.network, state.signals):
-            return row
+        case = case_of(town.network, town.signals, route, name=name, number=number, staged=staged)
+        case = replace(case, bridge=bridge, walkers=town.has_sidewalks)
+        file = ScenarioFile(_file_name(case), net, (case,), catalogue, (), "")
+        if not misplaced(file, town.network, town.signals):
+            return case
     return None
 
 
-def _file_name(row: Row) -> str:
-    family = f"scenario{row.family}" if row.family else "routes"
-    name = f"{family}_{row.variant}" if row.variant and row.family in STAGED else family
-    at_junction = row.family in STAGED and row.variant in ("", "walker") and row.family != "3"
-    name = f"{name}_no_signal" if at_junction and not row.signal else name
-    return f"{name}_bridge" if row.bridge else name
-
-
-def _write_files(state: Import, files: Mapping[str, FileOfCases], folder: Path, catalogue: Catalogue | None) -> None:
-    from foresee_dsl.language.printer import print_model
-
-    if not files:
-        raise ExchangeError("no route could be imported: " + (state.notes[0] if state.notes else "there is none"))
-    if catalogue is not None:
-        (folder / CATALOGUE).write_text(print_model(catalogue), encoding="utf-8", newline="\n")
-        state.taken["blueprints"] += len(vehicles_of(catalogue))
-    for name, file in files.items():
-        (folder / f"{name}.foresee").write_text(text_of(file), encoding="utf-8", newline="\n")
-
-
-def _list_map(state: Import, map_file: Path) -> None:
-    if map_file.suffix != ".xodr":
-        return
-    root = parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")
-    parts, _ = read_net_once(foreign_net(map_file), None)
-    state.left_out.update(left_out_of(root, parts))
-    state.notes += notes_on(root, parts)
+def _file_name(case: Case) -> str:
+    family = f"scenario{case.family}" if case.family else "routes"
+    name = f"{family}_{case.variant}" if case.variant and case.family in STAGED else family
+    at_junction = case.family in STAGED and case.variant in ("", "walker") and case.family != "3"
+    name = f"{name}_no_signal" if at_junction and not case.signal else name
+    return f"{name}_bridge" if case.bridge else name

@@ -5,32 +5,22 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 from foresee_dsl.exchange.naming import distinct_name
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
 
 CATALOGUE = "carla_models.foresee"
 """The catalogue's file."""
-_CLASSES = MappingProxyType(
-    {
-        "passenger": "car",
-        "evehicle": "car",
-        "taxi": "car",
-        "authority": "car",
-        "private": "car",
-        "emergency": "van",
-        "delivery": "van",
-        "truck": "truck",
-        "trailer": "truck",
-        "bus": "bus",
-        "coach": "bus",
-        "motorcycle": "motorcycle",
-        "moped": "motorcycle",
-        "bicycle": "bicycle",
-        "pedestrian": "pedestrian",
-    }
-)
+_SUMO_CLASSES = {
+    "car": ("passenger", "evehicle", "taxi", "authority", "private"),
+    "van": ("emergency", "delivery"),
+    "truck": ("truck", "trailer"),
+    "bus": ("bus", "coach"),
+    "motorcycle": ("motorcycle", "moped"),
+    "bicycle": ("bicycle",),
+    "pedestrian": ("pedestrian",),
+}
+_CLASSES = {sumo: ours for ours, classes in _SUMO_CLASSES.items() for sumo in classes}
 """Our class for each of SUMO's vehicle classes."""
 _EGO = ("car.lincoln_mkz2017", "car.lincoln_mkz", "car.tesla_model3", "car.sedan")
 """Who drives as the ego, the first that there is: CARLA's leaderboard drives a Lincoln MKZ (from memory,

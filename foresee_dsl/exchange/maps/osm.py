@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.foreign_xml import read_xml
-from foresee_dsl.exchange.maps.sumo import NET, with_starter
-from foresee_dsl.exchange.naming import name_of, sentence
+from foresee_dsl.exchange.maps.sumo import NET, counts, with_starter
+from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 
 if TYPE_CHECKING:
@@ -68,8 +68,14 @@ def run(file: Path, *, out: Path) -> Imported:
         raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
     notes = ("signals without known times have netconvert's fixed programs of 90 s; sidewalks and crossings that OSM "
              "does not say are guessed",)  # fmt: skip
-    doc = sentence(f"A first drive on {file.name}, (c) OpenStreetMap contributors.")
-    return with_starter(net, name, out, doc=doc, left_out=_left_out(root), notes=notes)
+    return with_starter(
+        net,
+        f"{name}{NET}",
+        name,
+        out,
+        source=f"{file.name}, (c) OpenStreetMap contributors",
+        contents=lambda parts: (counts(parts), _left_out(root), notes),
+    )
 
 
 def _converted(root: Element) -> bytes:

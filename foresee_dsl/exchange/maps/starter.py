@@ -13,27 +13,10 @@ from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.exchange.maps.heights import Heights, bridges
+from foresee_dsl.exchange.maps.bridges import Heights, bridges
 from foresee_dsl.exchange.naming import check_ids
 from foresee_dsl.exchange.outcome import ExchangeError
-from foresee_dsl.language.model import (
-    AlongEdge,
-    Doc,
-    EdgeRoute,
-    Ego,
-    End,
-    Expect,
-    GoalAt,
-    Predicate,
-    Quantity,
-    Scenario,
-    ScenarioItem,
-    StartAt,
-    StartSpeed,
-    Tags,
-    Traffic,
-    UseNetwork,
-)
+from foresee_dsl.language import model as m
 
 SHORTEST_M, LONGEST_M = 150.0, 400.0
 """How long the ego's way is: from a whole approach and exit to what takes about a minute (ours)."""
@@ -77,7 +60,7 @@ class Way:
     slowest_mps: float
 
 
-def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scenario, Way]:
+def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[m.Scenario, Way]:
     """Return a scenario that runs on a network, and the way that its ego takes.
 
     Args:
@@ -97,17 +80,17 @@ def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[Scena
     way = best_way(roads, frozenset(read_signals(net, None)), over)
     if way is None:
         raise ExchangeError(f"{net_file.name} has no way of {SHORTEST_M:.0f} m for a car: a larger map is needed")
-    body: list[ScenarioItem] = [
-        Doc(text=doc),
-        Tags(names=("starter",)),
-        UseNetwork(path=network),
+    body: list[m.ScenarioItem] = [
+        m.Doc(text=doc),
+        m.Tags(names=("starter",)),
+        m.UseNetwork(path=network),
         _ego(roads, way),
         *_traffic(roads),
-        Expect(mode="never", condition=Predicate(what="collision", actor="ego")),
-        Expect(mode="eventually", condition=Predicate(what="arrived", actor="ego")),
-        End(after=Quantity.of(_end_s(way), "time", 0)),
+        m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")),
+        m.Expect(mode="eventually", condition=m.Predicate(what="arrived", actor="ego")),
+        m.End(after=m.Quantity.of(_end_s(way), "time", 0)),
     ]
-    return Scenario(name=name, body=tuple(body)), way
+    return m.Scenario(name=name, body=tuple(body)), way
 
 
 def best_way(roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset()) -> Way | None:
@@ -204,20 +187,20 @@ def _end_s(way: Way) -> float:
     return math.ceil((way.free_s / _SLOW + _WAITING_S * (len(way.signals) + 0.5)) / 10) * 10
 
 
-def _ego(roads: RoadNetwork, way: Way) -> Ego:
+def _ego(roads: RoadNetwork, way: Way) -> m.Ego:
     limit = roads.edges[way.edges[0]].drivable[0].speed_mps
-    return Ego(
+    return m.Ego(
         model="car.sedan",
         body=(
-            EdgeRoute(edges=way.edges),
-            StartAt(place=AlongEdge(edge=way.edges[0], at=Quantity.of(way.start_m, "length", 0))),
-            StartSpeed(speed=Quantity.of(min(limit / 2, 8.0), "speed", 1)),
-            GoalAt(place=AlongEdge(edge=way.edges[-1], at=Quantity.of(way.goal_m, "length", 0))),
+            m.EdgeRoute(edges=way.edges),
+            m.StartAt(place=m.AlongEdge(edge=way.edges[0], at=m.Quantity.of(way.start_m, "length", 0))),
+            m.StartSpeed(speed=m.Quantity.of(min(limit / 2, 8.0), "speed", 1)),
+            m.GoalAt(place=m.AlongEdge(edge=way.edges[-1], at=m.Quantity.of(way.goal_m, "length", 0))),
         ),
     )
 
 
-def _traffic(roads: RoadNetwork) -> list[Traffic]:
+def _traffic(roads: RoadNetwork) -> list[m.Traffic]:
     vehicles = ["car.compact", "car.suv", "van.delivery", "motorcycle.street"]
     if any("bicycle" in lane.kinds for lane in roads.lanes.values()):
         vehicles.append("bicycle.city")
@@ -227,11 +210,11 @@ def _traffic(roads: RoadNetwork) -> list[Traffic]:
     return found
 
 
-def _around(name: str, count: int, models: Sequence[str], seed: int) -> Traffic:
-    return Traffic(
+def _around(name: str, count: int, models: Sequence[str], seed: int) -> m.Traffic:
+    return m.Traffic(
         name=name,
-        count=Quantity.of(count, "count", 0),
+        count=m.Quantity.of(count, "count", 0),
         models=tuple(models),
-        within=Quantity.of(_ROUND_M, "length", 0),
-        seed=Quantity.of(seed, "count", 0),
+        within=m.Quantity.of(_ROUND_M, "length", 0),
+        seed=m.Quantity.of(seed, "count", 0),
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import tostring  # no parsing: that is foreign_xml's
 
@@ -11,14 +13,16 @@ from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import without_header
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.exchange.foreign_xml import read_xml
-from foresee_dsl.exchange.maps.heights import Heights, bridges, flat_notes
-from foresee_dsl.exchange.maps.starter import Way, starter
+from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
+from foresee_dsl.exchange.maps.starter import starter
 from foresee_dsl.exchange.naming import name_of, sentence
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
-from foresee_dsl.language.printer import print_model
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
 
 NET = ".net.xml"
+Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
+"""What a map holds: what is taken over, what is left out (both with counts), and notes on what was guessed."""
 
 
 def run(file: Path, *, out: Path) -> Imported:
@@ -40,50 +44,49 @@ def run(file: Path, *, out: Path) -> Imported:
         }
     )
     data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(file.read_bytes())
-    return with_starter(data, name, out, doc=sentence(f"A first drive on {file.name}."), left_out=left_out)
+    return with_starter(
+        data, f"{name}{NET}", name, out, source=file.name, contents=lambda parts: (counts(parts), left_out, ())
+    )
 
 
 def with_starter(
-    net: bytes, name: str, out: Path, *, doc: str, left_out: Counter[str], notes: tuple[str, ...] = ()
+    data: bytes, file: str, name: str, out: Path, *, source: str, contents: Callable[[Topology], Contents]
 ) -> Imported:
-    """Write a net and a scenario that runs on it, together or not at all.
+    """Write a network and the scenario `NAME.foresee` that runs on it, together or not at all.
 
     Args:
-        net: the net file's bytes. name: of both files. out: the folder.
-        doc: the scenario's sentence. left_out, notes: see `Imported`.
+        data: the network file's bytes. file: its name. name: the scenario's. out: the folder.
+        source: what it was made of, for the scenario's sentence.
+        contents: what there is to say of the net that is made of it.
 
     Raises:
         ExchangeError: nobody could drive on it, or `out` cannot be written.
         CompileError: it is not complete.
     """
-    found: list[tuple[Way, dict[str, int]]] = []
+    found: list[Imported] = []
 
     def write(folder: Path) -> None:
-        file = folder / f"{name}{NET}"
-        file.write_bytes(net)
-        scenario, way = starter(file, name=name, network=file.name, doc=doc)
-        (folder / f"{name}.foresee").write_text(print_model(scenario), encoding="utf-8", newline="\n")
-        found.append((way, _counts(file)))
+        (folder / file).write_bytes(data)
+        scenario, way = starter(folder / file, name=name, network=file, doc=sentence(f"A first drive on {source}."))
+        write_text(folder / f"{name}.foresee", scenario)
+        net = foreign_net(folder / file)
+        parts = read_net(net)
+        taken, left_out, notes = contents(parts)
+        over = (
+            f" over the signal of {', '.join(way.signals)}"
+            if way.signals
+            else ", over no signal: there is none on a way"
+        )
+        drive = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
+        flat = bridge_notes(bridges(RoadNetwork.of(parts), Heights.of(net)))
+        found.append(Imported((), 1, taken, +left_out, (drive, *notes, *flat)))
 
     files = write_together(out, write)
-    way, taken = found[0]
-    over = (
-        f" over the signal of {', '.join(way.signals)}" if way.signals else ", over no signal: there is none on a way"
-    )
-    said = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
-    return Imported(
-        files=files, cases=1, taken=taken, left_out=+left_out, notes=(said, *notes, *_flat_notes(out / f"{name}{NET}"))
-    )
+    return replace(found[0], files=files)
 
 
-def _flat_notes(file: Path) -> tuple[str, ...]:
-    net = foreign_net(file)
-    return flat_notes(bridges(RoadNetwork.of(read_net(net)), Heights.of(net)))
-
-
-def _counts(file: Path) -> dict[str, int]:
-    """Return what a network has, in words."""
-    parts = read_net(foreign_net(file))
+def counts(parts: Topology) -> dict[str, int]:
+    """Return what a net has, in words."""
     open_to = [edge for edge in parts.edges.values() if edge.for_kind("car")]
     return {
         "edges for cars": len(open_to),

@@ -8,22 +8,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.naming import quantity
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
-from foresee_dsl.exchange.openscenario.reading.motion import Pace
-from foresee_dsl.exchange.openscenario.reading.places import NotExpressed
-from foresee_dsl.exchange.openscenario.reading.story import Event
-from foresee_dsl.exchange.values import quantity as _quantity
-from foresee_dsl.language.model import (
-    Action,
-    ChangesLane,
-    ChangesSpeed,
-    Comparison,
-    Condition,
-    Measure,
-    Then,
-    Wait,
-    When,
-)
+from foresee_dsl.exchange.openscenario.reading.storyboard import Event
+from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
+from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.language import model as m
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
@@ -33,41 +23,41 @@ _FRAME_S = 0.05
 
 
 @dataclass
-class Player:
+class EntityState:
     """What is known of an entity while its actions are read.
 
     Attributes:
-        entity: who. speed_mps: what it drives as far as is known, m/s. lane: its lane's id, if its place names one.
-        pace: the speeds of its trajectory; told once the trajectory begins.
+        speed_mps: what it drives as far as is known, m/s. lane: its lane's id, if its place names one.
+        profile: the speeds of its trajectory; actions follow it once the trajectory begins.
     """
 
     entity: Entity
     speed_mps: float | None = None
     lane: int | None = None
-    pace: Pace | None = None
+    profile: SpeedProfile | None = None
 
 
 @dataclass
-class Writer:
-    """Makes triggers of events; what cannot be said is counted in `left_out`."""
+class TriggerBuilder:
+    """Makes triggers of events; what has no counterpart is counted in `left_out`."""
 
-    players: Mapping[str, Player]
+    states: Mapping[str, EntityState]
     left_out: Counter[str]
     _used: set[str] = field(default_factory=set)
 
-    def whens(self, events: Sequence[Event]) -> tuple[When, ...]:
+    def whens(self, events: Sequence[Event]) -> tuple[m.When, ...]:
         """Return a trigger for each event in which anything is left."""
         found = []
         for event in events:
             actions = self._block(event)
             if actions:
-                condition = event.condition or _from_the_start()
+                condition = event.condition or from_the_start()
                 repeat: Literal["every"] | None = "every" if event.every and event.condition is not None else None
-                found.append(When(repeat=repeat, condition=condition, actions=tuple(actions)))
+                found.append(m.When(repeat=repeat, condition=condition, actions=tuple(actions)))
         return tuple(found)
 
-    def _block(self, event: Event) -> list[Action]:
-        actions: list[Action] = [a for kind in event.actions for ref in event.refs for a in self._act(kind, ref)]
+    def _block(self, event: Event) -> list[m.Action]:
+        actions: list[m.Action] = [a for kind in event.actions for ref in event.refs for a in self._act(kind, ref)]
         for other in event.at_start:
             if other.condition is None:
                 actions += self._block(other)
@@ -75,124 +65,124 @@ class Writer:
                 self.left_out["events that wait for another's start and a condition"] += 1
         actions += self._afterwards(event.at_end)
         if event.delay_s > 0 and actions:
-            actions = [Wait(duration=_quantity(event.delay_s, "time")), Then(actions=tuple(actions))]
+            actions = [m.Wait(duration=quantity(event.delay_s, "time")), m.Then(actions=tuple(actions))]
         return actions
 
-    def _afterwards(self, events: Sequence[Event]) -> list[Action]:
+    def _afterwards(self, events: Sequence[Event]) -> list[m.Action]:
         """Return the blocks of events that wait for another's end: those without a condition together, one with."""
         plain = [a for event in events if event.condition is None for a in self._block(event)]
-        found: list[Action] = [Then(actions=tuple(plain))] if plain else []
+        found: list[m.Action] = [m.Then(actions=tuple(plain))] if plain else []
         conditional = [event for event in events if event.condition is not None]
         if conditional and (block := self._block(conditional[0])):
-            found.append(Then(condition=conditional[0].condition, actions=tuple(block)))
+            found.append(m.Then(condition=conditional[0].condition, actions=tuple(block)))
         if len(conditional) > 1:
             self.left_out["events that wait for the same end, with conditions of their own"] += len(conditional) - 1
         return found
 
-    def _act(self, kind: Element, ref: str) -> Iterator[Action]:
+    def _act(self, kind: Element, ref: str) -> Iterator[m.Action]:
         try:
             yield from self._action(kind, ref)
         except NotExpressed as err:
             self.left_out[str(err)] += 1
 
-    def _action(self, kind: Element, ref: str) -> list[Action]:
+    def _action(self, kind: Element, ref: str) -> list[m.Action]:
         inner = next(iter(kind), None)
         if kind.tag != "PrivateAction" or inner is None:
             raise NotExpressed(f"actions: {inner.tag if inner is not None else kind.tag}")
-        player = self.players.get(ref)
-        if player is None:
+        state = self.states.get(ref)
+        if state is None:
             raise NotExpressed("actions of entities that were left out")
         what = next(iter(inner), None)
         tag = inner.tag if what is None else what.tag
         if tag in ROUTING:
-            return self._follows(player) if tag == "FollowTrajectoryAction" else []
-        if player.entity.name == "ego":
+            return self._follows(state) if tag == "FollowTrajectoryAction" else []
+        if state.entity.name == "ego":
             raise NotExpressed(f"actions of the ego, whose driver decides: {tag}")
         if what is not None and tag == "SpeedAction":
-            return [self._speed(what, player)]
+            return [self._speed(what, state)]
         if what is not None and tag == "SpeedProfileAction":
-            return self._profile(what, player)
+            return self._profile(what, state)
         if what is not None and tag == "LaneChangeAction":
-            return self._lane(what, player)
+            return self._lane(what, state)
         raise NotExpressed(f"actions: {tag}")
 
-    def _follows(self, player: Player) -> list[Action]:
+    def _follows(self, state: EntityState) -> list[m.Action]:
         """Return the changes of speed along a trajectory, once."""
-        if player.pace is None or player.entity.ref in self._used:
+        if state.profile is None or state.entity.ref in self._used:
             return []
-        self._used.add(player.entity.ref)
-        return paced(player.entity.name, player.pace)
+        self._used.add(state.entity.ref)
+        return speed_changes(state.entity.name, state.profile)
 
-    def _speed(self, action: Element, player: Player) -> Action:
+    def _speed(self, action: Element, state: EntityState) -> m.Action:
         target = action.find("SpeedActionTarget/AbsoluteTargetSpeed")
-        was = player.speed_mps
+        was = state.speed_mps
         if target is not None:
             to = number(target, "value")
         else:
             to = self._relative(action.find("SpeedActionTarget/RelativeTargetSpeed"))
-        player.speed_mps = to = max(to, 0.0)
+        state.speed_mps = to = max(to, 0.0)
         over = _over(action.find("SpeedActionDynamics"), was, to)
-        return _changes(player.entity.name, to, over)
+        return _changes(state.entity.name, to, over)
 
     def _relative(self, target: Element | None) -> float:
         if target is None:
             raise NotExpressed("actions: SpeedAction (without a target)")
-        other = self.players.get(target.get("entityRef", ""))
+        other = self.states.get(target.get("entityRef", ""))
         if other is None or other.speed_mps is None or target.get("continuous") == "true":
             raise NotExpressed("actions: SpeedAction (relative to a speed that is not known)")
         value = number(target, "value")
         return other.speed_mps * value if target.get("speedTargetValueType") == "factor" else other.speed_mps + value
 
-    def _profile(self, action: Element, player: Player) -> list[Action]:
+    def _profile(self, action: Element, state: EntityState) -> list[m.Action]:
         if action.get("entityRef"):
             raise NotExpressed("actions: SpeedProfileAction (relative)")
-        found: list[Action] = []
+        found: list[m.Action] = []
         for entry in action.iterfind("SpeedProfileEntry"):
             to = max(number(entry, "speed"), 0.0)
             took = number(entry, "time", 0.0) if entry.get("time") else None
-            change = _changes(player.entity.name, to, took)
-            found.append(Then(actions=(change,)) if found else change)
-            player.speed_mps = to
+            change = _changes(state.entity.name, to, took)
+            found.append(m.Then(actions=(change,)) if found else change)
+            state.speed_mps = to
         if not found:
             raise NotExpressed("actions: SpeedProfileAction (empty)")
         return found
 
-    def _lane(self, action: Element, player: Player) -> list[Action]:
+    def _lane(self, action: Element, state: EntityState) -> list[m.Action]:
         relative = action.find("LaneChangeTarget/RelativeTargetLane")
         absolute = action.find("LaneChangeTarget/AbsoluteTargetLane")
-        if relative is not None and relative.get("entityRef") in (None, player.entity.ref):
+        if relative is not None and relative.get("entityRef") in (None, state.entity.ref):
             by = round(number(relative, "value"))
-        elif absolute is not None and player.lane is not None:
+        elif absolute is not None and state.lane is not None:
             target = round(number(absolute, "value"))
-            by = target - player.lane if player.lane < 0 else player.lane - target
-            player.lane = target
+            by = target - state.lane if state.lane < 0 else state.lane - target
+            state.lane = target
         else:
             raise NotExpressed("actions: LaneChangeAction (relative to somebody, or from an unknown lane)")
         if not by:
             return []
         self.left_out["durations of lane changes (1 m/s sideways is driven)"] += 1
-        change = ChangesLane(actor=player.entity.name, side="left" if by > 0 else "right")
-        return [change, *(Then(actions=(change,)) for _ in range(abs(by) - 1))]
+        change = m.ChangesLane(actor=state.entity.name, side="left" if by > 0 else "right")
+        return [change, *(m.Then(actions=(change,)) for _ in range(abs(by) - 1))]
 
 
-def paced(name: str, pace: Pace) -> list[Action]:
+def speed_changes(name: str, profile: SpeedProfile) -> list[m.Action]:
     """Return changes of speed one after the other; times are rounded to the simulation's steps."""
-    times = [round(t / _FRAME_S) for t in pace.time_s]
-    found: list[Action] = []
+    times = [round(t / _FRAME_S) for t in profile.time_s]
+    found: list[m.Action] = []
     if times[0] > 0:
-        found.append(Wait(duration=_quantity(times[0] * _FRAME_S, "time")))
+        found.append(m.Wait(duration=quantity(times[0] * _FRAME_S, "time")))
     for k in range(1, len(times)):
         steps = times[k] - times[k - 1]
         if steps <= 0:
             continue
-        change = _changes(name, pace.speed_mps[k], steps * _FRAME_S)
-        found.append(Then(actions=(change,)) if found else change)
+        change = _changes(name, profile.speed_mps[k], steps * _FRAME_S)
+        found.append(m.Then(actions=(change,)) if found else change)
     return found
 
 
-def _changes(name: str, to: float, over_s: float | None) -> ChangesSpeed:
-    over = _quantity(over_s, "time") if over_s else None
-    return ChangesSpeed(actor=name, to=_quantity(to, "speed"), over=over)
+def _changes(name: str, to: float, over_s: float | None) -> m.ChangesSpeed:
+    over = quantity(over_s, "time") if over_s else None
+    return m.ChangesSpeed(actor=name, to=quantity(to, "speed"), over=over)
 
 
 def _over(dynamics: Element | None, was: float | None, to: float) -> float | None:
@@ -211,5 +201,6 @@ def _over(dynamics: Element | None, was: float | None, to: float) -> float | Non
     return 2 * value / (to + known) if to + known > 0 else None
 
 
-def _from_the_start() -> Condition:
-    return Comparison(left=Measure(what="time"), op=">=", right=_quantity(0.0, "time"))
+def from_the_start() -> m.Condition:
+    """Return the condition that holds from the beginning."""
+    return m.Comparison(left=m.Measure(what="time"), op=">=", right=quantity(0.0, "time"))

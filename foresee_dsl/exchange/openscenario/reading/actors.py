@@ -1,10 +1,9 @@
-"""Entities with their places, speeds and ways as actors of the language."""
+"""Entities with their places, speeds and routes as actors of the language."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -12,66 +11,51 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.actor_checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.topology import LaneKind
+from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.openscenario.reading.actions import Player, paced
+from foresee_dsl.exchange.naming import quantity
+from foresee_dsl.exchange.openscenario.reading.actions import EntityState, from_the_start, speed_changes
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
-from foresee_dsl.exchange.openscenario.reading.motion import (
-    Pace,
-    Track,
+from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.source import Source
+from foresee_dsl.exchange.openscenario.reading.trajectories import (
+    SpeedProfile,
+    Trajectory,
     nearest,
-    pace_of,
     path_of,
-    read_track,
+    read_trajectory,
     route_through,
+    speed_profile,
     straight_on,
     thinned,
 )
-from foresee_dsl.exchange.openscenario.reading.places import NotExpressed, Places
-from foresee_dsl.exchange.openscenario.reading.source import Source
-from foresee_dsl.exchange.values import quantity as _quantity
-from foresee_dsl.language.model import (
-    Action,
-    Actor,
-    ActorItem,
-    Comparison,
-    CruiseSpeed,
-    EdgeRoute,
-    Ego,
-    GoalAt,
-    IgnoresRule,
-    Measure,
-    Path,
-    Point,
-    State,
-    Stops,
-    When,
-)
+from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.language import model as m
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
 
 _WALK_M = 60.0
-"""Who walks without a given way goes straight on for so long (ours: the run's usual minute at 1 m/s)."""
+"""A pedestrian without a given way goes straight on for so long (ours: the run's usual minute at 1 m/s)."""
 _OFF_ROAD_M = 200.0
 """The same for a vehicle off the lanes."""
 _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
 _CRAWLS_MPS = 0.05
-"""Who is slower at the end of a trajectory stops there (ours)."""
+"""An actor that is slower at the end of its trajectory stops there (ours)."""
 
 
 @dataclass(frozen=True)
-class Made:
+class BuiltActor:
     """An actor, and triggers that belong to it."""
 
-    statement: Ego | Actor
-    whens: tuple[When, ...] = ()
+    statement: m.Ego | m.Actor
+    whens: tuple[m.When, ...] = ()
 
 
 @dataclass
-class Actors:
-    """Makes actors of entities on a network; what cannot be said is counted in `left_out`, and told in `notes`."""
+class ActorBuilder:
+    """Makes actors of entities on a network; what has no counterpart is counted in `left_out`, guesses are `notes`."""
 
     source: Source
     network: RoadNetwork
@@ -79,19 +63,20 @@ class Actors:
     left_out: Counter[str]
     notes: dict[str, None] = field(default_factory=dict)
 
-    def actor(
-        self, entity: Entity, player: Player, routing: Element | None, *, at_start: bool, acts: bool
-    ) -> Made | None:
-        """Return an entity as an actor, or None where it is nowhere.
+    def actor(self, state: EntityState, routing: Element | None, *, at_start: bool, acts: bool) -> BuiltActor | None:
+        """Return an entity as an actor, or None where it has no place on the network.
 
         Args:
-            entity: who. player: gets the speeds of its trajectory, if an event is to start that.
+            state: the entity; gets the speeds of its trajectory, if an event is to start that.
             routing: its route, target or trajectory. at_start: that is its way from the beginning.
-            acts: an event is about it; who does not act and does not move only stands there.
+            acts: an event is about it; an entity that neither acts nor moves is only placed.
         """
+        entity = state.entity
         try:
-            middle = self._middle(entity)
-            track = self._track(entity, routing)
+            middle = _ahead(self.places.initial(entity.ref), entity.centre_m)
+            if not self._near_roads(middle):
+                raise NotExpressed("entities off the road network")
+            track = self._trajectory(entity, routing)
             path = path_of(track) if track is not None else []
             if self.network.far_from_lanes(path, _NEAR_M) is not None:
                 raise NotExpressed("entities whose trajectories leave the road network")
@@ -99,183 +84,144 @@ class Actors:
             self.left_out[str(err)] += 1
             return None
         if entity.name == "ego":
-            return self._ego(entity, player, middle, routing, track)
+            return self._ego(state, middle, routing, track)
         if track is not None and path:
-            return self._on_track(entity, player, middle, track, path, at_start=at_start, routing=routing)
-        return self._without_track(entity, player, middle, routing, acts=acts)
-
-    def _without_track(
-        self, entity: Entity, player: Player, middle: Pose, routing: Element | None, *, acts: bool
-    ) -> Made:
-        if entity.kind == "obstacle" or not (acts or routing is not None or player.speed_mps):
-            return Made(self._actor(entity, middle, 0.0, ()))
+            return self._on_trajectory(state, middle, track, path, routing, at_start=at_start)
+        if entity.kind == "obstacle" or not (acts or routing is not None or state.speed_mps):
+            return BuiltActor(_actor(entity, middle, 0.0, ()))
         if entity.kind not in WHEELS:
-            return self._straight(entity, player, middle, _WALK_M)
-        return self._on_lanes(entity, player, middle, routing)
+            return self._straight(state, middle, _WALK_M)
+        return self._on_lanes(state, middle, routing)
 
-    def _track(self, entity: Entity, routing: Element | None) -> Track | None:
+    def _near_roads(self, pose: Pose) -> bool:
+        return self.network.far_from_lanes([(pose.x, pose.y)], _NEAR_M) is None
+
+    def _trajectory(self, entity: Entity, routing: Element | None) -> Trajectory | None:
         if routing is None or routing.tag != "FollowTrajectoryAction":
             return None
-        found = self._meant(routing, "Trajectory") or self._meant(routing.find("TrajectoryRef"), "Trajectory")
+        found = self._referred(routing, "Trajectory")
+        if found is None:
+            found = self._referred(routing.find("TrajectoryRef"), "Trajectory")
         try:
-            if not found:
+            if found is None:
                 raise NotExpressed("trajectories: nothing")
-            return read_track(found[0], self.places, entity.centre_m)
+            return read_trajectory(found, self.places, entity.centre_m)
         except NotExpressed as err:
             self.left_out[str(err)] += 1
             return None
 
-    def _meant(self, holder: Element | None, tag: str) -> list[Element]:
-        """Return the element of a kind that stands in another, or in a catalogue that it refers to; none, or one."""
+    def _referred(self, holder: Element | None, tag: str) -> Element | None:
+        """Return the element of a kind that stands in another, or in a catalogue that it refers to."""
         if holder is None:
-            return []
+            return None
         reference = holder.find("CatalogReference")
         found = self.source.entry(reference) if reference is not None else holder.find(tag)
-        return [found] if found is not None and found.tag == tag else []
-
-    def _middle(self, entity: Entity) -> Pose:
-        """Return the pose of the middle of the footprint at the beginning."""
-        middle = _ahead(self.places.initial(entity.ref), entity.centre_m)
-        if self.network.far_from_lanes([(middle.x, middle.y)], _NEAR_M) is not None:
-            raise NotExpressed("entities off the road network")
-        return middle
+        return found if found is not None and found.tag == tag else None
 
     def _ego(
-        self, entity: Entity, player: Player, middle: Pose, routing: Element | None, track: Track | None
-    ) -> Made | None:
-        """Return the ego: a route and a goal, and no orders, which are its driver's to decide."""
+        self, state: EntityState, middle: Pose, routing: Element | None, track: Trajectory | None
+    ) -> BuiltActor | None:
+        """Return the ego: a route and a goal, and no actions, which are its driver's to decide."""
+        entity, kind = state.entity, lane_kind(state.entity.spec)
         front = _ahead(middle, entity.spec.length_m / 2)
-        goal: Pose | None = None
-        if track is not None:
-            # Its way goes on: who ends his run where the recorded one crashed cannot crash there.
-            through = [front, *thinned(track.poses())[1:]]
-        else:
-            through = [front, *self._waypoints(routing)]
-            goal = through[-1] if len(through) > 1 else None
+        # A trajectory is no goal: a run that ended where the recorded one crashed could not crash there.
+        through = [front, *(thinned(track.poses())[1:] if track is not None else self._waypoints(routing))]
+        goal = through[-1] if track is None and len(through) > 1 else None
         try:
-            route = route_through(self.network, through, lane_kind(entity.spec))
+            route = route_through(self.network, through, kind)
         except NotExpressed:
             try:
-                route = route_through(self.network, [front], lane_kind(entity.spec))
-                self.left_out["ways of the ego that the network does not have"] += 1
-                goal = None
+                route = route_through(self.network, [front], kind)
             except NotExpressed:
                 return None
-        body: list[ActorItem] = [EdgeRoute(edges=self._whole(route, lane_kind(entity.spec), go_on=goal is None))]
+            self.left_out["ways of the ego that the network does not have"] += 1
+            goal = None
+        body: list[m.ActorItem] = [m.EdgeRoute(edges=straight_on(self.network, route, kind) if goal is None else route)]
         if goal is not None and nearest(self.network, goal, "car") is not None:
-            body.append(GoalAt(place=_point(goal)))
-        state = _state(front, player.speed_mps or 0.0, entity)
-        return Made(Ego(model=entity.model, state=state, body=tuple(body)))
+            body.append(m.GoalAt(place=_point(goal)))
+        return BuiltActor(
+            m.Ego(model=entity.model, state=_state(front, state.speed_mps or 0.0, entity), body=tuple(body))
+        )
 
-    def _on_track(
+    def _on_trajectory(
         self,
-        entity: Entity,
-        player: Player,
+        state: EntityState,
         middle: Pose,
-        track: Track,
-        path: list[tuple[float, float]],
+        track: Trajectory,
+        path: list[XY],
+        routing: Element | None,
         *,
         at_start: bool,
-        routing: Element | None,
-    ) -> Made:
-        """Return an actor that follows a trajectory."""
+    ) -> BuiltActor:
         self.notes["who follows a trajectory looks out for nobody"] = None
-        pace = _timed(pace_of(track), routing)
-        speed = player.speed_mps or 0.0
-        if pace is not None:
-            speed = pace.speed_mps[0]
-            if not at_start:
-                player.pace = pace
-        body = (
-            Path(points=tuple(_point(Pose(x, y, 0.0)) for x, y in self._beyond(path, pace, entity))),
-            CruiseSpeed(speed=_quantity(speed, "speed")),
-            *((IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()),
-        )
-        whens: tuple[When, ...] = ()
-        if pace is not None and at_start:
-            whens = (_when_begins(paced(entity.name, pace)),)
-        return Made(self._actor(entity, middle, speed, body), whens)
+        entity, speed = state.entity, state.speed_mps or 0.0
+        profile = _timed(speed_profile(track), routing)
+        whens: tuple[m.When, ...] = ()
+        if profile is not None:
+            speed = profile.speed_mps[0]
+            if at_start:
+                whens = (m.When(condition=from_the_start(), actions=tuple(speed_changes(entity.name, profile))),)
+            else:
+                state.profile = profile
+        points = tuple(_point(Pose(x, y, 0.0)) for x, y in self._with_stopping_distance(path, profile, entity))
+        return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
 
-    def _on_lanes(self, entity: Entity, player: Player, middle: Pose, routing: Element | None) -> Made:
+    def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None) -> BuiltActor:
         """Return a vehicle that follows the lanes, as a default controller does: by no rules."""
-        kind, front = lane_kind(entity.spec), _ahead(middle, entity.spec.length_m / 2)
+        entity, kind = state.entity, lane_kind(state.entity.spec)
+        front = _ahead(middle, entity.spec.length_m / 2)
         try:
             route = route_through(self.network, [front, *self._waypoints(routing)], kind)
         except NotExpressed as err:
-            if str(err) != "starts off the lanes":
-                self.left_out[str(err)] += 1
-                route = route_through(self.network, [front], kind)
-            else:
-                return self._straight(entity, player, middle, _OFF_ROAD_M)
+            if str(err) == "starts off the lanes":
+                return self._straight(state, middle, _OFF_ROAD_M)
+            self.left_out[str(err)] += 1
+            route = route_through(self.network, [front], kind)
         self.notes[
             "vehicles on lanes ignore signals and priority, as a default controller does; they follow others"
         ] = None
-        speed = player.speed_mps or 0.0
-        body: list[ActorItem] = [EdgeRoute(edges=self._whole(route, kind, go_on=True))]
+        speed = state.speed_mps or 0.0
+        body: list[m.ActorItem] = [m.EdgeRoute(edges=straight_on(self.network, route, kind))]
         if speed > 0:
-            body.append(CruiseSpeed(speed=_quantity(min(speed, entity.spec.max_speed_mps), "speed")))
-        body += [IgnoresRule(what="signals"), IgnoresRule(what="priority")]
-        whens = () if speed > 0 else (_when_begins([Stops(actor=entity.name)]),)
-        return Made(self._actor(entity, middle, speed, tuple(body)), whens)
+            body.append(m.CruiseSpeed(speed=quantity(min(speed, entity.spec.max_speed_mps), "speed")))
+        body += [m.IgnoresRule(what="signals"), m.IgnoresRule(what="priority")]
+        stands = m.When(condition=from_the_start(), actions=(m.Stops(actor=entity.name),))
+        return BuiltActor(_actor(entity, middle, speed, tuple(body)), () if speed > 0 else (stands,))
 
-    def _straight(self, entity: Entity, player: Player, middle: Pose, length_m: float) -> Made:
+    def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
         """Return an actor that goes straight on off the lanes, or stands."""
-        speed = player.speed_mps or 0.0
-        end = self._before_the_wild(middle, length_m)
-        body = (
-            Path(points=(_point(middle), _point(end))),
-            CruiseSpeed(speed=_quantity(min(speed, entity.spec.max_speed_mps), "speed")),
-            *((IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()),
-        )
-        return Made(self._actor(entity, middle, speed, body))
+        entity, speed = state.entity, state.speed_mps or 0.0
+        points = (_point(middle), _point(self._straight_end(middle, length_m)))
+        body = _walk(entity, points, min(speed, entity.spec.max_speed_mps))
+        return BuiltActor(_actor(entity, middle, speed, body))
 
-    def _beyond(
-        self, path: Sequence[tuple[float, float]], pace: Pace | None, entity: Entity
-    ) -> Sequence[tuple[float, float]]:
-        """Return a path that goes on straight for as long as stopping takes: nobody brakes for the end."""
-        speed = pace.speed_mps[-1] if pace is not None else 0.0
+    def _with_stopping_distance(self, path: list[XY], profile: SpeedProfile | None, entity: Entity) -> list[XY]:
+        """Return a path that goes on straight for as long as stopping takes: actors do not brake for its end."""
+        speed = profile.speed_mps[-1] if profile is not None else 0.0
         if speed < _CRAWLS_MPS:
             return path
         end = Pose(*path[-1], math.atan2(path[-1][1] - path[-2][1], path[-1][0] - path[-2][0]))
-        further = self._before_the_wild(end, speed * speed / entity.spec.braking_mps2 + 1.0)
+        further = self._straight_end(end, speed * speed / entity.spec.braking_mps2 + 1.0)
         return [*path, (further.x, further.y)]
 
-    def _before_the_wild(self, start: Pose, length_m: float) -> Pose:
+    def _straight_end(self, start: Pose, length_m: float) -> Pose:
         """Return the end of a straight way that stays as near to the roads as the language asks."""
-        steps = math.floor(length_m)
-        near = (_ahead(start, k) for k in range(steps, 1, -1))
-        return next(
-            (end for end in near if self.network.far_from_lanes([(end.x, end.y)], _NEAR_M) is None), _ahead(start, 1.0)
-        )
-
-    def _whole(self, route: tuple[str, ...], kind: LaneKind, *, go_on: bool) -> tuple[str, ...]:
-        return straight_on(self.network, route, kind) if go_on else route
+        ends = (_ahead(start, k) for k in range(math.floor(length_m), 1, -1))
+        return next((end for end in ends if self._near_roads(end)), _ahead(start, 1.0))
 
     def _waypoints(self, routing: Element | None) -> list[Pose]:
         """Return the places of a route or target."""
         if routing is None:
             return []
+        route = self._referred(routing, "Route")
+        positions = route.findall("Waypoint/Position") if route is not None else []
         found: list[Pose] = []
-        routes = self._meant(routing, "Route")
-        positions = [p for route in routes for p in route.iterfind("Waypoint/Position")]
         for position in (*positions, *routing.iterfind("Position")):
             try:
                 found.append(self.places.pose(position))
             except NotExpressed as err:
                 self.left_out[str(err)] += 1
         return found
-
-    def _actor(self, entity: Entity, middle: Pose, speed: float, body: tuple[ActorItem, ...]) -> Actor:
-        """Return the actor's statement; `middle` is that of its footprint."""
-        wheels = entity.kind in WHEELS
-        place = _ahead(middle, entity.spec.length_m / 2) if wheels else middle
-        return Actor(
-            kind=_KEYWORDS.get(entity.kind, "vehicle"),
-            name=entity.name,
-            model=entity.model,
-            state=_state(place, speed, entity),
-            body=body,
-        )
 
 
 _KEYWORDS: dict[str, Literal["vehicle", "bicycle", "pedestrian", "obstacle"]] = {
@@ -285,29 +231,37 @@ _KEYWORDS: dict[str, Literal["vehicle", "bicycle", "pedestrian", "obstacle"]] = 
 }
 
 
-def _timed(pace: Pace | None, routing: Element | None) -> Pace | None:
-    """Return a pace with the offset and scale that the action gives its times; None where they do not count."""
-    if pace is None or routing is None or routing.find("TimeReference/None") is not None:
+def _actor(entity: Entity, middle: Pose, speed: float, body: tuple[m.ActorItem, ...]) -> m.Actor:
+    """Return an actor's statement; `middle` is that of its footprint."""
+    place = _ahead(middle, entity.spec.length_m / 2) if entity.kind in WHEELS else middle
+    kind = _KEYWORDS.get(entity.kind, "vehicle")
+    return m.Actor(kind=kind, name=entity.name, model=entity.model, state=_state(place, speed, entity), body=body)
+
+
+def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.ActorItem, ...]:
+    """Return what an actor on a path has: its path and speed; pedestrians heed no signals there."""
+    heedless = (m.IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()
+    return m.Path(points=points), m.CruiseSpeed(speed=quantity(speed, "speed")), *heedless
+
+
+def _timed(profile: SpeedProfile | None, routing: Element | None) -> SpeedProfile | None:
+    """Return a profile with the offset and scale that the action gives its times; None where they do not count."""
+    if profile is None or routing is None or routing.find("TimeReference/None") is not None:
         return None
     timing = routing.find("TimeReference/Timing")
     if timing is None:
-        return pace
+        return profile
     scale, offset = number(timing, "scale", 1.0), number(timing, "offset", 0.0)
     if scale <= 0:
         return None
-    return Pace(tuple(scale * t + offset for t in pace.time_s), tuple(v / scale for v in pace.speed_mps))
+    return SpeedProfile(tuple(scale * t + offset for t in profile.time_s), tuple(v / scale for v in profile.speed_mps))
 
 
-def _when_begins(actions: Sequence[Action]) -> When:
-    begin = Comparison(left=Measure(what="time"), op=">=", right=_quantity(0.0, "time"))
-    return When(condition=begin, actions=tuple(actions))
-
-
-def _state(place: Pose, speed: float, entity: Entity) -> State:
-    return State(
+def _state(place: Pose, speed: float, entity: Entity) -> m.State:
+    return m.State(
         at=_point(place),
-        heading=_quantity(math.remainder(place.heading_rad, math.tau), "angle"),
-        speed=_quantity(min(speed, entity.spec.max_speed_mps * _LIMIT) if entity.kind != "obstacle" else 0.0, "speed"),
+        heading=quantity(math.remainder(place.heading_rad, math.tau), "angle"),
+        speed=quantity(min(speed, entity.spec.max_speed_mps * _LIMIT) if entity.kind != "obstacle" else 0.0, "speed"),
     )
 
 
@@ -317,5 +271,5 @@ def _ahead(pose: Pose, by_m: float) -> Pose:
     )
 
 
-def _point(pose: Pose) -> Point:
-    return Point(x=_quantity(pose.x, "length"), y=_quantity(pose.y, "length"))
+def _point(pose: Pose) -> m.Point:
+    return m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))

@@ -7,22 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.naming import quantity
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
-from foresee_dsl.exchange.openscenario.reading.places import NotExpressed, Places
-from foresee_dsl.exchange.values import quantity as _quantity
-from foresee_dsl.language.model import (
-    Both,
-    Comparison,
-    Condition,
-    Either,
-    Measure,
-    Named,
-    Not,
-    Point,
-    Predicate,
-    Sustained,
-    Within,
-)
+from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
 
 if TYPE_CHECKING:
@@ -49,12 +38,12 @@ class Start:
         after: (element's name, state) of the part of the storyboard that it waits for, or None.
     """
 
-    condition: Condition | None = None
+    condition: m.Condition | None = None
     delay_s: float = 0.0
     after: tuple[str, str] | None = None
 
 
-class Reader:
+class ConditionReader:
     """Reads triggers; `entities` and `places` say what they name."""
 
     def __init__(self, entities: Mapping[str, Entity], places: Places) -> None:
@@ -75,10 +64,10 @@ class Reader:
         if any(s.after or s.delay_s for s in starts):
             raise NotExpressed("triggers of several groups with delays or states of the storyboard")
         parts = [s.condition for s in starts]
-        return Start() if None in parts else Start(Either(conditions=tuple(p for p in parts if p is not None)))
+        return Start() if None in parts else Start(m.Either(conditions=tuple(p for p in parts if p is not None)))
 
     def _group(self, group: Element) -> Start:
-        parts: list[Condition] = []
+        parts: list[m.Condition] = []
         after: tuple[str, str] | None = None
         delays: set[float] = set()
         for condition in group.iterfind("Condition"):
@@ -92,10 +81,10 @@ class Reader:
                 parts.append(part)
         if len(delays) > 1:
             raise NotExpressed("triggers of conditions with different delays")
-        joined = parts[0] if len(parts) == 1 else Both(conditions=tuple(parts)) if parts else None
+        joined = parts[0] if len(parts) == 1 else m.Both(conditions=tuple(parts)) if parts else None
         return Start(joined, max(delays, default=0.0), after)
 
-    def _condition(self, condition: Element) -> Condition | None:
+    def _condition(self, condition: Element) -> m.Condition | None:
         """Return one condition; None for one that holds from the beginning."""
         if condition.get("conditionEdge") in ("falling", "risingOrFalling"):
             raise NotExpressed(f"conditions with the edge {condition.get('conditionEdge')}")
@@ -107,10 +96,10 @@ class Reader:
             limit, op = number(kind, "value"), _rule(kind, equal=True)
             if limit <= 0 and op in (">", ">="):
                 return None
-            return Comparison(left=Measure(what="time"), op=op, right=_quantity(limit, "time"))
+            return m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time"))
         return self._of_entities(condition)
 
-    def _of_entities(self, condition: Element) -> Condition:
+    def _of_entities(self, condition: Element) -> m.Condition:
         kind = next(iter(condition.find("ByEntityCondition/EntityCondition") or ()), None)
         if kind is None:
             raise NotExpressed("conditions: without content")
@@ -122,30 +111,30 @@ class Reader:
         if len(parts) == 1:
             return parts[0]
         every = who is not None and who.get("triggeringEntitiesRule") == "all"
-        return Both(conditions=parts) if every else Either(conditions=parts)
+        return m.Both(conditions=parts) if every else m.Either(conditions=parts)
 
-    def _of_entity(self, kind: Element, entity: Entity) -> Condition:
+    def _of_entity(self, kind: Element, entity: Entity) -> m.Condition:
         name, tag = entity.name, kind.tag
         if tag in ("SpeedCondition", "AccelerationCondition"):
             if kind.get("direction") not in (None, "longitudinal"):
                 raise NotExpressed(f"conditions: {tag} ({kind.get('direction')})")
             what: Literal["speed", "acceleration"] = "speed" if tag == "SpeedCondition" else "acceleration"
-            left = Measure(what=what, actor=name)
-            return Comparison(left=left, op=_rule(kind), right=_quantity(number(kind, "value"), what))
+            left = m.Measure(what=what, actor=name)
+            return m.Comparison(left=left, op=_rule(kind), right=quantity(number(kind, "value"), what))
         if tag == "StandStillCondition":
-            stands = Comparison(left=Measure(what="speed", actor=name), op="<", right=_quantity(STANDS_MPS, "speed"))
-            return Sustained(condition=stands, duration=_quantity(number(kind, "duration"), "time"))
+            stands = m.Comparison(left=m.Measure(what="speed", actor=name), op="<", right=quantity(STANDS_MPS, "speed"))
+            return m.Sustained(condition=stands, duration=quantity(number(kind, "duration"), "time"))
         if tag == "CollisionCondition":
             other = kind.find("EntityRef")
             if other is None:
-                return Predicate(what="collision", actor=name)
-            touches = Named(name=self._entity(other.get("entityRef", "")).name)
-            return Within(actor=name, distance=_quantity(0.0, "length"), of=touches)
+                return m.Predicate(what="collision", actor=name)
+            touches = m.Named(name=self._entity(other.get("entityRef", "")).name)
+            return m.Within(actor=name, distance=quantity(0.0, "length"), of=touches)
         if tag in ("ReachPositionCondition", "DistanceCondition"):
             return self._near_place(kind, name)
         return self._between(kind, name)
 
-    def _between(self, kind: Element, name: str) -> Condition:
+    def _between(self, kind: Element, name: str) -> m.Condition:
         """Return a condition between two entities."""
         measures: Mapping[str, tuple[Literal["distance", "ttc", "headway"], Dimension]] = {
             "RelativeDistanceCondition": ("distance", "length"),
@@ -162,20 +151,20 @@ class Reader:
             raise NotExpressed(f"conditions: {kind.tag} (lateral)")
         what, dimension = measures[kind.tag]
         value, other = number(kind, "value"), self._entity(ref)
-        return Comparison(
-            left=Measure(what=what, actor=name, other=other.name), op=_rule(kind), right=_quantity(value, dimension)
+        return m.Comparison(
+            left=m.Measure(what=what, actor=name, other=other.name), op=_rule(kind), right=quantity(value, dimension)
         )
 
-    def _near_place(self, kind: Element, name: str) -> Condition:
+    def _near_place(self, kind: Element, name: str) -> m.Condition:
         position = kind.find("Position")
         if position is None:
             raise NotExpressed(f"conditions: {kind.tag} (without a place)")
         pose = self._places.pose(position)
         reach = kind.tag == "ReachPositionCondition"
         distance = number(kind, "tolerance" if reach else "value")
-        at = Point(x=_quantity(pose.x, "length"), y=_quantity(pose.y, "length"))
-        near = Within(actor=name, distance=_quantity(max(distance, 0.0), "length"), of=at)
-        return near if reach or _rule(kind) in ("<", "<=") else Not(condition=near)
+        at = m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))
+        near = m.Within(actor=name, distance=quantity(max(distance, 0.0), "length"), of=at)
+        return near if reach or _rule(kind) in ("<", "<=") else m.Not(condition=near)
 
     def _entity(self, ref: str) -> Entity:
         if ref not in self._entities:

@@ -1,4 +1,4 @@
-"""Who takes part in a foreign scenario: entities become actors, and models of the catalogue or new ones."""
+"""The entities of a foreign scenario: their names as actors, and their models, of the catalogue or new ones."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
 from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import distinct_name, name_of, sentence
+from foresee_dsl.exchange.naming import distinct_name, name_of, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.source import Source
-from foresee_dsl.exchange.openscenario.writing.participants import BRAKING, CRUISE, MODEL, STEER_RATE, WALKS
-from foresee_dsl.exchange.values import quantity as _quantity
+from foresee_dsl.exchange.openscenario.writing.participants import BRAKING, CATEGORIES, CRUISE, MODEL, STEER_RATE, WALKS
+from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
 from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.units import Dimension
@@ -24,14 +24,7 @@ from foresee_dsl.language.units import Dimension
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
 
-_KINDS: Mapping[str, ActorKind] = {
-    "car": "car",
-    "van": "van",
-    "truck": "truck",
-    "bus": "bus",
-    "motorbike": "motorcycle",
-    "bicycle": "bicycle",
-}
+_KINDS = {category: kind for kind, category in CATEGORIES.items()}
 _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "sut")
 _SAME = 1e-4
 """Sizes that differ by less are the same: below what is written (ours)."""
@@ -46,8 +39,7 @@ class Entity:
     """One entity.
 
     Attributes:
-        ref: its name there. name: its name here, `ego` for the vehicle under test.
-        model: `class.variant`. spec: what that is.
+        ref: its name there. name: its name here, `ego` for the vehicle under test. model: `class.variant`.
         centre_m: from its reference point forward to the middle of its box.
     """
 
@@ -64,7 +56,7 @@ class Entity:
 
 
 @dataclass(frozen=True)
-class Cast:
+class Participants:
     """All entities that were taken over, by their names there, and the catalogue of what is not bundled."""
 
     entities: Mapping[str, Entity]
@@ -76,7 +68,7 @@ class Cast:
         return next(e for e in self.entities.values() if e.name == "ego")
 
 
-def read_cast(source: Source, left_out: Counter[str], *, name: str, ego: str = "") -> Cast:
+def read_participants(source: Source, left_out: Counter[str], *, name: str, ego: str = "") -> Participants:
     """Read the entities of a scenario.
 
     Args:
@@ -86,8 +78,6 @@ def read_cast(source: Source, left_out: Counter[str], *, name: str, ego: str = "
     Raises:
         ExchangeError: there is no vehicle, no entity `ego`, or an entity is incomplete.
     """
-    from foresee_dsl.exchange.outcome import ExchangeError
-
     objects: dict[str, Element] = {}
     for entity in source.root.iterfind("Entities/ScenarioObject"):
         found = _object(source, entity, left_out)
@@ -96,8 +86,8 @@ def read_cast(source: Source, left_out: Counter[str], *, name: str, ego: str = "
     left_out["selections of entities"] += len(source.root.findall("Entities/EntitySelection"))
     chosen = _ego(objects, ego)
     if chosen is None:
-        said = f"no vehicle '{ego}'" if ego else "no vehicle that could be driven"
-        raise ExchangeError(f"{source.path} has {said}")
+        missing = f"no vehicle '{ego}'" if ego else "no vehicle that could be driven"
+        raise ExchangeError(f"{source.path} has {missing}")
     models: dict[str, VehicleModel] = {}
     entities: dict[str, Entity] = {}
     taken = {"ego"}
@@ -107,7 +97,7 @@ def read_cast(source: Source, left_out: Counter[str], *, name: str, ego: str = "
         model = _model(found, models, left_out)
         entities[ref] = Entity(ref, ours, model.name, spec_of(model), _centre(found))
     doc = Doc(text=sentence(f"What takes part in {source.path.name}."))
-    return Cast(entities, Catalogue(name=name, body=(doc, *models.values())) if models else None)
+    return Participants(entities, Catalogue(name=name, body=(doc, *models.values())) if models else None)
 
 
 def _object(source: Source, entity: Element, left_out: Counter[str]) -> Element | None:
@@ -159,22 +149,20 @@ def _model(found: Element, models: dict[str, VehicleModel], left_out: Counter[st
 
 
 def _made(found: Element, kind: ActorKind, left_out: Counter[str]) -> VehicleModel:
-    from foresee_dsl.exchange.outcome import ExchangeError
-
     size = found.find("BoundingBox/Dimensions")
     if size is None:
         raise ExchangeError(f"the entity '{found.get('name')}' has no size")
     values: dict[str, Quantity] = {
-        key: _quantity(max(number(size, key), 0.05), "length") for key in ("length", "width", "height")
+        key: quantity(max(number(size, key), 0.05), "length") for key in ("length", "width", "height")
     }
     defaults = CLASS_DEFAULTS[kind]
     if (mass := number(found, "mass", 0.0)) > 0:
-        values["mass"] = _quantity(mass, "mass")
+        values["mass"] = quantity(mass, "mass")
     if kind in WHEELS:
         values |= _abilities(found, kind)
     if kind == "pedestrian":
         values |= {
-            key: _quantity(value, "speed" if key == "max_speed" else "acceleration")
+            key: quantity(value, "speed" if key == "max_speed" else "acceleration")
             for key, name in WALKS.items()
             if (value := _float(_property(found, name))) is not None
         }
@@ -182,9 +170,9 @@ def _made(found: Element, kind: ActorKind, left_out: Counter[str]) -> VehicleMod
         braking = _float(_property(found, BRAKING)) or min(
             defaults.braking_mps2, _si(values.get("emergency_braking"), defaults.braking_mps2)
         )
-        values["braking"] = _quantity(braking, "acceleration")
+        values["braking"] = quantity(braking, "acceleration")
         if (cruise := _float(_property(found, CRUISE))) is not None:
-            values["cruise_speed"] = _quantity(cruise, "speed")
+            values["cruise_speed"] = quantity(cruise, "speed")
     name = {"name": f"{kind}.any"}
     plain = VehicleModel.model_validate(name | {k: v for k, v in values.items() if k not in _AXLES})
     whole = VehicleModel.model_validate(name | values)
@@ -212,18 +200,18 @@ def _abilities(found: Element, kind: ActorKind) -> dict[str, Quantity]:
         ):
             value = number(power, name, usual)
             dimension: Dimension = "speed" if key == "max_speed" else "acceleration"
-            values[key] = _quantity(value if value > 0 else usual, dimension)
+            values[key] = quantity(value if value > 0 else usual, dimension)
     front, rear = (axles.find(f"{end}Axle") for end in ("Front", "Rear")) if axles is not None else (None, None)
     if front is not None and rear is not None and centre is not None:
         size = cast("Element", found.find("BoundingBox/Dimensions"))
         rear_x = number(rear, "positionX", 0.0)
-        values["wheelbase"] = _quantity(number(front, "positionX") - rear_x, "length")
-        values["rear_overhang"] = _quantity(rear_x - number(centre, "x") + number(size, "length") / 2, "length")
+        values["wheelbase"] = quantity(number(front, "positionX") - rear_x, "length")
+        values["rear_overhang"] = quantity(rear_x - number(centre, "x") + number(size, "length") / 2, "length")
         steer = number(front, "maxSteering", 0.0)
         if steer > 0:
-            values["max_steer"] = _quantity(min(steer, _WIDEST_STEER_RAD), "angle")
+            values["max_steer"] = quantity(min(steer, _WIDEST_STEER_RAD), "angle")
     if (rate := _float(_property(found, STEER_RATE))) is not None:
-        values["steer_rate"] = _quantity(rate, "angular_rate")
+        values["steer_rate"] = quantity(rate, "angular_rate")
     return values
 
 

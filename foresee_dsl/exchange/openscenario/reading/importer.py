@@ -11,41 +11,28 @@ from typing import TYPE_CHECKING
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap
+from foresee_dsl.compile.placement.scene import DRY_FRICTION, WET_FRICTION
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import name_of, sentence
-from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, Player, Writer
-from foresee_dsl.exchange.openscenario.reading.actors import Actors
-from foresee_dsl.exchange.openscenario.reading.conditions import Reader
-from foresee_dsl.exchange.openscenario.reading.entities import Cast, read_cast
+from foresee_dsl.exchange.naming import name_of, quantity, sentence
+from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, EntityState, TriggerBuilder
+from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder
+from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
+from foresee_dsl.exchange.openscenario.reading.entities import Participants, read_participants
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source, read_source
-from foresee_dsl.exchange.openscenario.reading.story import Event, read_events
-from foresee_dsl.exchange.openscenario.weather import ratios
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
-from foresee_dsl.exchange.values import quantity
-from foresee_dsl.language.model import (
-    Doc,
-    End,
-    Expect,
-    Predicate,
-    Scenario,
-    ScenarioItem,
-    Tags,
-    UseModels,
-    UseNetwork,
-    Weather,
-)
-from foresee_dsl.language.printer import print_model
+from foresee_dsl.exchange.openscenario.reading.storyboard import Event, read_events
+from foresee_dsl.exchange.openscenario.writing.participants import CLEAR_M
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
+from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.simulate.sensing.weather import RAIN_MM_H
+from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
 
 _END_S = 60.0
 """Where the file gives no time (the language's own default)."""
-_HEARD = ("TeleportAction", "SpeedAction", *ROUTING)
 
 
 def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow_outside: bool = False) -> Imported:
@@ -65,19 +52,20 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
     network_file = _network_file(source, road)
     left_out: Counter[str] = Counter()
     name = name_of(file.name.partition(".")[0], "scenario")
-    cast = read_cast(source, left_out, name=f"{name}_models", ego=ego)
-    network_name = name_of(network_file.name.partition(".")[0], "map") + _suffix(network_file)
-    scenario, notes = _scenario(source, cast, network_file, name, left_out, network_name)
+    participants = read_participants(source, left_out, name=f"{name}_models", ego=ego)
+    suffix = next(suffix for suffix in SUFFIXES if network_file.name.endswith(suffix))
+    network_name = name_of(network_file.name.partition(".")[0], "map") + suffix
+    scenario, notes = _scenario(source, participants, network_file, name, left_out, network_name)
 
     def write(folder: Path) -> None:
         shutil.copyfile(network_file, folder / network_name)
-        if cast.catalogue is not None:
-            _write(folder / f"{name}_models.foresee", print_model(cast.catalogue))
-        _write(folder / f"{name}.foresee", print_model(scenario))
-        (mistakes,) = [placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))]
+        if participants.catalogue is not None:
+            write_text(folder / f"{name}_models.foresee", participants.catalogue)
+        write_text(folder / f"{name}.foresee", scenario)
+        mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
         if mistakes:
-            said = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
-            raise ExchangeError(f"{file} cannot be played on its network: {said}")
+            found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
+            raise ExchangeError(f"{file} cannot be played on its network: {found}")
 
     files = write_together(out, write)
     kinds = Counter(actor.kind for actor in scenario.actors)
@@ -86,41 +74,42 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
 
 
 def _scenario(
-    source: Source, cast: Cast, network_file: Path, name: str, left_out: Counter[str], network_name: str
-) -> tuple[Scenario, list[str]]:
+    source: Source, participants: Participants, network_file: Path, name: str, left_out: Counter[str], network_name: str
+) -> tuple[m.Scenario, list[str]]:
     left_out["programs of signals"] += len(source.root.findall("RoadNetwork/TrafficSignals/TrafficSignalController"))
     inits = _Inits(source, left_out)
     roads = RoadMap.read(network_file) if network_file.name.endswith(".xodr") else None
     places = Places(roads, inits.positions)
-    reader = Reader(cast.entities, places)
+    reader = ConditionReader(participants.entities, places)
     events = read_events(source, reader, left_out)
-    actors = Actors(source, RoadNetwork.from_net(foreign_net(network_file)), places, left_out)
-    players = {ref: Player(e, inits.speeds.get(ref, 0.0), _lane_of(inits, ref)) for ref, e in cast.entities.items()}
+    actors = ActorBuilder(source, RoadNetwork.from_net(foreign_net(network_file)), places, left_out)
+    entities = participants.entities
+    states = {ref: EntityState(e, inits.speeds.get(ref, 0.0), inits.lane(ref)) for ref, e in entities.items()}
     routing = inits.routing | {ref: found for ref, found in _routing(events).items() if ref not in inits.routing}
     acting = {ref for event in _all(events) for ref in event.refs}
-    statements: list[ScenarioItem] = []
-    first: list[ScenarioItem] = []
-    for ref, entity in sorted(cast.entities.items(), key=lambda e: e[1].name != "ego"):
-        made = actors.actor(entity, players[ref], routing.get(ref), at_start=ref in inits.routing, acts=ref in acting)
+    statements: list[m.ScenarioItem] = []
+    first: list[m.ScenarioItem] = []
+    for ref, entity in sorted(entities.items(), key=lambda e: e[1].name != "ego"):
+        made = actors.actor(states[ref], routing.get(ref), at_start=ref in inits.routing, acts=ref in acting)
         if made is not None:
             statements.append(made.statement)
             first += made.whens
         elif entity.name == "ego":
             raise ExchangeError(f"{source.path}: the ego '{ref}' stands nowhere on the network")
         else:
-            del players[ref]
-    whens = Writer(players, left_out).whens(_known(events, players, left_out))
-    header: list[ScenarioItem] = [
-        Doc(text=_sentence(source)),
-        Tags(names=("openscenario",)),
-        UseNetwork(path=network_name),
-        *([UseModels(path=f"{name}_models.foresee")] if cast.catalogue is not None else []),
+            del states[ref]
+    whens = TriggerBuilder(states, left_out).whens(_known(events, states, left_out))
+    header: list[m.ScenarioItem] = [
+        m.Doc(text=sentence(source.description or source.path.name)),
+        m.Tags(names=("openscenario",)),
+        m.UseNetwork(path=network_name),
+        *([m.UseModels(path=f"{name}_models.foresee")] if participants.catalogue is not None else []),
         *inits.weather(),
     ]
-    never = Expect(mode="never", condition=Predicate(what="collision", actor="ego"))
-    end = End(after=quantity(_end_s(source, left_out), "time"))
+    never = m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego"))
+    end = m.End(after=quantity(_end_s(source, left_out), "time"))
     body = (*header, *statements, *first, *whens, never, end)
-    return Scenario(name=name, body=body), list(actors.notes)
+    return m.Scenario(name=name, body=body), list(actors.notes)
 
 
 class _Inits:
@@ -141,18 +130,32 @@ class _Inits:
             else:
                 self._global(action, left_out)
 
-    def weather(self) -> list[Weather]:
-        """Return the weather statement, if there is anything to say."""
+    def lane(self, ref: str) -> int | None:
+        """Return the id of the lane that an entity is placed on, if its position names one."""
+        position = self.positions.get(ref)
+        lane = position.find("LanePosition") if position is not None else None
+        return round(number(lane, "laneId")) if lane is not None else None
+
+    def weather(self) -> list[m.Weather]:
+        """Return the weather statement, if there is any: visual range, mm/h and friction there, ratios here."""
         found = self._environment
         if found is None:
             return []
         fog, rain, road = (found.find(p) for p in ("Weather/Fog", "Weather/Precipitation", "RoadCondition"))
-        said = ratios(
-            number(fog, "visualRange", 0.0) if fog is not None else None,
-            _rain_mm_h(rain) if rain is not None else None,
-            number(road, "frictionScaleFactor", 1.0) if road is not None else None,
-        )
-        return [Weather.model_validate({key: quantity(value, "ratio") for key, value in said.items()})] if said else []
+        visual_range_m = number(fog, "visualRange", 0.0) if fog is not None else 0.0
+        rain_mm_h = 0.0
+        if rain is not None:  # version 1.0 gives a share
+            rain_mm_h = number(rain, "precipitationIntensity", number(rain, "intensity", 0.0) * RAIN_MM_H)
+        friction = number(road, "frictionScaleFactor", 1.0) if road is not None else 1.0
+        ratios = {
+            "fog": FOG_VISIBILITY_M / visual_range_m if visual_range_m and visual_range_m < CLEAR_M / 10 else 0.0,
+            "rain": rain_mm_h / RAIN_MM_H,
+            "wetness": (1.0 - friction) * DRY_FRICTION / (DRY_FRICTION - WET_FRICTION),
+        }
+        over_zero = {
+            key: quantity(min(round(value, 3), 1.0), "ratio") for key, value in ratios.items() if round(value, 3) > 0
+        }
+        return [m.Weather.model_validate(over_zero)] if over_zero else []
 
     def _global(self, action: Element, left_out: Counter[str]) -> None:
         kind = next(iter(action), action)
@@ -177,21 +180,13 @@ class _Inits:
             left_out[f"actions at the beginning: {inner.tag}"] += 1
 
 
-def _rain_mm_h(rain: Element) -> float:
-    """Return how much it rains; version 1.0 says it as a share."""
-    return number(rain, "precipitationIntensity", number(rain, "intensity", 0.0) * RAIN_MM_H)
-
-
 def _routing(events: list[Event]) -> dict[str, Element]:
     """Return the first routing action of each entity in the events, those that wait for others included."""
     found: dict[str, Element] = {}
     for event in _all(events):
-        for kind in event.actions:
-            inner = kind.find("RoutingAction")
-            what = next(iter(inner), None) if inner is not None else None
-            if what is not None and what.tag in ROUTING:
-                for ref in event.refs:
-                    found.setdefault(ref, what)
+        for action in (action for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
+            if action.tag in ROUTING:
+                found = {**dict.fromkeys(event.refs, action), **found}
     return found
 
 
@@ -202,18 +197,18 @@ def _all(events: Sequence[Event]) -> Iterator[Event]:
         yield from _all((*event.at_start, *event.at_end))
 
 
-def _known(events: list[Event], players: dict[str, Player], left_out: Counter[str]) -> list[Event]:
+def _known(events: list[Event], states: dict[str, EntityState], left_out: Counter[str]) -> list[Event]:
     """Return the events whose conditions are about actors that were taken over."""
     from foresee_dsl.language.traversal import mentioned
 
-    names = {player.entity.name for player in players.values()}
+    names = {state.entity.name for state in states.values()}
     found = []
     for event in events:
         if event.condition is not None and not mentioned(event.condition) <= names:
             left_out["conditions about entities that were left out"] += 1
             continue
-        event.at_start = _known(event.at_start, players, left_out)
-        event.at_end = _known(event.at_end, players, left_out)
+        event.at_start = _known(event.at_start, states, left_out)
+        event.at_end = _known(event.at_end, states, left_out)
         found.append(event)
     return found
 
@@ -230,16 +225,6 @@ def _network_file(source: Source, road: Path | None) -> Path:
     return road
 
 
-def _suffix(network_file: Path) -> str:
-    return next(suffix for suffix in SUFFIXES if network_file.name.endswith(suffix))
-
-
-def _lane_of(inits: _Inits, ref: str) -> int | None:
-    position = inits.positions.get(ref)
-    lane = position.find("LanePosition") if position is not None else None
-    return round(number(lane, "laneId")) if lane is not None else None
-
-
 def _end_s(source: Source, left_out: Counter[str]) -> float:
     """Return the time at which the storyboard stops."""
     times = []
@@ -251,12 +236,3 @@ def _end_s(source: Source, left_out: Counter[str]) -> float:
             left_out["conditions that end the storyboard"] += 1
     positive = [t for t in times if t > 0]
     return min(positive) if positive else _END_S
-
-
-def _sentence(source: Source) -> str:
-    header = source.root.find("FileHeader")
-    return sentence((header.get("description", "") if header is not None else "").strip() or source.path.name)
-
-
-def _write(file: Path, text: str) -> None:
-    file.write_text(text, encoding="utf-8", newline="\n")

@@ -1,4 +1,4 @@
-"""Positions of OpenSCENARIO as points of the map, and where everybody is at the beginning."""
+"""Positions of OpenSCENARIO as points of the map, and where each entity is at the beginning."""
 
 from __future__ import annotations
 
@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap
 from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.outcome import NotExpressed
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
 
 
-class NotExpressed(Exception):  # noqa: N818 - no error: it is counted and told
-    """Something of the source has no counterpart here; its text is what is counted, in words."""
-
-
 @dataclass
 class Places:
-    """Works out positions.
+    """Evaluates positions.
 
     Attributes:
         roads: the map; None for a network that is no OpenDRIVE map.
@@ -79,15 +76,15 @@ class Places:
             lane = round(number(kind, "laneId"))
             back = lane > 0
             pose = self.roads.lane(road, _lane(lane, lanes), s, number(kind, "offset", 0.0) + dt)
-        said = kind.find("Orientation")
-        if said is None:  # nothing said: the way that traffic goes there
+        orientation = kind.find("Orientation")
+        if orientation is None:  # nothing stated: the way that traffic goes there
             return Pose(pose.x, pose.y, pose.heading_rad + (math.pi if back else 0.0))
-        return _turned(pose, said)
+        return _turned(pose, orientation)
 
     def _beside(self, kind: Element) -> Pose:
         base = self.initial(kind.get("entityRef", ""))
         dx, dy = number(kind, "dx"), number(kind, "dy")
-        said = kind.find("Orientation")
+        orientation = kind.find("Orientation")
         if kind.tag == "RelativeWorldPosition":
             pose = Pose(base.x + dx, base.y + dy, base.heading_rad)
         else:
@@ -95,7 +92,7 @@ class Places:
                 base.x + dx * math.cos(base.heading_rad), base.y + dx * math.sin(base.heading_rad), base.heading_rad
             )
             pose = ahead.beside(dy)
-        return pose if said is None else _turned(pose, said)
+        return pose if orientation is None else _turned(pose, orientation)
 
     def _further_on(self, kind: Element) -> Pose:
         """Return a place along the road of an entity whose own place is given on a road."""

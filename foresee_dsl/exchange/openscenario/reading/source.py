@@ -32,14 +32,7 @@ _OPERATORS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Mod: operator.mod,
 }
 _FUNCTIONS: dict[str, Callable[..., float]] = {
-    "round": round,
-    "floor": math.floor,
-    "ceil": math.ceil,
-    "sqrt": math.sqrt,
-    "pow": math.pow,
-    "abs": abs,
-    "min": min,
-    "max": max,
+    function.__name__: function for function in (round, math.floor, math.ceil, math.sqrt, math.pow, abs, min, max)
 }
 
 
@@ -95,6 +88,12 @@ class Source:
         }
         return resolved(found, {}, given)
 
+    @property
+    def description(self) -> str:
+        """What the file's header says of it."""
+        header = self.root.find("FileHeader")
+        return header.get("description", "").strip() if header is not None else ""
+
     @cached_property
     def _all(self) -> dict[str, dict[str, Element]]:
         """All catalogues by name, with their entries by name."""
@@ -123,8 +122,8 @@ def read_source(path: Path, *, allow_outside: bool) -> Source:
     root = read_xml(path, ("OpenSCENARIO",), WHAT)
     header = root.find("FileHeader")
     if header is None or header.get("revMajor") != "1":
-        said = "nothing" if header is None else f"{header.get('revMajor')}.{header.get('revMinor')}"
-        raise ExchangeError(f"{path} is of version {said}; OpenSCENARIO XML 1.0 to 1.3 are read")
+        version = "nothing" if header is None else f"{header.get('revMajor')}.{header.get('revMinor')}"
+        raise ExchangeError(f"{path} is of version {version}; OpenSCENARIO XML 1.0 to 1.3 are read")
     if root.find("Storyboard") is None:
         raise ExchangeError(f"{path} has no storyboard: it is a catalogue or a distribution of parameters")
     folder = path.absolute().parent
@@ -160,7 +159,7 @@ def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, st
 
 
 def value_of(text: str, values: Mapping[str, str]) -> str:
-    """Return an attribute's text with its parameters and expressions worked out.
+    """Return an attribute's text with its parameters and expressions replaced by their values.
 
     Raises:
         ExchangeError: a parameter is not declared, or an expression is none.
@@ -179,7 +178,7 @@ def _value(name: str, values: Mapping[str, str]) -> str:
 
 
 def _calculated(expression: str) -> str:
-    """Work out arithmetic; nothing else is understood, so that nothing can be run."""
+    """Return the value of an arithmetic expression; nothing else is understood, so that nothing can be executed."""
     try:
         if len(expression) > _LONGEST_EXPRESSION:
             raise ValueError("it is too long")

@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 import datetime
+import re
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.bundle import Signal, SumoBundle
 from foresee_dsl.drivers.registry import recorded_address
-from foresee_dsl.exchange.maps.opendrive_out import opendrive_of
-from foresee_dsl.exchange.openscenario.weather import environment
-from foresee_dsl.exchange.openscenario.writing import behaviour as openscenario_behaviour
-from foresee_dsl.exchange.openscenario.writing import trajectories as openscenario_trajectories
-from foresee_dsl.exchange.openscenario.writing.library import MINOR_VERSION, at_time, library
+from foresee_dsl.exchange.maps.opendrive import opendrive_of
+from foresee_dsl.exchange.openscenario.writing import behaviour as behaviours
+from foresee_dsl.exchange.openscenario.writing import trajectories
+from foresee_dsl.exchange.openscenario.writing.library import MINOR_VERSION, Xosc, at_time, figure, library, osc
 from foresee_dsl.exchange.openscenario.writing.participants import entities, init
-from foresee_dsl.exchange.openscenario.writing.signals import add_signals
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.verdict import RunResult
 
 _DATE = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
 """The header asks for a date; a constant, so that the same test case gives the same bytes."""
 
+_HEAD = re.compile(rb'<signal\b[^>]*?\bid="([^"]*)"')
+_COLOURS = {"G": "green", "g": "green", "y": "yellow", "r": "red"}
+"""SUMO's letters in words; OpenSCENARIO leaves the words to the simulators."""
 _LATER_S = 2.0
 """A failure's file ends so much later than the run, which ended with it: driven by somebody else it may take longer
 (ours)."""
@@ -63,9 +63,26 @@ def run(
     left_out: Counter[str] = Counter()
     road = opendrive_of(case.network, bundle.net_file)
     end_s = trace.duration_s + (_LATER_S if result.verdict.is_failure else 0.0)
-    network = library().RoadNetwork(f"{name}.xodr")
-    left_out["signals (the map has no heads for them)"] += add_signals(network, bundle, road, end_s)
-    document = _document(case, bundle, result, network, end_s, behaviour=behaviour, left_out=left_out)
+    network = osc.RoadNetwork(f"{name}.xodr")
+    left_out["signals (the map has no heads for them)"] += _add_signals(network, bundle, road, end_s)
+    specs = {actor.id: actor.model for actor in bundle.scene.actors}
+    board = osc.StoryBoard(init(trace, specs, bundle.scene), at_time("end", end_s, "stop"))
+    groups = behaviours.groups(bundle, trace, left_out) if behaviour else trajectories.groups(trace, specs)
+    if groups:
+        board.add_story(_story(groups))
+    left_out["expectations"] += len(bundle.scene.expects)
+    left_out["buildings (they only hide things)"] += len(bundle.network.buildings)
+    document = osc.Scenario(
+        f"{case.scenario.name}: {result.reason}",
+        "foresee-dsl",
+        osc.ParameterDeclarations(),
+        entities(trace, specs),
+        board,
+        network,
+        osc.Catalog(),
+        osc_minor_version=MINOR_VERSION,
+        creation_date=_DATE,
+    )
 
     def write(folder: Path) -> None:
         (folder / f"{name}.xodr").write_bytes(road)
@@ -90,42 +107,7 @@ def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, in
     return driver, seed
 
 
-def _document(
-    case: TestCase,
-    bundle: SumoBundle,
-    result: RunResult,
-    network: Any,  # noqa: ANN401 - the library has no types
-    end_s: float,
-    *,
-    behaviour: bool,
-    left_out: Counter[str],
-) -> Any:  # noqa: ANN401 - the library has no types
-    osc = library()
-    trace = result.trace
-    specs = {actor.id: actor.model for actor in bundle.scene.actors}
-    board = osc.StoryBoard(init(trace, specs, environment(bundle.scene)), at_time("end", end_s, "stop"))
-    if behaviour:
-        groups = openscenario_behaviour.groups(bundle, trace, left_out)
-    else:
-        groups = openscenario_trajectories.groups(trace, specs)
-    if groups:
-        board.add_story(_story(groups))
-    _count(bundle, left_out)
-    return osc.Scenario(
-        f"{case.scenario.name}: {result.reason}",
-        "foresee-dsl",
-        osc.ParameterDeclarations(),
-        entities(trace, specs),
-        board,
-        network,
-        osc.Catalog(),
-        osc_minor_version=MINOR_VERSION,
-        creation_date=_DATE,
-    )
-
-
-def _story(groups: list[Any]) -> Any:  # noqa: ANN401 - as above
-    osc = library()
+def _story(groups: list[Xosc]) -> Xosc:
     act = osc.Act("act", at_time("begin", 0.0))
     for group in groups:
         act.add_maneuver_group(group)
@@ -134,7 +116,45 @@ def _story(groups: list[Any]) -> Any:  # noqa: ANN401 - as above
     return story
 
 
-def _count(bundle: SumoBundle, left_out: Counter[str]) -> None:
-    """Count what a file of OpenSCENARIO has no place for."""
-    left_out["expectations"] += len(bundle.scene.expects)
-    left_out["buildings (they only hide things)"] += len(bundle.network.buildings)
+def _add_signals(road_network: Xosc, bundle: SumoBundle, road: bytes, until_s: float) -> int:
+    """Add a controller for each signal whose heads the map has.
+
+    A controller repeats its phases; the first one is what is left of it at the beginning, and so many follow that it
+    repeats nothing before the end.
+
+    Args:
+        road_network: gets the controllers. bundle: the test case. road: its map. until_s: when the scenario ends.
+
+    Returns:
+        How many signals have no heads in the map.
+    """
+    heads = {found.decode() for found in _HEAD.findall(road)}
+    beginning = {junction: (stage, elapsed_s) for junction, stage, elapsed_s in bundle.scene.signals}
+    missing = 0
+    for signal in {s.tls: s for s in bundle.signals.values()}.values():
+        links = [k for k in range(len(signal.phases[0].state)) if f"{signal.tls}_{k}" in heads]
+        if not links:
+            missing += 1
+            continue
+        controller = osc.TrafficSignalController(signal.tls)
+        for k, (phase, duration_s) in enumerate(_shown(signal, beginning.get(signal.junction), until_s)):
+            made = osc.Phase(f"{signal.stages[signal.phases[phase].stage]}_{k + 1}", figure(duration_s))
+            for link in links:
+                letter = signal.phases[phase].state[link]
+                made.add_signal_state(f"{signal.tls}_{link}", _COLOURS.get(letter, "off"))
+            controller.add_phase(made)
+        road_network.add_traffic_signal_controller(controller)
+    return missing
+
+
+def _shown(signal: Signal, at: tuple[str, float] | None, until_s: float) -> list[tuple[int, float]]:
+    """Return the phases that a signal goes through, each with its time, s."""
+    stage, elapsed_s = at or (signal.stages[signal.phases[0].stage], 0.0)
+    phase, left_s = signal.phase_at(stage, elapsed_s)
+    found = [(phase, left_s)] if left_s > 0 else []
+    covered = left_s
+    while covered <= until_s:
+        phase = (phase + 1) % len(signal.phases)
+        found.append((phase, signal.phases[phase].duration_s))
+        covered += max(signal.phases[phase].duration_s, 0.05)
+    return found

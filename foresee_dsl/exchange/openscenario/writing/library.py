@@ -1,10 +1,10 @@
-"""The package that writes OpenSCENARIO, which is an extra, and what all who use it share."""
+"""The package that writes OpenSCENARIO, which is an extra, and the values that all writers share."""
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.starts import WHEELS
@@ -13,12 +13,15 @@ from foresee_dsl.exchange.outcome import ExchangeError
 MINOR_VERSION = 2
 """OpenSCENARIO XML 1.2, which simulators read today (asked for)."""
 DIGITS = 6
-"""Decimals of what is written: micrometres, so that nothing of a trace's place is lost that anybody could measure."""
+"""Decimals of what is written. Ours: micrometres, below what anybody could measure in a trace."""
+
+Xosc: TypeAlias = Any
+"""An object of `scenariogeneration.xosc`, which has no types."""
 
 
 @cache
-def library() -> Any:  # noqa: ANN401 - the package has no types
-    """Return `scenariogeneration.xosc`.
+def library() -> Xosc:
+    """Return the module `scenariogeneration.xosc`.
 
     Raises:
         ExchangeError: it is not installed.
@@ -32,6 +35,16 @@ def library() -> Any:  # noqa: ANN401 - the package has no types
     return xosc
 
 
+class _Library:
+    """`library()`, imported when its first name is asked for: `osc.Event`."""
+
+    def __getattr__(self, name: str) -> Xosc:
+        return getattr(library(), name)
+
+
+osc = _Library()
+
+
 def behind_centre_m(spec: ModelSpec) -> float:
     """Return how far an entity's reference point lies behind the middle of its footprint, m.
 
@@ -40,16 +53,16 @@ def behind_centre_m(spec: ModelSpec) -> float:
     return spec.length_m / 2 - spec.rear_overhang_m if spec.kind in WHEELS else 0.0
 
 
-def reference_point(x: float, y: float, heading_rad: float, spec: ModelSpec) -> tuple[float, float]:
-    """Return an entity's reference point from the middle of its footprint, m."""
+def reference_position(x: float, y: float, heading_rad: float, spec: ModelSpec) -> Xosc:
+    """Return the position of an entity's reference point from the middle of its footprint."""
     back = behind_centre_m(spec)
-    return x - back * math.cos(heading_rad), y - back * math.sin(heading_rad)
+    return world(x - back * math.cos(heading_rad), y - back * math.sin(heading_rad), heading_rad)
 
 
-def world(x: float, y: float, heading_rad: float | None = None) -> Any:  # noqa: ANN401 - as above
+def world(x: float, y: float, heading_rad: float | None = None) -> Xosc:
     """Return a `WorldPosition` on the ground, rounded; heading in rad, counter-clockwise from east."""
     h = None if heading_rad is None else figure(math.remainder(heading_rad, math.tau))
-    return library().WorldPosition(figure(x), figure(y), 0, h)
+    return osc.WorldPosition(figure(x), figure(y), 0, h)
 
 
 def figure(value: float) -> float:
@@ -57,24 +70,32 @@ def figure(value: float) -> float:
     return round(float(value), DIGITS) + 0.0
 
 
-def at_once() -> Any:  # noqa: ANN401 - as above
+def at_once() -> Xosc:
     """Return the dynamics of a step."""
-    osc = library()
     return osc.TransitionDynamics(osc.DynamicsShapes.step, osc.DynamicsDimension.time, 0)
 
 
-def at_time(name: str, time_s: float, point: str = "start") -> Any:  # noqa: ANN401 - as above
+def at_time(name: str, time_s: float, point: str = "start") -> Xosc:
     """Return a trigger that fires at a time of the simulation and starts (or stops: `stop`) something."""
-    osc = library()
     when = osc.SimulationTimeCondition(figure(time_s), osc.Rule.greaterOrEqual)
     return osc.ValueTrigger(name, 0, osc.ConditionEdge.none, when, point)
 
 
-def event(name: str, actions: list[tuple[str, Any]], trigger: Any) -> Any:  # noqa: ANN401 - as above
-    """Return an event that runs beside others, with named actions."""
-    osc = library()
-    made = osc.Event(name, osc.Priority.parallel)
-    for action_name, action in actions:
+def event(name: str, actions: dict[str, Xosc], trigger: Xosc, most: int = 1) -> Xosc:
+    """Return an event that runs beside others, `most` times at most, with actions by name."""
+    made = osc.Event(name, osc.Priority.parallel, most)
+    for action_name, action in actions.items():
         made.add_action(action_name, action)
     made.add_trigger(trigger)
     return made
+
+
+def maneuver_group(actor: str, events: list[Xosc]) -> Xosc:
+    """Return the group of everything that one actor does."""
+    maneuver = osc.Maneuver(f"{actor}_maneuver")
+    for one in events:
+        maneuver.add_event(one)
+    group = osc.ManeuverGroup(f"{actor}_group")
+    group.add_actor(actor)
+    group.add_maneuver(maneuver)
+    return group

@@ -1,30 +1,34 @@
-"""Who takes part in an exported scenario, and where everybody is at the beginning."""
+"""The entities of an exported scenario, and its `Init`: where each is at the beginning, and the weather."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.bundle import ActorKind, ModelSpec, Scene
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.exchange.openscenario.writing.library import (
+    Xosc,
     at_once,
     behind_centre_m,
     figure,
-    library,
-    reference_point,
-    world,
+    osc,
+    reference_position,
 )
+from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
-_CATEGORIES = {
-    "car": "car",
-    "van": "van",
-    "truck": "truck",
-    "bus": "bus",
+CATEGORIES: dict[ActorKind, str] = {
+    **{kind: kind for kind in ("car", "van", "truck", "bus", "bicycle")},
     "motorcycle": "motorbike",
-    "bicycle": "bicycle",
 }
+"""OpenSCENARIO's vehicle category of each kind of vehicle."""
+CLEAR_M = 100_000.0
+"""The visual range that says that there is no fog (ours; OpenSCENARIO has no word for it)."""
+SUN_LUX = 100_000.0
+"""Direct sunlight, illuminance of a clear noon (cited from memory and not checked)."""
+LOW_SUN_RAD, HIGH_SUN_RAD = 0.15, 0.8
+"""The elevation of a low sun, which dazzles (ours: under 10 degrees), and of any other."""
 _WHEEL_M = {"truck": 1.0, "bus": 1.0, "motorcycle": 0.6, "bicycle": 0.7}
 _CAR_WHEEL_M = 0.65
 """Wheels' diameters, of which nothing depends here: usual sizes (ours)."""
@@ -41,33 +45,46 @@ WALKS = {
 """What vehicles have a place for and pedestrians not, in m/s and m/s^2."""
 
 
-def entities(trace: Trace, specs: dict[str, ModelSpec]) -> Any:  # noqa: ANN401 - the library has no types
+def entities(trace: Trace, specs: dict[str, ModelSpec]) -> Xosc:
     """Return all actors of a run; `specs` by their ids."""
-    cast = library().Entities()
+    found = osc.Entities()
     for info in trace.actors:
-        cast.add_scenario_object(info.id, _object(specs[info.id]))
-    return cast
+        found.add_scenario_object(info.id, _object(specs[info.id]))
+    return found
 
 
-def init(trace: Trace, specs: dict[str, ModelSpec], weather: Any) -> Any:  # noqa: ANN401 - as above
-    """Return the places and speeds of those who are there at the first frame, and the weather (or None)."""
-    osc = library()
+def init(trace: Trace, specs: dict[str, ModelSpec], scene: Scene) -> Xosc:
+    """Return the weather, and the places and speeds of the actors that are there in the first frame."""
     made = osc.Init()
-    if weather is not None:
-        made.add_global_action(weather)
+    if scene.rain or scene.fog or scene.sun or scene.friction < DRY_FRICTION:
+        made.add_global_action(_weather(scene))
     for k, info in enumerate(trace.actors):
         row = trace.states[0, k]
         if math.isnan(row[X]):
             continue
-        x, y = reference_point(row[X], row[Y], row[HEADING], specs[info.id])
-        made.add_init_action(info.id, osc.TeleportAction(world(x, y, row[HEADING])))
+        place = reference_position(row[X], row[Y], row[HEADING], specs[info.id])
+        made.add_init_action(info.id, osc.TeleportAction(place))
         if specs[info.id].kind != "obstacle":
             made.add_init_action(info.id, osc.AbsoluteSpeedAction(figure(row[SPEED]), at_once()))
     return made
 
 
-def _object(spec: ModelSpec) -> Any:  # noqa: ANN401 - as above
-    osc = library()
+def _weather(scene: Scene) -> Xosc:
+    """Return the action that sets the weather: ratios from 0 to 1 here, visual range, mm/h and friction there."""
+    low = scene.sun > 0
+    rain = osc.PrecipitationType.rain if scene.rain else osc.PrecipitationType.dry
+    weather = osc.Weather(
+        osc.FractionalCloudCover.zeroOktas if low else osc.FractionalCloudCover.fourOktas,
+        sun=osc.Sun(SUN_LUX * scene.sun if low else SUN_LUX / 10, 0, LOW_SUN_RAD if low else HIGH_SUN_RAD),
+        fog=osc.Fog(figure(FOG_VISIBILITY_M / scene.fog) if scene.fog else CLEAR_M),
+        precipitation=osc.Precipitation(rain, figure(RAIN_MM_H * scene.rain)),
+    )
+    road = osc.RoadCondition(figure(scene.friction / DRY_FRICTION))
+    made = osc.Environment("weather", osc.TimeOfDay(False, 2020, 6, 21, 12, 0, 0), weather, road)
+    return osc.EnvironmentAction(made)
+
+
+def _object(spec: ModelSpec) -> Xosc:
     box = osc.BoundingBox(
         figure(spec.width_m),
         figure(spec.length_m),
@@ -83,10 +100,9 @@ def _object(spec: ModelSpec) -> Any:  # noqa: ANN401 - as above
     else:
         made = osc.MiscObject(spec.name, figure(spec.mass_kg), osc.MiscObjectCategory.obstacle, box)
     if spec.kind == "pedestrian":
-        for key, value in zip(
-            WALKS, (spec.max_speed_mps, spec.acceleration_mps2, spec.emergency_braking_mps2), strict=True
-        ):
-            made.add_property(WALKS[key], str(figure(value)))
+        values = (spec.max_speed_mps, spec.acceleration_mps2, spec.emergency_braking_mps2)
+        for name, value in zip(WALKS.values(), values, strict=True):
+            made.add_property(name, str(figure(value)))
     made.add_property(MODEL, spec.name)
     if spec.kind != "obstacle":
         made.add_property(BRAKING, str(figure(spec.braking_mps2)))
@@ -95,13 +111,12 @@ def _object(spec: ModelSpec) -> Any:  # noqa: ANN401 - as above
     return made
 
 
-def _vehicle(spec: ModelSpec, box: Any) -> Any:  # noqa: ANN401 - as above
-    osc = library()
+def _vehicle(spec: ModelSpec, box: Xosc) -> Xosc:
     wheel = _WHEEL_M.get(spec.kind, _CAR_WHEEL_M)
     track = figure(_TRACK * spec.width_m)
     made = osc.Vehicle(
         spec.name,
-        getattr(osc.VehicleCategory, _CATEGORIES[spec.kind]),
+        getattr(osc.VehicleCategory, CATEGORIES[spec.kind]),
         box,
         osc.Axle(figure(spec.max_steer_rad), wheel, track, figure(spec.wheelbase_m), wheel / 2),
         osc.Axle(0, wheel, track, 0, wheel / 2),

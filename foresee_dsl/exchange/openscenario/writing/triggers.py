@@ -5,23 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from foresee_dsl.compile.roads.polyline import XY
-from foresee_dsl.exchange.openscenario.reading.places import NotExpressed
-from foresee_dsl.exchange.openscenario.writing.library import figure, library, world
-from foresee_dsl.language.model import (
-    Both,
-    Comparison,
-    Condition,
-    Either,
-    Measure,
-    Named,
-    Not,
-    Place,
-    Point,
-    Within,
-)
+from foresee_dsl.exchange.openscenario.writing.library import Xosc, figure, osc, world
+from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of
 
 _NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
@@ -29,7 +17,7 @@ _RULES = {"<": "lessThan", "<=": "lessOrEqual", ">": "greaterThan", ">=": "great
 _MOST_GROUPS = 16
 """A condition that would need more alternatives is timed instead (ours)."""
 
-Make = Callable[[str], Any]
+Make = Callable[[str], Xosc]
 """Makes one `<Condition>` with a name."""
 
 
@@ -38,9 +26,9 @@ class Conditions:
     """Translates conditions about actors; `places` as in `Scene.places`."""
 
     actors: Collection[str]
-    places: Mapping[Place, XY]
+    places: Mapping[m.Place, XY]
 
-    def groups(self, condition: Condition) -> list[list[Make]]:
+    def groups(self, condition: m.Condition) -> list[list[Make]]:
         """Return alternatives, each a list of conditions that hold together.
 
         Raises:
@@ -51,25 +39,25 @@ class Conditions:
             raise NotExpressed("conditions with many alternatives")
         return found
 
-    def _groups(self, condition: Condition, *, negated: bool) -> list[list[Make]]:
-        if isinstance(condition, Not):
+    def _groups(self, condition: m.Condition, *, negated: bool) -> list[list[Make]]:
+        if isinstance(condition, m.Not):
             return self._groups(condition.condition, negated=not negated)
-        if isinstance(condition, Both | Either):
+        if isinstance(condition, m.Both | m.Either):
             parts = [self._groups(part, negated=negated) for part in condition.conditions]
-            if isinstance(condition, Either) != negated:
+            if isinstance(condition, m.Either) != negated:
                 return [group for part in parts for group in part]
             return [list(itertools.chain(*choice)) for choice in itertools.islice(itertools.product(*parts), 100)]
-        if isinstance(condition, Comparison):
+        if isinstance(condition, m.Comparison):
             return [[self._comparison(condition, negated=negated)]]
-        if isinstance(condition, Within):
+        if isinstance(condition, m.Within):
             return [[self._within(condition, negated=negated)]]
         raise NotExpressed(f"conditions: {condition.kind}")
 
-    def _comparison(self, condition: Comparison, *, negated: bool) -> Make:
+    def _comparison(self, condition: m.Comparison, *, negated: bool) -> Make:
         left = condition.left
-        if not isinstance(left, Measure):
+        if not isinstance(left, m.Measure):
             raise NotExpressed("conditions: parameters")
-        osc, value = library(), figure(si_of(condition.right))
+        value = figure(si_of(condition.right))
         rule = getattr(osc.Rule, _RULES[_NEGATED[condition.op] if negated else condition.op])
         if left.what == "time":
             return _by_value(osc.SimulationTimeCondition(value, rule))
@@ -91,44 +79,38 @@ class Conditions:
             made = osc.TimeHeadwayCondition(other, value, rule, False, True, around)
         return self._by_entity(actor, made)
 
-    def _within(self, condition: Within, *, negated: bool) -> Make:
-        osc, value = library(), figure(si_of(condition.distance))
+    def _within(self, condition: m.Within, *, negated: bool) -> Make:
+        value = figure(si_of(condition.distance))
         rule = osc.Rule.greaterThan if negated else osc.Rule.lessOrEqual
         around = osc.RelativeDistanceType.euclidianDistance
-        if isinstance(condition.of, Named):
+        if isinstance(condition.of, m.Named):
             other = str(condition.of.name)
             if other not in self.actors:
                 raise NotExpressed("conditions: within a distance of a junction")
             return self._by_entity(condition.actor, osc.RelativeDistanceCondition(value, rule, around, other))
         at = condition.of
-        x, y = (si_of(at.x), si_of(at.y)) if isinstance(at, Point) else self.places[at]
+        x, y = (si_of(at.x), si_of(at.y)) if isinstance(at, m.Point) else self.places[at]
         return self._by_entity(condition.actor, osc.DistanceCondition(value, rule, world(x, y), False, True, around))
 
-    def _by_entity(self, actor: str, condition: Any) -> Make:  # noqa: ANN401 - the library has no types
-        osc = library()
+    def _by_entity(self, actor: str, condition: Xosc) -> Make:
         if actor not in self.actors:
-            raise NotExpressed("conditions about who is not there")
+            raise NotExpressed("conditions about actors that are not there")
         return lambda name: osc.EntityTrigger(name, 0, osc.ConditionEdge.none, condition, actor)
 
 
 def completed(event: str) -> Make:
     """Return the condition that an event is over."""
-    osc = library()
-    state = osc.StoryboardElementStateCondition(
-        osc.StoryboardElementType.event, event, osc.StoryboardElementState.completeState
-    )
-    return _by_value(state)
+    kind, state = osc.StoryboardElementType.event, osc.StoryboardElementState.completeState
+    return _by_value(osc.StoryboardElementStateCondition(kind, event, state))
 
 
 def at(time_s: float) -> Make:
     """Return the condition that a time has come."""
-    osc = library()
     return _by_value(osc.SimulationTimeCondition(figure(time_s), osc.Rule.greaterOrEqual))
 
 
-def trigger(groups: list[list[Make]], name: str) -> Any:  # noqa: ANN401 - as above
+def trigger(groups: list[list[Make]], name: str) -> Xosc:
     """Return a start trigger of alternatives."""
-    osc = library()
     made = osc.Trigger()
     for k, group in enumerate(groups):
         one = osc.ConditionGroup()
@@ -138,6 +120,5 @@ def trigger(groups: list[list[Make]], name: str) -> Any:  # noqa: ANN401 - as ab
     return made
 
 
-def _by_value(condition: Any) -> Make:  # noqa: ANN401 - as above
-    osc = library()
+def _by_value(condition: Xosc) -> Make:
     return lambda name: osc.ValueTrigger(name, 0, osc.ConditionEdge.none, condition)

@@ -13,7 +13,7 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, shortest_route
 from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.exchange.maps.heights import Heights
+from foresee_dsl.exchange.maps.bridges import Heights
 
 NEAR_M = 3.5
 """A place farther from every lane's centre is not on this map. Ours: a lane's width; the farthest of CARLA's places

@@ -12,8 +12,8 @@ from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.exchange.carla.families import Row, common, is_of_route, param, value_of
 from foresee_dsl.exchange.carla.models import CATALOGUE, ego_of, mix_of, vehicles_of
+from foresee_dsl.exchange.carla.staging import Case, common, declared, is_of_route, value_of
 from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Catalogue, Scenario, VehicleModel
@@ -40,99 +40,85 @@ _TITLES = {
 
 
 @dataclass(frozen=True)
-class FileOfCases:
+class ScenarioFile:
     """A scenario file to be.
 
     Attributes:
-        name: of the file, without `.foresee`. network: the file that it uses. rows: its cases.
+        name: of the file, without `.foresee`. network: the file that it uses. cases: what it holds.
         catalogue: of CARLA's models, or None for the bundled ones. sources: the files that the routes come from.
+        town: as in `Town10HD`, or empty.
     """
 
     name: str
     network: str
-    rows: tuple[Row, ...]
+    cases: tuple[Case, ...]
     catalogue: Catalogue | None
     sources: tuple[str, ...]
     town: str
 
 
-def text_of(file: FileOfCases) -> str:
+def text_of(file: ScenarioFile) -> str:
     """Return a file's text, in the one layout."""
-    defaults = {name: common(file.rows, name) for name in _names(file.rows)}
-    document = parse(_rendered(file, defaults), f"{file.name}.foresee")
+    document = parse(_rendered(file), f"{file.name}.foresee")
     return print_model(document.model, document.comments)
 
 
-def _names(rows: tuple[Row, ...]) -> list[str]:
-    """The parameters that the cases need: in most files nobody starts beside its lane."""
-    names = dict.fromkeys(name for row in rows for name in row.values)
-    if all(row.values["beside"] == _NO_LENGTH for row in rows):
-        del names["beside"]
-    return list(names)
-
-
-def _rendered(file: FileOfCases, defaults: Mapping[str, str]) -> str:
-    row, town = file.rows[0], file.town or "town"
-    family = f"scenario{row.family}" if row.family else "routes"
-    title = f"CARLA, {_TITLES[row.variant or row.family]}"
-    declared = {name: _declared(name, default) for name, default in defaults.items()}
-    shape = {"": family, "crossing": "scenario3"}.get(row.variant, row.variant)
-    template = _environment().get_template(f"{shape}.foresee.j2")
-    return template.render(
-        title=f"{town[:1].upper()}{town[1:]} of {title}.",
-        source=sentence(", ".join(sorted(set(file.sources))[:3])) or "CARLA's files",
-        name=name_of(f"{town.lower()}_{file.name}", "carla"),
-        tags=[family, "carla", name_of(town.lower(), "town")],
-        network=file.network,
-        models_file=CATALOGUE if file.catalogue else "",
-        route_params=[text for name, text in declared.items() if is_of_route(name)],
-        family_params=[text for name, text in declared.items() if not is_of_route(name)],
-        ego_model=ego_of(vehicles_of(file.catalogue) if file.catalogue else ()),
-        through=[name for name in defaults if name.startswith("through")],
-        beside="beside" in defaults,
-        signal=row.signal,
-        bridge=row.bridge,
-        walkers=row.walkers,
-        vehicles=mix_of(file.catalogue),
-        rows=[{"name": one.name, "assignments": _assigned(one, defaults)} for one in file.rows],
-    )
-
-
-def _assigned(row: Row, defaults: Mapping[str, str]) -> list[str]:
-    """What a case says: the values that are not the defaults."""
-    values = {name: value_of(row, name) for name in defaults}
-    return [f"{name} = {value}" for name, value in values.items() if value != defaults[name]]
-
-
-def placed_wrongly(file: FileOfCases, network: RoadNetwork, signals: Mapping[str, Signal]) -> bool:
+def misplaced(file: ScenarioFile, network: RoadNetwork, signals: Mapping[str, Signal]) -> bool:
     """Say whether the compiler finds something impossible in a file's first case on its network."""
     document = parse(text_of(file), f"{file.name}.foresee")
     if not isinstance(document.model, Scenario):
         return True
-    scenario = concretise(document.model, file.rows[0].name, document=document)
+    scenario = concretise(document.model, file.cases[0].name, document=document)
     models = bundled_models()
     if file.catalogue is not None:
         models |= {item.name: item for item in file.catalogue.body if isinstance(item, VehicleModel)}
-    return _misfits(scenario, models, network, signals)
-
-
-def _misfits(
-    scenario: Scenario, models: Mapping[str, VehicleModel], network: RoadNetwork, signals: Mapping[str, Signal]
-) -> bool:
     case = TestCase(
         id=scenario.name, scenario=scenario, network=Path("map"), models=models, meaning="", source=Path("import")
     )
-    specs = {name: spec_of(model) for name, model in models.items()}
     try:
-        SceneBuilder(case, network, specs, signals).place()
+        SceneBuilder(case, network, {name: spec_of(model) for name, model in models.items()}, signals).place()
     except PlacementError:
         return True
     return False
 
 
-def _declared(name: str, default: str) -> str:
-    kind = param(name)
-    return f"param {name}: {kind.type} = {default}" + (f" in {kind.within}" if kind.within else "")
+def _rendered(file: ScenarioFile) -> str:
+    case, town = file.cases[0], file.town or "town"
+    names = dict.fromkeys(name for one in file.cases for name in one.values)
+    if all(one.values["beside"] == _NO_LENGTH for one in file.cases):  # in most files every start is on its lane
+        del names["beside"]
+    defaults = {name: common(file.cases, name) for name in names}
+    family = f"scenario{case.family}" if case.family else "routes"
+    title = f"CARLA, {_TITLES[case.variant or case.family]}"
+    shape = {"": family, "crossing": "scenario3"}.get(case.variant, case.variant)
+    return (
+        _environment()
+        .get_template(f"{shape}.foresee.j2")
+        .render(
+            title=f"{town[:1].upper()}{town[1:]} of {title}.",
+            source=sentence(", ".join(sorted(set(file.sources))[:3])) or "CARLA's files",
+            name=name_of(f"{town.lower()}_{file.name}", "carla"),
+            tags=[family, "carla", name_of(town.lower(), "town")],
+            network=file.network,
+            models_file=CATALOGUE if file.catalogue else "",
+            route_params=[declared(name, default) for name, default in defaults.items() if is_of_route(name)],
+            family_params=[declared(name, default) for name, default in defaults.items() if not is_of_route(name)],
+            ego_model=ego_of(vehicles_of(file.catalogue) if file.catalogue else ()),
+            through=[name for name in defaults if name.startswith("through")],
+            beside="beside" in defaults,
+            signal=case.signal,
+            bridge=case.bridge,
+            walkers=case.walkers,
+            vehicles=mix_of(file.catalogue),
+            rows=[{"name": one.name, "assignments": _assigned(one, defaults)} for one in file.cases],
+        )
+    )
+
+
+def _assigned(case: Case, defaults: Mapping[str, str]) -> list[str]:
+    """What a case says: the values that are not the defaults."""
+    values = {name: value_of(case, name) for name in defaults}
+    return [f"{name} = {value}" for name, value in values.items() if value != defaults[name]]
 
 
 @cache

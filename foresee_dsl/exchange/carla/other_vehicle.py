@@ -10,7 +10,7 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.compile.roads.routing import RouteError, onward
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.exchange.maps.places_on_net import through_of
+from foresee_dsl.exchange.maps.ways import through_of
 
 APPROACH_M = 80.0
 """How much road a partner has before the junction, where there is so much (ours: 6 s at 50 km/h)."""
@@ -22,7 +22,7 @@ _MOST_EDGES = 12
 
 
 @dataclass(frozen=True)
-class Partner:
+class OtherVehicle:
     """Somebody who comes to the same junction.
 
     Attributes:
@@ -36,7 +36,7 @@ class Partner:
     turn: str
 
 
-def partner_of(network: RoadNetwork, passage: Passage, family: str, away_m: float) -> Partner | None:
+def other_vehicle(network: RoadNetwork, passage: Passage, family: str, away_m: float) -> OtherVehicle | None:
     """Return who meets the ego in a junction, or None where nobody's way conflicts with the ego's.
 
     7: crossing traffic, straight on where there is any. 8: oncoming traffic, straight on. 9: traffic that comes to the
@@ -79,7 +79,7 @@ def _heading(network: RoadNetwork, movement: Movement) -> float:
     return line.at(line.length_m)[2]
 
 
-def _on_road(network: RoadNetwork, foe: Movement, away_m: float) -> Partner | None:
+def _on_road(network: RoadNetwork, foe: Movement, away_m: float) -> OtherVehicle | None:
     """Give a movement a route with enough road before and behind it, as far as the shortest way is that route."""
     before = _before(network, foe.from_edge)
     behind = _behind(network, foe.to_edge, before)
@@ -102,7 +102,7 @@ def _on_road(network: RoadNetwork, foe: Movement, away_m: float) -> Partner | No
     if passage is None or passage.entry_s < LEAST_M:
         return None
     begin = min(max(passage.entry_s - away_m, LEAST_M / 2), passage.entry_s - LEAST_M / 2)
-    return Partner((named[0], named[1]), round(begin, 1), passage.turn)
+    return OtherVehicle((named[0], named[1]), round(begin, 1), passage.turn)
 
 
 def _before(network: RoadNetwork, edge: str) -> tuple[str, ...]:

@@ -90,7 +90,7 @@ def bridges(network: RoadNetwork, heights: Heights) -> tuple[Bridge, ...]:
     return tuple(found)
 
 
-def flat_notes(found: Sequence[Bridge]) -> tuple[str, ...]:
+def bridge_notes(found: Sequence[Bridge]) -> tuple[str, ...]:
     """Return what to say of bridges: a sentence, or none."""
     if not found:
         return ()

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.openscenario.reading.conditions import Reader, Start
-from foresee_dsl.exchange.openscenario.reading.places import NotExpressed
+from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader, Start
 from foresee_dsl.exchange.openscenario.reading.source import Source
+from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language.model import Both, Condition
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Event:
     at_start: list[Event] = field(default_factory=list)
 
 
-def read_events(source: Source, reader: Reader, left_out: Counter[str]) -> list[Event]:
+def read_events(source: Source, reader: ConditionReader, left_out: Counter[str]) -> list[Event]:
     """Return the events that start by themselves, each with those that wait for it; others are counted."""
     found: list[tuple[Event, tuple[str, str] | None]] = []
     for group, act, maneuver in _maneuvers(source, left_out):
@@ -83,7 +83,7 @@ def _maneuvers(source: Source, left_out: Counter[str]) -> Iterator[tuple[Element
 
 
 def _event(
-    element: Element, act: Element, refs: tuple[str, ...], reader: Reader
+    element: Element, act: Element, refs: tuple[str, ...], reader: ConditionReader
 ) -> tuple[Event, tuple[str, str] | None]:
     start = _joined(reader.start(act.find("StartTrigger")), reader.start(element.find("StartTrigger")))
     actions = element.findall("Action")

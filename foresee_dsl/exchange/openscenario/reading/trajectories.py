@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.openscenario.reading.places import NotExpressed, Places
+from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.outcome import NotExpressed
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
@@ -40,7 +40,7 @@ _FIRST_SLACK_MPS, _LAST_SLACK_MPS = 0.4, 0.005
 
 
 @dataclass(frozen=True)
-class Track:
+class Trajectory:
     """A trajectory: [N] s (NaN where it has no times), [N, 2] m and [N] rad of the middle of the footprint."""
 
     time_s: NDArray[np.float64]
@@ -53,18 +53,18 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Pace:
+class SpeedProfile:
     """Speeds along a path: [K] s and [K] m/s; linear in between, constant before and after."""
 
     time_s: tuple[float, ...]
     speed_mps: tuple[float, ...]
 
 
-def read_track(trajectory: Element, places: Places, centre_m: float) -> Track:
+def read_trajectory(trajectory: Element, places: Places, centre_m: float) -> Trajectory:
     """Return a `<Trajectory>` whose shape is a polyline.
 
     Args:
-        trajectory: the element. places: works out its positions.
+        trajectory: the element. places: evaluates its positions.
         centre_m: from the reference point forward to the middle of the footprint.
 
     Raises:
@@ -74,7 +74,7 @@ def read_track(trajectory: Element, places: Places, centre_m: float) -> Track:
     if line is None:
         shape = next(iter(trajectory.find("Shape") or ()), None)
         raise NotExpressed(f"trajectories: {'no shape' if shape is None else shape.tag}")
-    times, poses, said = [], [], []
+    times, poses, headings = [], [], []
     for vertex in line.iterfind("Vertex"):
         position = vertex.find("Position")
         if position is None:
@@ -82,18 +82,18 @@ def read_track(trajectory: Element, places: Places, centre_m: float) -> Track:
         times.append(number(vertex, "time", math.nan) if vertex.get("time") else math.nan)
         poses.append(places.pose(position))
         kind = next(iter(position))
-        said.append(kind.get("h") is not None or kind.tag != "WorldPosition")
+        headings.append(kind.get("h") is not None or kind.tag != "WorldPosition")
     if len(poses) < 2:
         raise NotExpressed("trajectories: fewer than two vertices")
     points = np.array([(pose.x, pose.y) for pose in poses])
     heading = np.array([pose.heading_rad for pose in poses])
-    if not all(said):
+    if not all(headings):
         heading = _directions(points)
     points = points + centre_m * np.column_stack((np.cos(heading), np.sin(heading)))
-    return Track(np.array(times), points, heading)
+    return Trajectory(np.array(times), points, heading)
 
 
-def path_of(track: Track) -> list[tuple[float, float]]:
+def path_of(track: Trajectory) -> list[tuple[float, float]]:
     """Return the points of a path along a trajectory, in its order; none but the ends where it leaves them out."""
     steps = np.hypot(*np.diff(track.points, axis=0).T)
     kept = track.points[np.r_[True, steps > PATH_M / 10]]
@@ -103,7 +103,7 @@ def path_of(track: Track) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x, y in line.coords]
 
 
-def pace_of(track: Track) -> Pace | None:
+def speed_profile(track: Trajectory) -> SpeedProfile | None:
     """Return the speeds that bring an actor along its path in the trajectory's times, in few pieces.
 
     Knots are chosen where the speed bends; then their speeds are fitted so that the way covered is right.
@@ -124,7 +124,7 @@ def pace_of(track: Track) -> Pace | None:
         fitted = _fitted(time_s, way, knots, np.interp(knots, time_s, speed))
         off = np.abs(_covered(time_s, knots, fitted) - way).max()
         if off <= SPEED_M or slack < _LAST_SLACK_MPS or len(knots) >= _MOST_PIECES:
-            return Pace(tuple(map(float, knots)), tuple(float(v) for v in np.maximum(fitted, 0.0)))
+            return SpeedProfile(tuple(map(float, knots)), tuple(float(v) for v in np.maximum(fitted, 0.0)))
         slack /= 2
 
 
@@ -186,7 +186,7 @@ def _edges_at(network: RoadNetwork, near: NearLane, kind: LaneKind, *, first: bo
 
 
 def _directions(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the direction in which each point goes on; who does not move keeps the last one."""
+    """Return the direction of each point to the next, rad; where two are the same, that of the one before."""
     steps = np.diff(points, axis=0)
     found: list[float] = []
     for dx, dy in steps:
@@ -229,8 +229,3 @@ def thinned(points: Sequence[Pose]) -> list[Pose]:
         if math.hypot(pose.x - kept[-1].x, pose.y - kept[-1].y) > ON_LANE_M * 2:
             kept.append(pose)
     return [*kept, points[-1]] if points and kept[-1] is not points[-1] else kept
-
-
-def distance_along(points: Sequence[tuple[float, float]]) -> float:
-    """Return the length of a polyline, m."""
-    return sum(math.dist(a, b) for a, b in itertools.pairwise(points))

@@ -1,4 +1,4 @@
-"""From a CARLA route to what a case row says: edges, lengths along the route, kerbs, the junction that is meant."""
+"""From a CARLA route to what a case says: edges, lengths along the route, kerbs, the junction that is meant."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, onward
 from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, Trigger
-from foresee_dsl.exchange.maps.heights import Heights
-from foresee_dsl.exchange.maps.places_on_net import Way, length_to, through_of, way_between
-from foresee_dsl.language.model import AlongRoute, EdgeRoute, Ego, Quantity, StartAt
+from foresee_dsl.exchange.maps.bridges import Heights
+from foresee_dsl.exchange.maps.ways import Way, length_to, through_of, way_between
+from foresee_dsl.language import model as m
 
 TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
 """A trigger belongs to a route that comes within 2 m of it (CARLA's leaderboard, with 10 degrees); where none does,
@@ -36,13 +36,13 @@ MISSED_M = 0.5
 _STRAY_M = 0.5
 """A centreline that is farther beside the road than this takes wheels off it (ours: half a car is 0.9 m)."""
 _NEAR_SPOT_M = 30.0
-"""Whoever passes a bridge so near has the other road's traffic in view (ours)."""
+"""An ego that passes a bridge at less than this has the other road's traffic in view (ours)."""
 _LOOK_M, _LOOK_STEP_M = 25.0, 0.25
 """How far to look for a kerb, and in what steps (ours: six lanes and a median)."""
 
 
 @dataclass(frozen=True, eq=False)
-class Journey:
+class PlacedRoute:
     """A route of CARLA on a network.
 
     Attributes:
@@ -72,7 +72,7 @@ class Journey:
         return self.s + self.finish_m
 
 
-def journey_of(
+def place_route(
     network: RoadNetwork,
     route: CarlaRoute,
     triggers: Sequence[Trigger],
@@ -80,35 +80,32 @@ def journey_of(
     *,
     in_order: bool,
     heights: Heights | None = None,
-) -> Journey:
+) -> PlacedRoute:
     """Return how a route is written, and where its trigger is.
 
     Args:
-        network: the town.
-        route: of CARLA.
-        triggers: of its family and town.
-        spec: the ego's model.
+        network: the town. route: of CARLA. triggers: of its family and town. spec: the ego's model.
         in_order: whether the k-th trigger belongs to the k-th route.
         heights: of the town's lanes.
 
     Raises:
-        RouteError: its places are not on the map, not connected, or the start cannot be said.
+        RouteError: its places are not on the map, not connected, or the start cannot be ends.
     """
     way = way_between(network, route.start, route.end, route.between, heights)
     edges = _over_goal_lane(network, way, route, spec)
-    said = _said(network, edges, route, spec)
-    placed = said.placed
-    finish = math.floor((said.goal_s - placed.s) * 100) / 100  # a rounding must not put it behind the end
+    ends = _ends(network, edges, route, spec)
+    placed = ends.placed
+    finish = math.floor((ends.goal_s - placed.s) * 100) / 100  # a rounding must not put it behind the end
     drive = _Drive(placed.line, placed.s, placed.s + finish)
     trigger = _trigger_of(route, triggers, drive, in_order=in_order)
-    return Journey(
+    return PlacedRoute(
         route=route,
         way=way,
         named=through_of(network, edges),
-        begin_m=round(said.begin_m, 2),
-        beside_m=said.beside_m,
+        begin_m=round(ends.begin_m, 2),
+        beside_m=ends.beside_m,
         finish_m=finish,
-        start_off_m=said.start_off_m,
+        start_off_m=ends.start_off_m,
         line=placed.line,
         s=placed.s,
         trigger_m=0.0 if trigger is None else drive.s_of(trigger.pose) - placed.s,
@@ -117,8 +114,8 @@ def journey_of(
 
 
 @dataclass(frozen=True)
-class _Said:
-    """How the start and goal of a route are said on its edges; see `Journey`. `goal_off_m`: how far the line is off."""
+class _Ends:
+    """Start and goal of a route on its edges, see `PlacedRoute`. `goal_off_m`: distance of the line from the goal."""
 
     begin_m: float
     beside_m: float
@@ -128,21 +125,21 @@ class _Said:
     goal_off_m: float
 
 
-def _said(network: RoadNetwork, edges: tuple[str, ...], route: CarlaRoute, spec: ModelSpec) -> _Said:
+def _ends(network: RoadNetwork, edges: tuple[str, ...], route: CarlaRoute, spec: ModelSpec) -> _Ends:
     half_m = spec.length_m / 2  # CARLA puts a vehicle's middle on a place, we its front
-    begin, beside = _said_on(network.line(edges), route.start, half_m)
+    begin, beside = _front_on(network.line(edges), route.start, half_m)
     beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
-    at = AlongRoute(
+    at = m.AlongRoute(
         actor="ego",
-        at=Quantity.of(begin, "length", 2),
-        offset=Quantity.of(beside, "length", 2) if beside else None,
+        at=m.Quantity.of(begin, "length", 2),
+        offset=m.Quantity.of(beside, "length", 2) if beside else None,
     )
-    ego = Ego(model=spec.name, body=(EdgeRoute(edges=edges), StartAt(place=at)))
+    ego = m.Ego(model=spec.name, body=(m.EdgeRoute(edges=edges), m.StartAt(place=at)))
     placed = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
     goal_s = min(length_to(placed.line, route.end, placed.s), placed.line.end_s)
     x, y = placed.x - half_m * math.cos(placed.heading_rad), placed.y - half_m * math.sin(placed.heading_rad)
     goal_x, goal_y, _ = placed.line.at(goal_s)
-    return _Said(
+    return _Ends(
         begin_m=begin,
         beside_m=beside,
         placed=placed,
@@ -157,7 +154,7 @@ def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: Mod
 
     Of the lanes that need no change a line takes the rightmost; which do need none depends on what is behind the goal.
     """
-    if _said(network, way.edges, route, spec).goal_off_m <= BESIDE_GOAL_M:
+    if _ends(network, way.edges, route, spec).goal_off_m <= BESIDE_GOAL_M:
         return way.edges
     longer = [way.edges]
     for _ in range(_EDGES_BEHIND_GOAL):
@@ -169,12 +166,12 @@ def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: Mod
         ]
         for edges in longer:
             with suppress(RouteError):
-                if _said(network, edges, route, spec).goal_off_m <= _ON_GOAL_M:
+                if _ends(network, edges, route, spec).goal_off_m <= _ON_GOAL_M:
                     return edges
     return way.edges
 
 
-def _said_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]:
+def _front_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]:
     """Return the length along a line and the offset of the front of a vehicle whose middle is at a place.
 
     The nearest point of a line is not quite it in a bend: offsets turn with the line, segment by segment.
@@ -190,54 +187,54 @@ def _said_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]
     return s, beside
 
 
-def turns_back(journey: Journey) -> bool:
+def turns_back(route: PlacedRoute) -> bool:
     """Say whether the way turns back on itself from one point to the next: lanes of the net that overlap wrongly."""
-    marks, angles = journey.line.marks, journey.line.angles
+    marks, angles = route.line.marks, route.line.angles
     return any(
-        journey.s <= at <= journey.goal_s and abs(wrap(b - a)) > _BACK_RAD
+        route.s <= at <= route.goal_s and abs(wrap(b - a)) > _BACK_RAD
         for at, a, b in zip(marks[1:], angles, angles[1:], strict=False)
     )
 
 
-def strays(network: RoadNetwork, journey: Journey) -> tuple[float, float, float]:
+def strays(network: RoadNetwork, route: PlacedRoute) -> tuple[float, float, float]:
     """Return how far the way leaves the road, m, and where (x, y in m); 0 where it stays on it.
 
     Lanes of a map may end beside those that follow: the line goes straight from the one to the other.
     """
     import numpy as np
 
-    line = journey.line
-    inside = [xy for s, xy in zip(line.marks, line.xy, strict=True) if journey.s <= s <= journey.goal_s]
+    line = route.line
+    inside = [xy for s, xy in zip(line.marks, line.xy, strict=True) if route.s <= s <= route.goal_s]
     depth = network.off_road_depth(np.array(inside or line.xy[:1]))
     k = int(depth.argmax())
     return (float(depth[k]), *inside[k]) if depth[k] > _STRAY_M else (0.0, 0.0, 0.0)
 
 
-def passes(journey: Journey, spots: Sequence[XY]) -> bool:
+def passes(route: PlacedRoute, spots: Sequence[XY]) -> bool:
     """Say whether the way comes near one of some places."""
-    line = journey.line
-    driven = [xy for s, xy in zip(line.marks, line.xy, strict=True) if journey.s <= s <= journey.goal_s]
+    line = route.line
+    driven = [xy for s, xy in zip(line.marks, line.xy, strict=True) if route.s <= s <= route.goal_s]
     return any(math.dist(spot, xy) < _NEAR_SPOT_M for spot in spots for xy in driven)
 
 
-def family_on_way(journey: Journey, triggers: Sequence[Trigger]) -> str:
+def family_on_way(route: PlacedRoute, triggers: Sequence[Trigger]) -> str:
     """Return the family of the first trigger on a way; empty where there is none."""
-    drive = _Drive(journey.line, journey.s, journey.goal_s)
+    drive = _Drive(route.line, route.s, route.goal_s)
     found = _first_on(drive, [(drive.off(trigger.pose), trigger.order, trigger) for trigger in triggers])
     return found.family if found is not None else ""
 
 
-def passages_of(network: RoadNetwork, journey: Journey) -> list[Passage]:
+def passages_of(network: RoadNetwork, route: PlacedRoute) -> list[Passage]:
     """Return the junctions that the trigger may stand for: those behind it that the ego comes to, in order.
 
     Places where two roads merely join are no junctions here. Where none is behind the trigger, all on the way count.
     """
     found = []
-    for passage in journey.line.passages:
+    for passage in route.line.passages:
         arms = {movement.from_edge for movement in network.movements_at(passage.junction) if "car" in movement.kinds}
-        if journey.s + 1.0 < passage.entry_s < journey.goal_s and len(arms) > 2:
+        if route.s + 1.0 < passage.entry_s < route.goal_s and len(arms) > 2:
             found.append(passage)
-    behind = [one for one in found if one.exit_s > journey.s + journey.trigger_m - TRIGGER_FAR_M]
+    behind = [one for one in found if one.exit_s > route.s + route.trigger_m - TRIGGER_FAR_M]
     return behind or found
 
 
