@@ -24,8 +24,8 @@ from foresee_dsl.simulate.sensing.sight import Sight
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
-"""The risk has to last this long to be perceived: ours, meant as R157's risk evaluation time, whose text
-was not at hand."""
+"""The risk has to last this long to be perceived: ours, after R157, Annex 4, appendix 3: JRC-FSM
+(`CC_calc_dist_to_react`) has a lateral way of 0.72 m for it, 0.4 s at 1.8 m/s."""
 DELAY_S = 0.75
 """From the perception until braking begins. R157, Annex 4, appendix 3; `CC_rt` in JRC-FSM."""
 CRITICAL_TTC_S = 2.0

@@ -23,8 +23,7 @@ _SUMO_CLASSES = {
 _CLASSES = {sumo: ours for ours, classes in _SUMO_CLASSES.items() for sumo in classes}
 """Our class for each of SUMO's vehicle classes."""
 _EGO = ("car.lincoln_mkz2017", "car.lincoln_mkz", "car.tesla_model3", "car.sedan")
-"""Who drives as the ego, the first that there is: CARLA's leaderboard drives a Lincoln MKZ (from memory,
-not checked)."""
+"""Model of the ego, the first that there is: CARLA's leaderboard drives a Lincoln MKZ (route_scenario.py)."""
 _MIXED = (
     *("car.compact", "car.sedan", "car.suv", "van.delivery", "truck.light", "bus.midi"),
     *("motorcycle.street", "motorcycle.scooter", "bicycle.city", "bicycle.racing"),

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 _LIGHTS = ("1000001", "1000002", "1000009", "1000010", "1000011")
-"""OpenDRIVE's types of traffic lights (annex of ASAM OpenDRIVE 1.4 to 1.8, country `OpenDRIVE`; from memory, not
-checked; netconvert reads them as such)."""
+"""Types of traffic lights: the first five that CARLA's reader of OpenDRIVE knows (road/SignalType.cpp, after OpenDRIVE
+1.5M). Netconvert 1.28 reads them as such; ours: the towns have no others."""
 _TAKEN_LANES = (
     *("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit", "stop"),
     *("sidewalk", "none", "biking", "parking"),

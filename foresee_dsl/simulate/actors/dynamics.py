@@ -30,9 +30,9 @@ TIPS_AT_G: Mapping[str, float] = MappingProxyType(
     {"van": 0.7, "truck": 0.4, "bus": 0.5, "motorcycle": 0.8, "bicycle": 0.4}
 )
 """The lateral acceleration, in g, over which a class of vehicle tips or its rider does not lean; cars slide before.
-From memory and not checked: loaded heavy trucks roll over at 0.35 to 0.45 g, city buses and vans later (Winkler and
-Ervin, Rollover of Heavy Commercial Vehicles, UMTRI 1999). Ours: riders lean to 39 deg (0.8 g) and, on a bicycle, to
-22 deg (0.4 g)."""
+Ours, within what is measured: large trucks roll over from 0.2 g on, light trucks and vans at 0.8 to 1.2 g, cars over
+1 g (Winkler and Ervin, Rollover of Heavy Commercial Vehicles, UMTRI-99-19); tank trucks are asked for 0.4 g. Riders
+lean to 39 deg (0.8 g) and, on a bicycle, to 22 deg (0.4 g)."""
 
 
 @dataclass(slots=True)

@@ -16,10 +16,11 @@ traffic stops. Visibility is inversely proportional to the ratio: fog 0.25 is 20
 KOSCHMIEDER = 3.0
 """Extinction times visibility: 5 % of the light is left there (Koschmieder; the Met Office's definition)."""
 RAIN_MM_H = 50.0
-"""Rain 1: the lower bound of what the Met Office calls a violent shower (cited from memory and not checked)."""
+"""Rain 1: the lower bound of what the Met Office calls a violent shower (its guide in The Independent, 5 January
+1998)."""
 RAIN_K, RAIN_POWER = 1.076, 0.67
-"""Attenuation in rain of R mm/h: 1.076 R^0.67 dB/km for optical links in ITU-R P.1814 (cited from memory and not
-checked): 15 dB/km at 50 mm/h."""
+"""Attenuation in rain of R mm/h: 1.076 R^0.67 dB/km for optical links (Carbonneau and Wisely 1998): 15 dB/km at
+50 mm/h."""
 SUN_LOSES = 0.5
 """Share of the signals' range that a low sun (1) takes. Ours: glare; the language gives the sun no direction, so it
 comes from everywhere. Objects are seen by lidar, which a low sun hardly troubles."""

@@ -26,7 +26,7 @@ CATEGORIES: dict[ActorKind, str] = {
 CLEAR_M = 100_000.0
 """The visual range that says that there is no fog (ours; OpenSCENARIO has no word for it)."""
 SUN_LUX = 100_000.0
-"""Direct sunlight, illuminance of a clear noon (cited from memory and not checked)."""
+"""Direct sunlight at a clear noon, lx: up to 100 klx on the ground (common tables of illuminance)."""
 LOW_SUN_RAD, HIGH_SUN_RAD = 0.15, 0.8
 """The elevation of a low sun, which dazzles (ours: under 10 degrees), and of any other."""
 _WHEEL_M = {"truck": 1.0, "bus": 1.0, "motorcycle": 0.6, "bicycle": 0.7}
