@@ -12,7 +12,7 @@ import json
 import shlex
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, entry_points, version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,11 @@ from typing import Any
 from foresee_dsl import __version__
 from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of
 from foresee_dsl.campaign.steps.step import Step
-from foresee_dsl.derive.operators import GROUP as OPERATORS
+from foresee_dsl.derive.operators import OPERATORS
 from foresee_dsl.drivers.registry import DRIVERS, load_driver
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.registry import RANKERS
+from foresee_dsl.plugins import PluginGroup
 
 
 def key(step: type[Step[Any, Any]], **parts: str | float | None) -> str:
@@ -53,30 +54,27 @@ def driver_identity(address: str) -> str:
     driver = load_driver(address)
     weights = str(getattr(driver, "weights_hash", "") or "")
     name, _, argument = address.partition(":")
-    return json.dumps([address, driver.version, weights, _plugin(DRIVERS.name, name), _files_named(argument)])
+    return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name), _files_named(argument)])
 
 
 def ranker_identity(name: str) -> str:
     """Return what stands for a ranker: its name and a hash of its code."""
-    return json.dumps([name, _plugin(RANKERS.name, name)])
+    return json.dumps([name, _plugin(RANKERS, name)])
 
 
 def operators_identity() -> str:
     """Return what stands for the operators that packages have added to ours."""
-    return json.dumps(
-        sorted({entry.name: _plugin(OPERATORS, entry.name) for entry in entry_points(group=OPERATORS)}.items())
-    )
+    return json.dumps([[name, _plugin(OPERATORS, name)] for name in OPERATORS.names()])
 
 
-def _plugin(group: str, name: str) -> str:
+def _plugin(group: PluginGroup, name: str) -> str:
     """Return package, version and code of what an entry point names."""
-    for entry in entry_points(group=group, name=name):
-        top = entry.module.partition(".")[0]
-        if top == "foresee_dsl":
-            return code_of(entry.module)
-        package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else ""
-        return f"{package} {_package_digest(top)}"
-    return ""
+    entry = group.find(name)
+    top = entry.module.partition(".")[0]
+    if top == "foresee_dsl":
+        return code_of(entry.module)
+    package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else ""
+    return f"{package} {_package_digest(top)}"
 
 
 def _package_digest(top: str) -> str:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 from functools import lru_cache
-from importlib.metadata import entry_points
 
 from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
 from foresee_dsl.derive.operators.paper import ModelSwap, Steer
 from foresee_dsl.derive.operators.situation import Operator, Situation
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.plugins import PluginGroup
 
-__all__ = ["GROUP", "Operator", "Situation", "operators"]
+__all__ = ["OPERATORS", "Operator", "Situation", "operators"]
 
-GROUP = "foresee_dsl.operators"
+OPERATORS = PluginGroup("foresee_dsl.operators", "operator", ForeseeError)
 """A package adds its own with `[project.entry-points."foresee_dsl.operators"]` and `mine = "package.module:MINE"`,
 an object with a `name` and `changes`."""
 
@@ -27,4 +28,4 @@ def operators() -> dict[str, Operator]:
 @lru_cache(maxsize=8)
 def _added(path: tuple[str, ...]) -> dict[str, Operator]:  # noqa: ARG001  (it keys the cache)
     """Return the operators of installed packages; looking through them takes 5 ms, and a worker mutates many clips."""
-    return {entry.name: entry.load() for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name)}
+    return {name: OPERATORS.load(name) for name in OPERATORS.names()}
