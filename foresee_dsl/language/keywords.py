@@ -6,23 +6,27 @@ classes, and the few below that several classes share. Units are in `language.un
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import cast
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.model.item import Group, Words
+from foresee_dsl.language.model.item import Group
 
-_SHARED: Words = {
-    "foresee": ("definition", "the version of the language; the first line of every file", "foresee 1"),
-    "of": ("link", "the parent; the other side of `within`", 'clip runner_p1 of "runner.foresee"'),
-    "after": ("link", "later than that", "end after 60 s"),
-    "before": ("link", "earlier than that; short of the junction", "meets ego at j4 before 1.0 s"),
-    "at": ("link", "where, or when", "start at 20 m along ego.route"),
-    "from": ("link", "where a route begins, when steering begins, where a draw begins", "route from south"),
-    "over": ("link", "the junction of a turn; the time of a change", "straight over j4"),
-    "to": ("link", "where a road ends; the new speed", "changes speed to 3 m/s"),
-    "for": ("link", "how long", "stops for 4 s"),
-}
+_SHARED = """
+    foresee (definition): the version of the language; the first line of every file | foresee 1
+    of (link): the parent; the other side of `within` | clip runner_p1 of "runner.foresee"
+    after (link): later than that | end after 60 s
+    before (link): earlier than that; short of the junction | meets ego at j4 before 1.0 s
+    at (link): where, or when | start at 20 m along ego.route
+    from (link): where a route begins, when steering begins, where a draw begins | route from south
+    over (link): the junction of a turn; the time of a change | straight over j4
+    to (link): where a road ends; the new speed | changes speed to 3 m/s
+    for (link): how long | stops for 4 s
+"""
+_WORD = re.compile(r"^\s*(\w+) \((\w+)\): ([^|]+?)\s+\| (.+)$", re.MULTILINE)
+"""An entry of `Item.words`, which may go over several lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +40,9 @@ class Keyword:
 
 
 _ALL = tuple(
-    Keyword(word, *about) for words in (_SHARED, *(kind.words for kind in m.ITEMS)) for word, about in words.items()
+    Keyword(word, cast(Group, group), " ".join(meaning.split()), example)
+    for words in (_SHARED, *(kind.words for kind in m.ITEMS))
+    for word, group, meaning, example in _WORD.findall(words)
 )
 
 KEYWORDS = MappingProxyType({keyword.word: keyword for keyword in _ALL})

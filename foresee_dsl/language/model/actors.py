@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import ONE_OF, Item, Phrase, Words
+from foresee_dsl.language.model.item import ONE_OF, Item, Phrase
 from foresee_dsl.language.model.values import (
     Acceleration,
     Angle,
@@ -29,12 +29,12 @@ from foresee_dsl.language.model.values import (
 class Leg(Phrase):
     """`straight over j4`: one junction of a route."""
 
-    pattern: ClassVar[str] = "{turn} over {junction}"
-    words: ClassVar[Words] = {
-        "straight": ("constant", "a turn: straight on", "straight over j4"),
-        "left": ("constant", "a turn, or a side", "left over j4"),
-        "right": ("constant", "a turn, or a side", "right over j4"),
-    }
+    pattern = "{turn} over {junction}"
+    words = """
+        straight (constant): a turn: straight on | straight over j4
+        left (constant): a turn, or a side | left over j4
+        right (constant): a turn, or a side | right over j4
+    """
 
     turn: Turn | Ref
     junction: Id | Ref
@@ -47,14 +47,8 @@ class Route(Item):
     The road is entered in the direction of the first junction.
     """
 
-    pattern: ClassVar[str] = "route from {start} [{legs: }]"
-    words: ClassVar[Words] = {
-        "route": (
-            "statement",
-            "where an actor drives: a road and turns, or edges",
-            "route from south straight over j4",
-        ),
-    }
+    pattern = "route from {start} [{legs: }]"
+    words = "route (statement): where an actor drives: a road and turns, or edges | route from south straight over j4"
 
     kind: Literal["route"] = "route"
     start: Id | Ref
@@ -65,7 +59,7 @@ class EdgeRoute(Item):
     """`route [west, north_back]`: edge ids one after the other; `route [a, ..., b]` fills the gap with the shortest
     way. An edge may be a parameter of type `arm`."""
 
-    pattern: ClassVar[str] = "route {edges}"
+    pattern = "route {edges}"
 
     kind: Literal["edge_route"] = "edge_route"
     edges: tuple[Id | Ref, ...] = Field(min_length=1)
@@ -83,10 +77,8 @@ class Path(Item):
     """`path [PLACE, PLACE]`: a polyline that the actor follows off SUMO's lanes (a pedestrian's crossing, a
     cyclist's cut)."""
 
-    pattern: ClassVar[str] = "path {points}"
-    words: ClassVar[Words] = {
-        "path": ("statement", "a line off the lanes that an actor follows", "path [(90 m, 10 m), (90 m, 30 m)]"),
-    }
+    pattern = "path {points}"
+    words = "path (statement): a line off the lanes that an actor follows | path [(90 m, 10 m), (90 m, 30 m)]"
 
     kind: Literal["path"] = "path"
     points: tuple[Place, ...] = Field(min_length=2)
@@ -95,14 +87,10 @@ class Path(Item):
 class StartAt(Item):
     """`start at PLACE`: where the actor's front (a pedestrian's or obstacle's middle) is at the beginning."""
 
-    pattern: ClassVar[str] = "start at {place}"
-    words: ClassVar[Words] = {
-        "start": (
-            "statement",
-            "where an actor's front is at the beginning, or how fast it is",
-            "start at 20 m along ego.route",
-        ),
-    }
+    pattern = "start at {place}"
+    words = """
+        start (statement): where an actor's front is at the beginning, or how fast it is | start at 20 m along ego.route
+    """
 
     kind: Literal["start_at"] = "start_at"
     place: Place
@@ -111,7 +99,7 @@ class StartAt(Item):
 class StartSpeed(Item):
     """`start speed 40 km/h`."""
 
-    pattern: ClassVar[str] = "start speed {speed}"
+    pattern = "start speed {speed}"
 
     kind: Literal["start_speed"] = "start_speed"
     speed: Speed
@@ -120,10 +108,8 @@ class StartSpeed(Item):
 class CruiseSpeed(Item):
     """`speed 50 km/h`: what it drives or walks where nothing hinders it (default: the limit, or a walking pace)."""
 
-    pattern: ClassVar[str] = "speed {speed}"
-    words: ClassVar[Words] = {
-        "speed": ("statement", "how fast: an actor where nothing hinders it, or a road's limit", "speed 50 km/h"),
-    }
+    pattern = "speed {speed}"
+    words = "speed (statement): how fast: an actor where nothing hinders it, or a road's limit | speed 50 km/h"
 
     kind: Literal["speed"] = "speed"
     speed: Speed
@@ -132,10 +118,8 @@ class CruiseSpeed(Item):
 class GoalAt(Item):
     """`goal PLACE`: where the route ends for the ego (default: the end of the last edge)."""
 
-    pattern: ClassVar[str] = "goal {place}"
-    words: ClassVar[Words] = {
-        "goal": ("statement", "where the ego's route ends", "goal 40 m past j4 on ego.route"),
-    }
+    pattern = "goal {place}"
+    words = "goal (statement): where the ego's route ends | goal 40 m past j4 on ego.route"
 
     kind: Literal["goal"] = "goal"
     place: Place
@@ -144,10 +128,8 @@ class GoalAt(Item):
 class IgnoresRule(Item):
     """`ignores signals at j4`, `ignores priority at j4`; everywhere when no junction is named."""
 
-    pattern: ClassVar[str] = "ignores {what} [at {junction}]"
-    words: ClassVar[Words] = {
-        "ignores": ("statement", "signals or priority, everywhere or at one junction", "ignores signals at j4"),
-    }
+    pattern = "ignores {what} [at {junction}]"
+    words = "ignores (statement): signals or priority, everywhere or at one junction | ignores signals at j4"
 
     kind: Literal["ignores"] = "ignores"
     what: Literal["signals", "priority"]
@@ -157,14 +139,11 @@ class IgnoresRule(Item):
 class MeetsState(Item):
     """`meets ego at j4 after 1.5 s`: in force from the beginning; see the action `Meets`."""
 
-    pattern: ClassVar[str] = "meets {other} at {junction} {order} {gap}"
-    words: ClassVar[Words] = {
-        "meets": (
-            "statement",
-            "its speed is set so that it is at the junction's crossing point that much after the other, or before",
-            "meets ego at j4 after 1.5 s",
-        ),
-    }
+    pattern = "meets {other} at {junction} {order} {gap}"
+    words = """
+        meets (statement): its speed is set so that it is at the junction's crossing point that much after the other,
+            or before | meets ego at j4 after 1.5 s
+    """
 
     kind: Literal["meets_state"] = "meets_state"
     other: Name
@@ -176,10 +155,8 @@ class MeetsState(Item):
 class Walked(Item):
     """`moving 4.20 m along its path`: how far a path-follower has come (written into clips)."""
 
-    pattern: ClassVar[str] = "moving {along}"
-    words: ClassVar[Words] = {
-        "moving": ("statement", "how far along its path an actor is already", "moving 2.60 m"),
-    }
+    pattern = "moving {along}"
+    words = "moving (statement): how far along its path an actor is already | moving 2.60 m"
 
     kind: Literal["walked"] = "walked"
     along: Length
@@ -189,10 +166,8 @@ class Steers(Item):
     """`steers 0.12 from 4.00 s for 1.00 s`: a steering offset, -1 (right) to 1 (left) of the largest steering angle;
     afterwards the actor recovers its lane. From the beginning, and to the end, when no times are given."""
 
-    pattern: ClassVar[str] = "steers {value} [from {start}] [for {duration}]"
-    words: ClassVar[Words] = {
-        "steers": ("statement", "a steering offset, -1 (right) to 1 (left)", "steers 0.12 from 1.00 s for 1.00 s"),
-    }
+    pattern = "steers {value} [from {start}] [for {duration}]"
+    words = "steers (statement): a steering offset, -1 (right) to 1 (left) | steers 0.12 from 1.00 s for 1.00 s"
 
     kind: Literal["steers"] = "steers"
     value: Ratio
@@ -209,10 +184,8 @@ class Timing(Item):
     the meeting asks for at its first moment, times the factor, becomes its cruise speed for good.
     """
 
-    pattern: ClassVar[str] = "timing {factor}"
-    words: ClassVar[Words] = {
-        "timing": ("statement", "its speed along its own way, as a ratio", "timing 0.90"),
-    }
+    pattern = "timing {factor}"
+    words = "timing (statement): its speed along its own way, as a ratio | timing 0.90"
 
     kind: Literal["timing"] = "timing"
     factor: Ratio
@@ -221,10 +194,8 @@ class Timing(Item):
 class Delay(Item):
     """`delay 0.50 s`: it moves off that much later (an actor that waits for a trigger: after the trigger)."""
 
-    pattern: ClassVar[str] = "delay {time}"
-    words: ClassVar[Words] = {
-        "delay": ("statement", "an actor moves off that much later", "delay 0.5 s"),
-    }
+    pattern = "delay {time}"
+    words = "delay (statement): an actor moves off that much later | delay 0.5 s"
 
     kind: Literal["delay"] = "delay"
     time: Time
@@ -241,10 +212,8 @@ class Line(Item):
     On a lane it moves over as it would when it changes lane. Its speed along its way stays what it was.
     """
 
-    pattern: ClassVar[str] = "line {left}"
-    words: ClassVar[Words] = {
-        "line": ("statement", "how far an actor keeps to the left of its path or its lane's middle", "line 0.60 m"),
-    }
+    pattern = "line {left}"
+    words = "line (statement): how far an actor keeps to the left of its path or its lane's middle | line 0.60 m"
 
     kind: Literal["line"] = "line"
     left: Length
@@ -257,19 +226,11 @@ class State(Phrase):
     counter-clockwise from east.
     """
 
-    pattern: ClassVar[str] = "at {at} heading {heading} speed {speed} [acceleration {acceleration}] [steer {steer}]"
-    words: ClassVar[Words] = {
-        "heading": (
-            "setting",
-            "an actor's direction, counter-clockwise from east",
-            "at (1 m, 2 m) heading 90 deg speed 8 m/s",
-        ),
-        "steer": (
-            "setting",
-            "the angle of the front wheels in a state; of a mutant: a steering offset",
-            "steer 2.0 deg",
-        ),
-    }
+    pattern = "at {at} heading {heading} speed {speed} [acceleration {acceleration}] [steer {steer}]"
+    words = """
+        heading (setting): an actor's direction, counter-clockwise from east | at (1 m, 2 m) heading 90 deg speed 8 m/s
+        steer (setting): the angle of the front wheels in a state; of a mutant: a steering offset | steer 2.0 deg
+    """
 
     at: Point
     heading: Angle
@@ -285,14 +246,11 @@ class Recorded(Item):
     drives. So a driver that keeps in mind what it sees can see something before it counts (written into clips).
     """
 
-    pattern: ClassVar[str] = "recorded {time} {state}"
-    words: ClassVar[Words] = {
-        "recorded": (
-            "statement",
-            "where the ego was that much after a clip's beginning: it follows these states first, then its driver",
-            "recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s",
-        ),
-    }
+    pattern = "recorded {time} {state}"
+    words = """
+        recorded (statement): where the ego was that much after a clip's beginning: it follows these states first,
+            then its driver | recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s
+    """
 
     kind: Literal["recorded"] = "recorded"
     time: Time
@@ -322,10 +280,8 @@ ActorItem = Annotated[
 class Ego(Item):
     """`ego: car.sedan { ... }`: the vehicle that the driver under test drives."""
 
-    pattern: ClassVar[str] = "ego: {model} [{state}] [{ ...body }]"
-    words: ClassVar[Words] = {
-        "ego": ("statement", "the vehicle of the driver under test", "ego: car.sedan { ... }"),
-    }
+    pattern = "ego: {model} [{state}] [{ ...body }]"
+    words = "ego (statement): the vehicle of the driver under test | ego: car.sedan { ... }"
 
     kind: Literal["ego"] = "ego"
     model: ModelName | Ref
@@ -344,13 +300,13 @@ class Actor(Item):
     `vehicle` takes models of the classes car, van, truck, bus and motorcycle.
     """
 
-    pattern: ClassVar[str] = "{kind} {name}: {model} [{state}] [{ ...body }]"
-    words: ClassVar[Words] = {
-        "vehicle": ("statement", "an actor: car, van, truck, bus or motorcycle", "vehicle runner: car.compact { ... }"),
-        "bicycle": ("statement", "an actor that rides a bicycle", "bicycle cyclist: bicycle.city { ... }"),
-        "pedestrian": ("statement", "an actor on foot", "pedestrian walker: pedestrian.adult { ... }"),
-        "obstacle": ("statement", "a thing that does not move", "obstacle box: obstacle.crate { ... }"),
-    }
+    pattern = "{kind} {name}: {model} [{state}] [{ ...body }]"
+    words = """
+        vehicle (statement): an actor: car, van, truck, bus or motorcycle | vehicle runner: car.compact { ... }
+        bicycle (statement): an actor that rides a bicycle | bicycle cyclist: bicycle.city { ... }
+        pedestrian (statement): an actor on foot | pedestrian walker: pedestrian.adult { ... }
+        obstacle (statement): a thing that does not move | obstacle box: obstacle.crate { ... }
+    """
 
     kind: Literal["vehicle", "bicycle", "pedestrian", "obstacle"]
     name: Name
@@ -366,21 +322,15 @@ class Traffic(Item):
     sidewalks and crossings.
     """
 
-    pattern: ClassVar[str] = "traffic {name} { count; models; within {within} of ego.route; seed }"
-    words: ClassVar[Words] = {
-        "traffic": (
-            "statement",
-            "background actors, drawn from a seed",
-            "traffic others { count 16; models [car.compact]; within 120 m of ego.route; seed 7 }",
-        ),
-        "count": ("statement", "how many background actors", "count 16"),
-        "within": (
-            "statement",
-            "at most that far, or by that time: of traffic, of a condition, of an expectation",
-            "within 120 m of ego.route",
-        ),
-        "seed": ("statement", "where the draw begins; the same seed draws the same", "seed 7"),
-    }
+    pattern = "traffic {name} { count; models; within {within} of ego.route; seed }"
+    words = """
+        traffic (statement): background actors, drawn from a seed
+            | traffic others { count 16; models [car.compact]; within 120 m of ego.route; seed 7 }
+        count (statement): how many background actors | count 16
+        within (statement): at most that far, or by that time: of traffic, of a condition, of an expectation
+            | within 120 m of ego.route
+        seed (statement): where the draw begins; the same seed draws the same | seed 7
+    """
 
     kind: Literal["traffic"] = "traffic"
     name: Name
@@ -399,7 +349,7 @@ class Meets(Item):
     The other's speed is taken as at least 3 m/s, so that two actors do not wait for each other.
     """
 
-    pattern: ClassVar[str] = "{actor} meets {other} at {junction} {order} {gap}"
+    pattern = "{actor} meets {other} at {junction} {order} {gap}"
 
     kind: Literal["meets"] = "meets"
     actor: Name
@@ -412,7 +362,7 @@ class Meets(Item):
 class Ignores(Item):
     """`runner ignores signals at j4`, `runner ignores priority at j4`."""
 
-    pattern: ClassVar[str] = "{actor} ignores {what} [at {junction}]"
+    pattern = "{actor} ignores {what} [at {junction}]"
 
     kind: Literal["does_ignore"] = "does_ignore"
     actor: Name
@@ -423,10 +373,8 @@ class Ignores(Item):
 class Starts(Item):
     """`walker starts`: an actor that any trigger starts stands still until then, or until it is told another speed."""
 
-    pattern: ClassVar[str] = "{actor} starts"
-    words: ClassVar[Words] = {
-        "starts": ("action", "an actor that waited moves off", "walker starts"),
-    }
+    pattern = "{actor} starts"
+    words = "starts (action): an actor that waited moves off | walker starts"
 
     kind: Literal["starts"] = "starts"
     actor: Name
@@ -435,10 +383,8 @@ class Starts(Item):
 class ChangesSpeed(Item):
     """`lead changes speed to 3 m/s over 2 s`: linear over the time; at its model's limits when no time is given."""
 
-    pattern: ClassVar[str] = "{actor} changes speed to {to} [over {over}]"
-    words: ClassVar[Words] = {
-        "changes": ("action", "its speed or its lane", "lead changes speed to 3 m/s over 2 s"),
-    }
+    pattern = "{actor} changes speed to {to} [over {over}]"
+    words = "changes (action): its speed or its lane | lead changes speed to 3 m/s over 2 s"
 
     kind: Literal["changes_speed"] = "changes_speed"
     actor: Name
@@ -449,10 +395,8 @@ class ChangesSpeed(Item):
 class ChangesLane(Item):
     """`cutter changes lane left`."""
 
-    pattern: ClassVar[str] = "{actor} changes lane {side}"
-    words: ClassVar[Words] = {
-        "lane": ("action", "to the left or right neighbour", "cutter changes lane left"),
-    }
+    pattern = "{actor} changes lane {side}"
+    words = "lane (action): to the left or right neighbour | cutter changes lane left"
 
     kind: Literal["changes_lane"] = "changes_lane"
     actor: Name
@@ -462,10 +406,8 @@ class ChangesLane(Item):
 class Stops(Item):
     """`lead stops`, `lead stops for 4 s`: with comfortable braking."""
 
-    pattern: ClassVar[str] = "{actor} stops [for {duration}]"
-    words: ClassVar[Words] = {
-        "stops": ("action", "brakes and stands, for good or for a time", "lead stops for 4 s"),
-    }
+    pattern = "{actor} stops [for {duration}]"
+    words = "stops (action): brakes and stands, for good or for a time | lead stops for 4 s"
 
     kind: Literal["stops"] = "stops"
     actor: Name
@@ -475,10 +417,8 @@ class Stops(Item):
 class Wait(Item):
     """`wait 2 s`: nothing happens for that time; what comes `then` waits for it."""
 
-    pattern: ClassVar[str] = "wait {duration}"
-    words: ClassVar[Words] = {
-        "wait": ("action", "nothing happens for that time", "wait 2 s"),
-    }
+    pattern = "wait {duration}"
+    words = "wait (action): nothing happens for that time | wait 2 s"
 
     kind: Literal["wait"] = "wait"
     duration: Time
@@ -493,10 +433,8 @@ class Then(Item):
     is through the junction, `ignores` at once. An actor that has left the world holds nothing up.
     """
 
-    pattern: ClassVar[str] = "then [when {condition}] { ...actions }"
-    words: ClassVar[Words] = {
-        "then": ("action", "what comes once every action before it is complete", "then { walker starts }"),
-    }
+    pattern = "then [when {condition}] { ...actions }"
+    words = "then (action): what comes once every action before it is complete | then { walker starts }"
 
     kind: Literal["then"] = "then"
     condition: Condition | None = None
@@ -519,29 +457,13 @@ class When(Item):
     before the condition, `when late: ...`, is what `extends` and messages call it by.
     """
 
-    pattern: ClassVar[str] = "when [{repeat}] [{name}:] {condition} { ...actions }"
-    words: ClassVar[Words] = {
-        "when": (
-            "statement",
-            "a trigger: actions for when a condition holds",
-            "when ego.eta(j4) < 4 s { runner stops }",
-        ),
-        "once": (
-            "condition",
-            "the trigger fires the first time only (the default)",
-            "when once time > 1 s",
-        ),
-        "every": (
-            "condition",
-            "the trigger fires each time that its condition becomes true",
-            "when every ttc(ego, lead) < 2 s",
-        ),
-        "next": (
-            "condition",
-            "as `every`, but not before the condition has been false once",
-            "when next ttc(ego, lead) < 2 s",
-        ),
-    }
+    pattern = "when [{repeat}] [{name}:] {condition} { ...actions }"
+    words = """
+        when (statement): a trigger: actions for when a condition holds | when ego.eta(j4) < 4 s { runner stops }
+        once (condition): the trigger fires the first time only (the default) | when once time > 1 s
+        every (condition): the trigger fires each time that its condition becomes true | when every ttc(ego, lead) < 2 s
+        next (condition): as `every`, but not before the condition has been false once | when next ttc(ego, lead) < 2 s
+    """
 
     kind: Literal["when"] = "when"
     repeat: Literal["once", "every", "next"] | None = None

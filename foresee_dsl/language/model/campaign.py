@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.item import ONE_OF, Item, Words
+from foresee_dsl.language.model.item import ONE_OF, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
 
@@ -19,10 +19,8 @@ class Seeds(Item):
     """`seeds "scenarios/**"`: test cases, by file, folder, pattern or address (`"runner.foresee::r01"`), from the
     campaign's folder; one statement for each."""
 
-    pattern: ClassVar[str] = "seeds {path}"
-    words: ClassVar[Words] = {
-        "seeds": ("statement", "test cases of a campaign: a file, folder, pattern or address", 'seeds "scenarios/**"'),
-    }
+    pattern = "seeds {path}"
+    words = 'seeds (statement): test cases of a campaign: a file, folder, pattern or address | seeds "scenarios/**"'
 
     kind: Literal["seeds"] = "seeds"
     path: FilePath
@@ -31,10 +29,8 @@ class Seeds(Item):
 class Drivers(Item):
     """`drivers [pdm, "external:python3 mine.py"]`: each is tested in every step (default: pdm)."""
 
-    pattern: ClassVar[str] = "drivers {names}"
-    words: ClassVar[Words] = {
-        "drivers": ("statement", "the drivers that a campaign tests", "drivers [pdm, idm]"),
-    }
+    pattern = "drivers {names}"
+    words = "drivers (statement): the drivers that a campaign tests | drivers [pdm, idm]"
 
     kind: Literal["drivers"] = "drivers"
     names: tuple[Id, ...] = Field(min_length=1)
@@ -43,10 +39,8 @@ class Drivers(Item):
 class Rankers(Item):
     """`rankers [foresee, proximity]`: each picks its risky points, which are clipped (default: foresee)."""
 
-    pattern: ClassVar[str] = "rankers {names}"
-    words: ClassVar[Words] = {
-        "rankers": ("statement", "what picks the risky points of a campaign", "rankers [foresee]"),
-    }
+    pattern = "rankers {names}"
+    words = "rankers (statement): what picks the risky points of a campaign | rankers [foresee]"
 
     kind: Literal["rankers"] = "rankers"
     names: tuple[Id, ...] = Field(min_length=1)
@@ -55,10 +49,8 @@ class Rankers(Item):
 class Preset(Item):
     """`preset focused`: how clips are mutated."""
 
-    pattern: ClassVar[str] = "preset {name}"
-    words: ClassVar[Words] = {
-        "preset": ("setting", "how the clip was mutated", "preset focused"),
-    }
+    pattern = "preset {name}"
+    words = "preset (setting): how the clip was mutated | preset focused"
 
     kind: Literal["preset"] = "preset"
     name: Name
@@ -67,7 +59,7 @@ class Preset(Item):
 class ClipAround(Item):
     """`clip before 5 s after 5 s`: what is cut out around a risky point."""
 
-    pattern: ClassVar[str] = "clip before {before} after {after}"
+    pattern = "clip before {before} after {after}"
 
     kind: Literal["clip_around"] = "clip_around"
     before: _Time
@@ -77,10 +69,8 @@ class ClipAround(Item):
 class RiskyPoints(Item):
     """`risky_points 4`: how many of a run, at most."""
 
-    pattern: ClassVar[str] = "risky_points {count}"
-    words: ClassVar[Words] = {
-        "risky_points": ("statement", "how many risky points of a run are clipped, at most", "risky_points 4"),
-    }
+    pattern = "risky_points {count}"
+    words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
 
     kind: Literal["risky_points"] = "risky_points"
     count: _Count
@@ -89,10 +79,8 @@ class RiskyPoints(Item):
 class Children(Item):
     """`children 4`: mutants of a clip."""
 
-    pattern: ClassVar[str] = "children {count}"
-    words: ClassVar[Words] = {
-        "children": ("statement", "how many mutants a clip gets", "children 4"),
-    }
+    pattern = "children {count}"
+    words = "children (statement): how many mutants a clip gets | children 4"
 
     kind: Literal["children"] = "children"
     count: _Count
@@ -101,10 +89,8 @@ class Children(Item):
 class Repeat(Item):
     """`repeat 3`: how many times each clip is mutated, each time with the next seed."""
 
-    pattern: ClassVar[str] = "repeat {times}"
-    words: ClassVar[Words] = {
-        "repeat": ("statement", "how often clips are mutated, each time with the next seed", "repeat 3"),
-    }
+    pattern = "repeat {times}"
+    words = "repeat (statement): how often clips are mutated, each time with the next seed | repeat 3"
 
     kind: Literal["repeat"] = "repeat"
     times: _Count
@@ -113,7 +99,7 @@ class Repeat(Item):
 class FirstSeed(Item):
     """`seed 7`: the seed of all random choices."""
 
-    pattern: ClassVar[str] = "seed {seed}"
+    pattern = "seed {seed}"
 
     kind: Literal["first_seed"] = "first_seed"
     seed: _Count
@@ -122,10 +108,8 @@ class FirstSeed(Item):
 class Budget(Item):
     """`budget 30 min`: no new run begins later than that after the start."""
 
-    pattern: ClassVar[str] = "budget {time}"
-    words: ClassVar[Words] = {
-        "budget": ("statement", "no new run of a campaign begins later than that", "budget 30 min"),
-    }
+    pattern = "budget {time}"
+    words = "budget (statement): no new run of a campaign begins later than that | budget 30 min"
 
     kind: Literal["budget"] = "budget"
     time: _Time
@@ -139,14 +123,8 @@ CampaignItem = Annotated[
 class Campaign(Item):
     """`campaign nightly { seeds "scenarios/**"; drivers [pdm]; budget 30 min }`: what `foresee campaign FILE` does."""
 
-    pattern: ClassVar[str] = "campaign {name} { ...body }"
-    words: ClassVar[Words] = {
-        "campaign": (
-            "definition",
-            "which test cases are run, clipped and mutated, and how",
-            "campaign nightly { ... }",
-        ),
-    }
+    pattern = "campaign {name} { ...body }"
+    words = "campaign (definition): which test cases are run, clipped and mutated, and how | campaign nightly { ... }"
 
     kind: Literal["campaign"] = "campaign"
     name: Name

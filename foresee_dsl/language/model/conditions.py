@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.item import ONE_OF, Phrase, Words
+from foresee_dsl.language.model.item import ONE_OF, Phrase
 from foresee_dsl.language.model.values import (
     AlongEdge,
     AlongRoute,
@@ -52,25 +52,15 @@ class Measure(Phrase):
     speed, not under 1 m/s, for the distance between the two footprints).
     """
 
-    words: ClassVar[Words] = {
-        "time": ("condition", "seconds since the start", "when time > 5 s { walker starts }"),
-        "distance": (
-            "condition",
-            "metres between two footprints, or along the route to a junction",
-            "distance(ego, lead) < 10 m",
-        ),
-        "ttc": (
-            "condition",
-            "seconds until two footprints touch when both keep heading and speed",
-            "ttc(ego, lead) < 3 s",
-        ),
-        "headway": (
-            "condition",
-            "seconds that the first needs at its speed for the gap to the other",
-            "headway(ego, lead) < 2 s",
-        ),
-        "eta": ("constant", "seconds until an actor enters a junction", "ego.eta(j4) < 4 s"),
-    }
+    words = """
+        time (condition): seconds since the start | when time > 5 s { walker starts }
+        distance (condition): metres between two footprints, or along the route to a junction
+            | distance(ego, lead) < 10 m
+        ttc (condition): seconds until two footprints touch when both keep heading and speed | ttc(ego, lead) < 3 s
+        headway (condition): seconds that the first needs at its speed for the gap to the other
+            | headway(ego, lead) < 2 s
+        eta (constant): seconds until an actor enters a junction | ego.eta(j4) < 4 s
+    """
 
     kind: Literal["measure"] = "measure"
     what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
@@ -94,7 +84,7 @@ class Measure(Phrase):
 class Comparison(Phrase):
     """`ego.eta(j4) < 4 s`; in a `require`, the left side is a parameter: `gap < 2 s`."""
 
-    pattern: ClassVar[str] = "{left} {op} {right}"
+    pattern = "{left} {op} {right}"
 
     kind: Literal["comparison"] = "comparison"
     left: Measure | Ref
@@ -105,10 +95,8 @@ class Comparison(Phrase):
 class Equals(Phrase):
     """`approach is south`, in a `require`: a parameter that holds a word."""
 
-    pattern: ClassVar[str] = "{left} is {right}"
-    words: ClassVar[Words] = {
-        "is": ("condition", "a parameter has that value, or a signal shows that", "ego.signal(j4) is red"),
-    }
+    pattern = "{left} is {right}"
+    words = "is (condition): a parameter has that value, or a signal shows that | ego.signal(j4) is red"
 
     kind: Literal["equals"] = "equals"
     left: Ref
@@ -118,11 +106,11 @@ class Equals(Phrase):
 class Predicate(Phrase):
     """`collision(ego)` (it touches anything), `arrived(ego)` (it has reached its goal)."""
 
-    pattern: ClassVar[str] = "{what}({actor})"
-    words: ClassVar[Words] = {
-        "collision": ("condition", "the actor touches anything", "expect never collision(ego)"),
-        "arrived": ("condition", "the actor has reached its goal", "expect eventually arrived(ego)"),
-    }
+    pattern = "{what}({actor})"
+    words = """
+        collision (condition): the actor touches anything | expect never collision(ego)
+        arrived (condition): the actor has reached its goal | expect eventually arrived(ego)
+    """
 
     kind: Literal["predicate"] = "predicate"
     what: Literal["collision", "arrived"]
@@ -132,8 +120,8 @@ class Predicate(Phrase):
 class InJunction(Phrase):
     """`ego in junction j4`: some part of its footprint is inside the junction's outline; without a name, of any."""
 
-    pattern: ClassVar[str] = "{actor} in junction [{junction}]"
-    never_bare: ClassVar[tuple[str, ...]] = ("and", "or", "for")
+    pattern = "{actor} in junction [{junction}]"
+    never_bare = ("and", "or", "for")
 
     kind: Literal["in_junction"] = "in_junction"
     actor: Name
@@ -143,7 +131,7 @@ class InJunction(Phrase):
 class Named(Phrase):
     """An actor or a junction, by its name."""
 
-    pattern: ClassVar[str] = "{name}"
+    pattern = "{name}"
 
     kind: Literal["named"] = "named"
     name: Id | Ref
@@ -153,7 +141,7 @@ class Within(Phrase):
     """`ego within 5 m of walker`, of a junction, or of a place: its footprint is no further from the other's footprint,
     the junction's outline or the point."""
 
-    pattern: ClassVar[str] = "{actor} within {distance} of {of}"
+    pattern = "{actor} within {distance} of {of}"
 
     kind: Literal["within"] = "within"
     actor: Name
@@ -165,11 +153,11 @@ class Shows(Phrase):
     """`ego.signal(j4) is red`: what the signal shows to the actor's way over the junction: green, amber or red.
     `signal(j4) is ns_go`: the stage that the signal is in."""
 
-    pattern: ClassVar[str] = "[{actor}.]signal({junction}) is {state}"
-    words: ClassVar[Words] = {
-        "amber": ("constant", "what a signal shows", "ego.signal(j4) is amber"),
-        "red": ("constant", "what a signal shows", "ego.signal(j4) is red"),
-    }
+    pattern = "[{actor}.]signal({junction}) is {state}"
+    words = """
+        amber (constant): what a signal shows | ego.signal(j4) is amber
+        red (constant): what a signal shows | ego.signal(j4) is red
+    """
 
     kind: Literal["shows"] = "shows"
     actor: Name | None = None
@@ -186,15 +174,12 @@ class Sustained(Phrase):
     write it.
     """
 
-    pattern: ClassVar[str] = "{condition} for {duration} [since {since}]"
-    in_brackets: ClassVar[tuple[str, ...]] = ("for", "not", "and", "or")
-    words: ClassVar[Words] = {
-        "since": (
-            "link",
-            "since when what a `for` is about had held before the beginning",
-            "when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }",
-        ),
-    }
+    pattern = "{condition} for {duration} [since {since}]"
+    in_brackets = ("for", "not", "and", "or")
+    words = """
+        since (link): since when what a `for` is about had held before the beginning
+            | when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }
+    """
 
     kind: Literal["for"] = "for"
     condition: Condition
@@ -206,11 +191,9 @@ class Sustained(Phrase):
 class Not(Phrase):
     """`not CONDITION`."""
 
-    pattern: ClassVar[str] = "not {condition}"
-    in_brackets: ClassVar[tuple[str, ...]] = ("and", "or")
-    words: ClassVar[Words] = {
-        "not": ("condition", "it does not hold", "not ego.speed < 3 m/s"),
-    }
+    pattern = "not {condition}"
+    in_brackets = ("and", "or")
+    words = "not (condition): it does not hold | not ego.speed < 3 m/s"
 
     kind: Literal["not"] = "not"
     condition: Condition
@@ -219,11 +202,9 @@ class Not(Phrase):
 class Both(Phrase):
     """`A and B and C`."""
 
-    pattern: ClassVar[str] = "{conditions: and }"
-    in_brackets: ClassVar[tuple[str, ...]] = ("and", "or")
-    words: ClassVar[Words] = {
-        "and": ("condition", "both hold; binds stronger than `or`", "time > 1 s and ego.speed < 3 m/s"),
-    }
+    pattern = "{conditions: and }"
+    in_brackets = ("and", "or")
+    words = "and (condition): both hold; binds stronger than `or` | time > 1 s and ego.speed < 3 m/s"
 
     kind: Literal["and"] = "and"
     conditions: tuple[Condition, ...] = Field(min_length=2)
@@ -232,11 +213,9 @@ class Both(Phrase):
 class Either(Phrase):
     """`A or B or C`; binds weaker than `and`, brackets as usual."""
 
-    pattern: ClassVar[str] = "{conditions: or }"
-    in_brackets: ClassVar[tuple[str, ...]] = ("or",)
-    words: ClassVar[Words] = {
-        "or": ("condition", "one of them holds", "time > 9 s or ego.speed < 3 m/s"),
-    }
+    pattern = "{conditions: or }"
+    in_brackets = ("or",)
+    words = "or (condition): one of them holds | time > 9 s or ego.speed < 3 m/s"
 
     kind: Literal["or"] = "or"
     conditions: tuple[Condition, ...] = Field(min_length=2)

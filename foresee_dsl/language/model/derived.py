@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, When
-from foresee_dsl.language.model.item import ONE_OF, Item, Words
+from foresee_dsl.language.model.item import ONE_OF, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.scenario import ParamValue, SignalState
 from foresee_dsl.language.model.values import FilePath, Length, Name, Point, Quantity, Text, Time
@@ -19,10 +19,8 @@ Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
 class Window(Item):
     """`window 12.40 s..22.40 s`: in the parent's time."""
 
-    pattern: ClassVar[str] = "window {start}..{end}"
-    words: ClassVar[Words] = {
-        "window": ("statement", "the seconds of the parent's run that a clip holds", "window 12.40 s..22.40 s"),
-    }
+    pattern = "window {start}..{end}"
+    words = "window (statement): the seconds of the parent's run that a clip holds | window 12.40 s..22.40 s"
 
     kind: Literal["window"] = "window"
     start: Time
@@ -32,11 +30,11 @@ class Window(Item):
 class Risk(Item):
     """`risk "critical crossing: ..."`: the forecaster's sentence."""
 
-    pattern: ClassVar[str] = "risk {text} [at {at}] [with {actor}]"
-    words: ClassVar[Words] = {
-        "risk": ("statement", "the forecaster's sentence", 'risk "what the forecaster saw" at 17.40 s with runner'),
-        "with": ("link", "which actor the risk is about", 'risk "..." at 17.40 s with runner'),
-    }
+    pattern = "risk {text} [at {at}] [with {actor}]"
+    words = """
+        risk (statement): the forecaster's sentence | risk "what the forecaster saw" at 17.40 s with runner
+        with (link): which actor the risk is about | risk "..." at 17.40 s with runner
+    """
 
     kind: Literal["risk"] = "risk"
     text: Text
@@ -50,7 +48,7 @@ class Goal(Item):
     """`goal (118.30 m, 40.10 m)`: the waypoint of the ego's route nearest to where the parent's ego was at the
     window's end."""
 
-    pattern: ClassVar[str] = "goal {at}"
+    pattern = "goal {at}"
 
     kind: Literal["clip_goal"] = "clip_goal"
     at: Point
@@ -63,14 +61,11 @@ class Fidelity(Item):
     a second length, the first is about all actors.
     """
 
-    pattern: ClassVar[str] = "fidelity {deviation} [ego {ego}]"
-    words: ClassVar[Words] = {
-        "fidelity": (
-            "statement",
-            "how far the unmutated clip's run is from its parent's, at most",
-            "fidelity 0.00 m ego 0.12 m",
-        ),
-    }
+    pattern = "fidelity {deviation} [ego {ego}]"
+    words = """
+        fidelity (statement): how far the unmutated clip's run is from its parent's, at most
+            | fidelity 0.00 m ego 0.12 m
+    """
 
     kind: Literal["fidelity"] = "fidelity"
     deviation: Length
@@ -86,15 +81,12 @@ class Clip(Item):
     The parent gives network, models, weather and expectations; everything that moves is in the clip.
     """
 
-    pattern: ClassVar[str] = "clip {name} of {parent} [case {case}] pin {pin} { ...body }"
-    words: ClassVar[Words] = {
-        "clip": (
-            "definition",
-            "an exact snapshot of seconds of a run, which pins its parent",
-            'clip runner_p1 of "runner.foresee" case r02 pin sha256:5ef2c6120a41 { ... }',
-        ),
-        "pin": ("link", "the hash of what the parent means", "pin sha256:5ef2c6120a41"),
-    }
+    pattern = "clip {name} of {parent} [case {case}] pin {pin} { ...body }"
+    words = """
+        clip (definition): an exact snapshot of seconds of a run, which pins its parent
+            | clip runner_p1 of "runner.foresee" case r02 pin sha256:5ef2c6120a41 { ... }
+        pin (link): the hash of what the parent means | pin sha256:5ef2c6120a41
+    """
 
     kind: Literal["clip"] = "clip"
     name: Name
@@ -126,14 +118,11 @@ class Change(Item):
     default, and `end.after`.
     """
 
-    pattern: ClassVar[str] = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
-    words: ClassVar[Words] = {
-        "change": (
-            "statement",
-            "one change: in a mutant WAS => NOW, in an extension a whole statement",
-            "change runner.timing: 1.00 => 0.80",
-        ),
-    }
+    pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
+    words = """
+        change (statement): one change: in a mutant WAS => NOW, in an extension a whole statement
+            | change runner.timing: 1.00 => 0.80
+    """
 
     kind: Literal["change"] = "change"
     actor: Name
@@ -148,27 +137,19 @@ class Change(Item):
 class Origin(Item):
     """Where a mutant comes from; nothing in it changes what the mutant means."""
 
-    pattern: ClassVar[str] = "origin { operator; preset; seed; tool; driver; found; minimised; preventable }"
-    words: ClassVar[Words] = {
-        "origin": (
-            "statement",
-            "where a mutant comes from; means nothing to the run",
-            "origin { operator [steer]; seed 91 }",
-        ),
-        "operator": ("statement", "what made the changes", "operator [model_swap, steer]"),
-        "preventable": ("setting", "whether another driver would have prevented it", "preventable yes"),
-        "tool": ("setting", "the version that wrote the mutant", 'tool "0.1.0"'),
-        "driver": ("setting", "the driver that was under test", 'driver "pdm 2"'),
-        "found": (
-            "setting",
-            "the failure that the mutant showed",
-            'found "F4 lateral collision with runner at 3.15 s"',
-        ),
-        "minimised": ("setting", "how the mutant was made smaller", 'minimised "3 changes to 2"'),
-        "yes": ("constant", "of `preventable`", "preventable yes"),
-        "no": ("constant", "of `preventable`", "preventable no"),
-        "unknown": ("constant", "of `preventable`", "preventable unknown"),
-    }
+    pattern = "origin { operator; preset; seed; tool; driver; found; minimised; preventable }"
+    words = """
+        origin (statement): where a mutant comes from; means nothing to the run | origin { operator [steer]; seed 91 }
+        operator (statement): what made the changes | operator [model_swap, steer]
+        preventable (setting): whether another driver would have prevented it | preventable yes
+        tool (setting): the version that wrote the mutant | tool "0.1.0"
+        driver (setting): the driver that was under test | driver "pdm 2"
+        found (setting): the failure that the mutant showed | found "F4 lateral collision with runner at 3.15 s"
+        minimised (setting): how the mutant was made smaller | minimised "3 changes to 2"
+        yes (constant): of `preventable` | preventable yes
+        no (constant): of `preventable` | preventable no
+        unknown (constant): of `preventable` | preventable unknown
+    """
 
     kind: Literal["origin"] = "origin"
     operator: tuple[Name, ...] = ()
@@ -187,14 +168,11 @@ MutantItem = Annotated[Doc | Change | Origin, ONE_OF]
 class Mutant(Item):
     """`mutant NAME of "clip.foresee" pin sha256:... { change ...; origin { ... } }`."""
 
-    pattern: ClassVar[str] = "mutant {name} of {parent} pin {pin} { ...body }"
-    words: ClassVar[Words] = {
-        "mutant": (
-            "definition",
-            "a few changes of a clip, which it pins",
-            'mutant runner_p1_m3 of "runner_p1.foresee" pin sha256:c347e6a70b92 { ... }',
-        ),
-    }
+    pattern = "mutant {name} of {parent} pin {pin} { ...body }"
+    words = """
+        mutant (definition): a few changes of a clip, which it pins
+            | mutant runner_p1_m3 of "runner_p1.foresee" pin sha256:c347e6a70b92 { ... }
+    """
 
     kind: Literal["mutant"] = "mutant"
     name: Name

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from foresee_dsl.language.model.derived import Change
-from foresee_dsl.language.model.item import ONE_OF, Item, Words
+from foresee_dsl.language.model.item import ONE_OF, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.scenario import Statement, Tags
 from foresee_dsl.language.model.values import FilePath, Id, Name
@@ -30,10 +30,8 @@ Droppable = Literal[
 class Add(Item):
     """`add vehicle late: car.compact { ... }`: one statement more."""
 
-    pattern: ClassVar[str] = "add {item}"
-    words: ClassVar[Words] = {
-        "add": ("statement", "one statement more than in the extended scenario", "add weather rain 0.3"),
-    }
+    pattern = "add {item}"
+    words = "add (statement): one statement more than in the extended scenario | add weather rain 0.3"
 
     kind: Literal["add"] = "add"
     item: Statement
@@ -46,7 +44,7 @@ class Replace(Item):
     `expect` needs one.
     """
 
-    pattern: ClassVar[str] = "change {item}"
+    pattern = "change {item}"
 
     kind: Literal["replace"] = "replace"
     item: Statement
@@ -55,10 +53,8 @@ class Replace(Item):
 class Drop(Item):
     """`drop vehicle runner`, `drop when late`, `drop weather`, `drop cases` (the drawn ones)."""
 
-    pattern: ClassVar[str] = "drop {what} [{name}]"
-    words: ClassVar[Words] = {
-        "drop": ("statement", "a statement of the extended scenario that is not in this one", "drop vehicle runner"),
-    }
+    pattern = "drop {what} [{name}]"
+    words = "drop (statement): a statement of the extended scenario that is not in this one | drop vehicle runner"
 
     kind: Literal["drop"] = "drop"
     what: Droppable
@@ -74,14 +70,8 @@ class Extension(Item):
     `doc` and `tags` are its own; tags that it does not give are the other's.
     """
 
-    pattern: ClassVar[str] = "scenario {name} extends {parent} { ...body }"
-    words: ClassVar[Words] = {
-        "extends": (
-            "link",
-            "the scenario is another one, with the differences that follow",
-            'wet extends "dry.foresee"',
-        ),
-    }
+    pattern = "scenario {name} extends {parent} { ...body }"
+    words = 'extends (link): the scenario is another one, with the differences that follow | wet extends "dry.foresee"'
 
     kind: Literal["extension"] = "extension"
     name: Name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
@@ -17,8 +16,6 @@ that gives one value. action: what an actor does in a trigger. condition: what i
 word inside a statement. type: of a parameter. constant: one of a fixed set of values (a turn, a control, a property);
 it is no word of the grammar and may be a name elsewhere.
 """
-Words = Mapping[str, tuple[Group, str, str]]
-"""By word: its group, its meaning (no full stop), and an example of a line with it."""
 
 MOST_INLINE = 4
 """A road or a case with at most so many settings is one line (ours; by number, not width, so that an edit of a value
@@ -33,8 +30,9 @@ class Item(BaseModel):
     Attributes:
         pattern: how it is written (`model.pattern` explains the notation): nodes, printed text, and the dimensions
             that messages name derive from it.
-        words: the words of the language that this class brings in; each word of a pattern is explained by one class
-            (or in `language.keywords`, where several share it).
+        words: the words of the language that this class brings in, as `word (group): meaning | example of a line`
+            (no full stop); each word of a pattern is explained by one class, or in `language.keywords`, where several
+            share it.
         in_brackets: the kinds of condition that need brackets as a part of this one.
         never_bare: names that are written in quotes here, because the statement would seem to continue with them.
     """
@@ -43,7 +41,7 @@ class Item(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
     pattern: ClassVar[str] = ""
-    words: ClassVar[Words] = {}
+    words: ClassVar[str] = ""
     in_brackets: ClassVar[tuple[str, ...]] = ()
     never_bare: ClassVar[tuple[str, ...]] = ()
 

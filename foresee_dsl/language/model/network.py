@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Words
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item
 from foresee_dsl.language.model.values import (
     Acceleration,
     Angle,
@@ -26,10 +26,8 @@ from foresee_dsl.language.model.values import (
 class Doc(Item):
     """`doc "One sentence."`"""
 
-    pattern: ClassVar[str] = "doc {text}"
-    words: ClassVar[Words] = {
-        "doc": ("statement", "a sentence for people", 'doc "One sentence."'),
-    }
+    pattern = "doc {text}"
+    words = 'doc (statement): a sentence for people | doc "One sentence."'
 
     kind: Literal["doc"] = "doc"
     text: Text
@@ -40,11 +38,11 @@ class Stage(Item):
     the named
     roads has green (left turns and turns over crossings give way to what conflicts), the rest red."""
 
-    pattern: ClassVar[str] = "stage {name} for {duration} green {green}"
-    words: ClassVar[Words] = {
-        "stage": ("statement", "one stage of a junction's signal", "stage ns_go for 25 s green [north, south]"),
-        "green": ("link", "the roads that have green in a stage; what a signal shows", "green [north, south]"),
-    }
+    pattern = "stage {name} for {duration} green {green}"
+    words = """
+        stage (statement): one stage of a junction's signal | stage ns_go for 25 s green [north, south]
+        green (link): the roads that have green in a stage; what a signal shows | green [north, south]
+    """
 
     kind: Literal["stage"] = "stage"
     name: Name
@@ -60,35 +58,16 @@ class Junction(Item):
     cross every road that has a sidewalk; with `crossings [south, east]` only those.
     """
 
-    pattern: ClassVar[str] = "junction {name} at {at} [{control}] [{ crossings [{crossings}]; ...stages }]"
-    words: ClassVar[Words] = {
-        "junction": (
-            "statement",
-            "where roads meet or end; in a condition: its outline",
-            "junction j4 at (0 m, 0 m) signals { ... }",
-        ),
-        "crossings": (
-            "statement",
-            "people can cross every road with a sidewalk at this junction, or those named",
-            "crossings",
-        ),
-        "signals": (
-            "constant",
-            "a junction's control; what an actor ignores",
-            "junction j4 at (0 m, 0 m) signals { ... }",
-        ),
-        "priority": (
-            "constant",
-            "the wider or faster road goes first; what an actor ignores",
-            "ignores priority at j4",
-        ),
-        "right_before_left": (
-            "constant",
-            "a junction's control: vehicles from the right go first",
-            "right_before_left",
-        ),
-        "stop": ("constant", "a junction's control: all-way stop", "junction j4 at (0 m, 0 m) stop"),
-    }
+    pattern = "junction {name} at {at} [{control}] [{ crossings [{crossings}]; ...stages }]"
+    words = """
+        junction (statement): where roads meet or end; in a condition: its outline
+            | junction j4 at (0 m, 0 m) signals { ... }
+        crossings (statement): people can cross every road with a sidewalk at this junction, or those named | crossings
+        signals (constant): a junction's control; what an actor ignores | junction j4 at (0 m, 0 m) signals { ... }
+        priority (constant): the wider or faster road goes first; what an actor ignores | ignores priority at j4
+        right_before_left (constant): a junction's control: vehicles from the right go first | right_before_left
+        stop (constant): a junction's control: all-way stop | junction j4 at (0 m, 0 m) stop
+    """
 
     kind: Literal["junction"] = "junction"
     name: Name
@@ -112,27 +91,18 @@ class Road(Item):
     the two directions apart. A parking strip lies between the lanes and the sidewalk of either direction.
     """
 
-    pattern: ClassVar[str] = (
-        "road {name} from {start} to {end} [{ lanes; back; lane_width; speed; parking; sidewalk; median; via }]"
-    )
-    words: ClassVar[Words] = {
-        "road": (
-            "statement",
-            "two edges: NAME from the first junction to the second, NAME_back the other way",
-            "road west from west_end to j4 { lanes 2; speed 50 km/h }",
-        ),
-        "via": ("statement", "the road's line goes through these points", "via [(-60 m, 2 m)]"),
-        "lanes": ("setting", "lanes of a road's first edge, 1 to 8", "lanes 2"),
-        "back": (
-            "setting",
-            "lanes of a road's other edge, 0 for one way; as a turn: back where it came from",
-            "back 1",
-        ),
-        "lane_width": ("setting", "width of each lane; 3.3 m when absent", "lane_width 3.5 m"),
-        "parking": ("setting", "a strip for parked vehicles, right of each edge's lanes", "parking 2.2 m"),
-        "sidewalk": ("setting", "a sidewalk of this width, right of each edge", "sidewalk 2 m"),
-        "median": ("setting", "room between a road's two directions", "median 1.5 m"),
-    }
+    pattern = "road {name} from {start} to {end} [{ lanes; back; lane_width; speed; parking; sidewalk; median; via }]"
+    words = """
+        road (statement): two edges: NAME from the first junction to the second, NAME_back the other way
+            | road west from west_end to j4 { lanes 2; speed 50 km/h }
+        via (statement): the road's line goes through these points | via [(-60 m, 2 m)]
+        lanes (setting): lanes of a road's first edge, 1 to 8 | lanes 2
+        back (setting): lanes of a road's other edge, 0 for one way; as a turn: back where it came from | back 1
+        lane_width (setting): width of each lane; 3.3 m when absent | lane_width 3.5 m
+        parking (setting): a strip for parked vehicles, right of each edge's lanes | parking 2.2 m
+        sidewalk (setting): a sidewalk of this width, right of each edge | sidewalk 2 m
+        median (setting): room between a road's two directions | median 1.5 m
+    """
 
     kind: Literal["road"] = "road"
     name: Name
@@ -156,14 +126,8 @@ class Building(Item):
     """`building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m), (10 m, 40 m)]`: hides what is behind it; its outline
     is closed by itself."""
 
-    pattern: ClassVar[str] = "building {name} {outline}"
-    words: ClassVar[Words] = {
-        "building": (
-            "statement",
-            "hides what is behind it",
-            "building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]",
-        ),
-    }
+    pattern = "building {name} {outline}"
+    words = "building (statement): hides what is behind it | building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]"
 
     kind: Literal["building"] = "building"
     name: Name
@@ -177,10 +141,8 @@ class Network(Item):
     """`network town { ... }`: a file of its own, or a block `network { ... }` inside a scenario (then the name is
     `here`)."""
 
-    pattern: ClassVar[str] = "network {name} { ...body }"
-    words: ClassVar[Words] = {
-        "network": ("definition", "junctions and roads", "network town { ... }"),
-    }
+    pattern = "network {name} { ...body }"
+    words = "network (definition): junctions and roads | network town { ... }"
 
     kind: Literal["network"] = "network"
     name: Name
@@ -195,32 +157,28 @@ class VehicleModel(Item):
     leave. `cruise_speed` is its speed where the scenario gives none, `max_speed` the highest that it can reach.
     """
 
-    pattern: ClassVar[str] = (
+    pattern = (
         "model {name} { length; width; height; wheelbase; front_overhang; rear_overhang; mass; max_speed; "
         "cruise_speed; acceleration; braking; emergency_braking; max_steer; steer_rate; source }"
     )
-    words: ClassVar[Words] = {
-        "model": (
-            "statement",
-            "one entry of a catalogue: class.variant",
-            "model car.sports { length 4.38 m; width 1.80 m }",
-        ),
-        "length": ("setting", "a model's length", "length 4.38 m"),
-        "width": ("setting", "a model's width", "width 1.80 m"),
-        "height": ("setting", "a model's height, with its rider; what is behind may be hidden", "height 1.48 m"),
-        "wheelbase": ("setting", "between a model's axles", "wheelbase 2.57 m"),
-        "front_overhang": ("setting", "from the front axle to the front bumper", "front_overhang 0.85 m"),
-        "rear_overhang": ("setting", "from the rear axle to the rear bumper", "rear_overhang 0.96 m"),
-        "mass": ("setting", "a model's mass", "mass 1350 kg"),
-        "max_speed": ("setting", "the fastest that a model can go", "max_speed 180 km/h"),
-        "cruise_speed": ("setting", "a model's speed where the scenario gives none", "cruise_speed 1.3 m/s"),
-        "acceleration": ("setting", "how strongly: of a model, or in an actor's state", "acceleration 3 m/s^2"),
-        "braking": ("setting", "a model's comfortable braking", "braking 4 m/s^2"),
-        "emergency_braking": ("setting", "a model's hardest braking", "emergency_braking 9 m/s^2"),
-        "max_steer": ("setting", "how far the front wheels turn", "max_steer 35 deg"),
-        "steer_rate": ("setting", "how fast the front wheels turn", "steer_rate 40 deg/s"),
-        "source": ("setting", "where the numbers come from", 'source "data sheet of 2024"'),
-    }
+    words = """
+        model (statement): one entry of a catalogue: class.variant | model car.sports { length 4.38 m; width 1.80 m }
+        length (setting): a model's length | length 4.38 m
+        width (setting): a model's width | width 1.80 m
+        height (setting): a model's height, with its rider; what is behind may be hidden | height 1.48 m
+        wheelbase (setting): between a model's axles | wheelbase 2.57 m
+        front_overhang (setting): from the front axle to the front bumper | front_overhang 0.85 m
+        rear_overhang (setting): from the rear axle to the rear bumper | rear_overhang 0.96 m
+        mass (setting): a model's mass | mass 1350 kg
+        max_speed (setting): the fastest that a model can go | max_speed 180 km/h
+        cruise_speed (setting): a model's speed where the scenario gives none | cruise_speed 1.3 m/s
+        acceleration (setting): how strongly: of a model, or in an actor's state | acceleration 3 m/s^2
+        braking (setting): a model's comfortable braking | braking 4 m/s^2
+        emergency_braking (setting): a model's hardest braking | emergency_braking 9 m/s^2
+        max_steer (setting): how far the front wheels turn | max_steer 35 deg
+        steer_rate (setting): how fast the front wheels turn | steer_rate 40 deg/s
+        source (setting): where the numbers come from | source "data sheet of 2024"
+    """
 
     kind: Literal["model"] = "model"
     name: ModelName
@@ -244,10 +202,8 @@ class VehicleModel(Item):
 class Catalogue(Item):
     """`models standard { model car.compact { ... } ... }`."""
 
-    pattern: ClassVar[str] = "models {name} { ...body }"
-    words: ClassVar[Words] = {
-        "models": ("definition", "sizes and abilities; in traffic: which models take part", "models more { ... }"),
-    }
+    pattern = "models {name} { ...body }"
+    words = "models (definition): sizes and abilities; in traffic: which models take part | models more { ... }"
 
     kind: Literal["models"] = "models"
     name: Name

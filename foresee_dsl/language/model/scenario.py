@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Phrase, Words
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Phrase
 from foresee_dsl.language.model.network import Doc, Network
 from foresee_dsl.language.model.values import FilePath, Id, Name, Quantity, Ratio, Ref, Time, Word
 
@@ -34,14 +34,11 @@ ParamValue = Quantity | Word
 class Tags(Item):
     """`tags [scenario7, junction]`; the tag `scenarioN` is the family in the paper's table of scenarios."""
 
-    pattern: ClassVar[str] = "tags {names}"
-    words: ClassVar[Words] = {
-        "tags": (
-            "statement",
-            "words; `scenarioN` is the family in the paper's table of scenarios",
-            "tags [scenario7, junction]",
-        ),
-    }
+    pattern = "tags {names}"
+    words = """
+        tags (statement): words; `scenarioN` is the family in the paper's table of scenarios
+            | tags [scenario7, junction]
+    """
 
     kind: Literal["tags"] = "tags"
     names: tuple[Name, ...]
@@ -50,10 +47,8 @@ class Tags(Item):
 class UseNetwork(Item):
     """`use network "networks/town.foresee"` (also `.net.xml`, `.xodr`), relative to the file that says it."""
 
-    pattern: ClassVar[str] = "use network {path}"
-    words: ClassVar[Words] = {
-        "use": ("statement", "a network, or models, from another file", 'use network "networks/town.foresee"'),
-    }
+    pattern = "use network {path}"
+    words = 'use (statement): a network, or models, from another file | use network "networks/town.foresee"'
 
     kind: Literal["use_network"] = "use_network"
     path: FilePath
@@ -62,7 +57,7 @@ class UseNetwork(Item):
 class UseModels(Item):
     """`use models "models.foresee"`: a catalogue in addition to the bundled one; its entries win."""
 
-    pattern: ClassVar[str] = "use models {path}"
+    pattern = "use models {path}"
 
     kind: Literal["use_models"] = "use_models"
     path: FilePath
@@ -71,10 +66,8 @@ class UseModels(Item):
 class Range(Phrase):
     """`0 s..4 s step 0.1 s`."""
 
-    pattern: ClassVar[str] = "{low}..{high} [step {step}]"
-    words: ClassVar[Words] = {
-        "step": ("link", "values lie on these steps from the range's low end", "in 0 s..4 s step 0.1 s"),
-    }
+    pattern = "{low}..{high} [step {step}]"
+    words = "step (link): values lie on these steps from the range's low end | in 0 s..4 s step 0.1 s"
 
     low: Quantity
     high: Quantity
@@ -84,10 +77,8 @@ class Range(Phrase):
 class Uniform(Phrase):
     """`as uniform`: every value of the range (every step, every option) is as likely; the default."""
 
-    pattern: ClassVar[str] = "uniform"
-    words: ClassVar[Words] = {
-        "uniform": ("link", "every value of the range is as likely", "as uniform"),
-    }
+    pattern = "uniform"
+    words = "uniform (link): every value of the range is as likely | as uniform"
 
     kind: Literal["uniform"] = "uniform"
 
@@ -95,10 +86,8 @@ class Uniform(Phrase):
 class Normal(Phrase):
     """`as normal(1.5 s, 0.4 s)`: mean and standard deviation, cut off at the ends of the range."""
 
-    pattern: ClassVar[str] = "normal({mean}, {deviation})"
-    words: ClassVar[Words] = {
-        "normal": ("link", "mean and standard deviation, cut off at the range's ends", "as normal(1.5 s, 0.4 s)"),
-    }
+    pattern = "normal({mean}, {deviation})"
+    words = "normal (link): mean and standard deviation, cut off at the range's ends | as normal(1.5 s, 0.4 s)"
 
     kind: Literal["normal"] = "normal"
     mean: Quantity
@@ -108,10 +97,8 @@ class Normal(Phrase):
 class Choice(Phrase):
     """`as choice(3, 1)`: how often each option is drawn, relative to the others."""
 
-    pattern: ClassVar[str] = "choice({weights:, })"
-    words: ClassVar[Words] = {
-        "choice": ("link", "how often each option is drawn, relative to the others", "as choice(3, 1)"),
-    }
+    pattern = "choice({weights:, })"
+    words = "choice (link): how often each option is drawn, relative to the others | as choice(3, 1)"
 
     kind: Literal["choice"] = "choice"
     weights: tuple[Quantity, ...] = Field(min_length=1)
@@ -121,10 +108,8 @@ class Grid(Phrase):
     """`as grid`: nothing is drawn; the steps (or options) are taken in turn, so that every combination of all grids
     comes before one comes again."""
 
-    pattern: ClassVar[str] = "grid"
-    words: ClassVar[Words] = {
-        "grid": ("link", "values are taken in turn, every combination once", "as grid"),
-    }
+    pattern = "grid"
+    words = "grid (link): values are taken in turn, every combination once | as grid"
 
     kind: Literal["grid"] = "grid"
 
@@ -136,21 +121,18 @@ class Param(Item):
     """`param gap: time = 1.5 s in 0 s..4 s step 0.1 s as normal(1.5 s, 0.4 s)`, `param approach: arm = south in [south,
     east]`."""
 
-    pattern: ClassVar[str] = "param {name}: {type} = {default} [in {range}] [in {options}] [as {distribution}]"
-    words: ClassVar[Words] = {
-        "param": (
-            "statement",
-            "a parameter: type, default, and the range that its values must lie in",
-            "param gap: time = 1.5 s in 0 s..4 s step 0.1 s",
-        ),
-        "in": ("link", "the range or options of a parameter; inside a junction", "in 0 s..4 s step 0.1 s"),
-        "as": ("link", "how a parameter's values are drawn", "as normal(1.5 s, 0.4 s)"),
-        "angle": ("type", "a parameter's type: a quantity in deg or rad", "param turn_in: angle = 10 deg"),
-        "ratio": ("type", "a parameter's type: a plain number", "param wet: ratio = 0.3"),
-        "arm": ("type", "a parameter's type: the name of a road", "param approach: arm = south in [south, east]"),
-        "turn": ("type", "a parameter's type: straight, left, right or back", "param way: turn = straight"),
-        "side": ("type", "a parameter's type: left or right", "param evades: side = left"),
-    }
+    pattern = "param {name}: {type} = {default} [in {range}] [in {options}] [as {distribution}]"
+    words = """
+        param (statement): a parameter: type, default, and the range that its values must lie in
+            | param gap: time = 1.5 s in 0 s..4 s step 0.1 s
+        in (link): the range or options of a parameter; inside a junction | in 0 s..4 s step 0.1 s
+        as (link): how a parameter's values are drawn | as normal(1.5 s, 0.4 s)
+        angle (type): a parameter's type: a quantity in deg or rad | param turn_in: angle = 10 deg
+        ratio (type): a parameter's type: a plain number | param wet: ratio = 0.3
+        arm (type): a parameter's type: the name of a road | param approach: arm = south in [south, east]
+        turn (type): a parameter's type: straight, left, right or back | param way: turn = straight
+        side (type): a parameter's type: left or right | param evades: side = left
+    """
 
     kind: Literal["param"] = "param"
     name: Name
@@ -165,10 +147,8 @@ class Param(Item):
 class Require(Item):
     """`require gap < 2 s or approach is south`: what the values of a case must satisfy, written and drawn ones."""
 
-    pattern: ClassVar[str] = "require {condition}"
-    words: ClassVar[Words] = {
-        "require": ("statement", "what the values of a case must satisfy", "require gap < 2 s"),
-    }
+    pattern = "require {condition}"
+    words = "require (statement): what the values of a case must satisfy | require gap < 2 s"
 
     kind: Literal["require"] = "require"
     condition: Condition
@@ -177,10 +157,8 @@ class Require(Item):
 class Cases(Item):
     """`cases 20 from seed 7`: so many cases with drawn values, called `seed7_01`, `seed7_02`, ..."""
 
-    pattern: ClassVar[str] = "cases {count} from seed {seed}"
-    words: ClassVar[Words] = {
-        "cases": ("statement", "cases with drawn values", "cases 20 from seed 7"),
-    }
+    pattern = "cases {count} from seed {seed}"
+    words = "cases (statement): cases with drawn values | cases 20 from seed 7"
 
     kind: Literal["cases"] = "cases"
     count: Quantity
@@ -190,14 +168,14 @@ class Cases(Item):
 class Weather(Item):
     """`weather rain 0.3, wetness 0.4`: ratios from 0 to 1. Wetness lowers the friction; the rest is for sensors."""
 
-    pattern: ClassVar[str] = "weather [rain {rain}], [fog {fog}], [wetness {wetness}], [sun {sun}]"
-    words: ClassVar[Words] = {
-        "weather": ("statement", "ratios from 0 to 1; wetness lowers the friction", "weather rain 0.3, wetness 0.4"),
-        "rain": ("setting", "0 to 1; for sensors", "weather rain 0.3"),
-        "fog": ("setting", "0 to 1; for sensors", "weather fog 0.1"),
-        "wetness": ("setting", "0 to 1; lowers the friction from 0.9 to 0.5", "weather wetness 0.4"),
-        "sun": ("setting", "0 to 1; for sensors", "weather sun 0.5"),
-    }
+    pattern = "weather [rain {rain}], [fog {fog}], [wetness {wetness}], [sun {sun}]"
+    words = """
+        weather (statement): ratios from 0 to 1; wetness lowers the friction | weather rain 0.3, wetness 0.4
+        rain (setting): 0 to 1; for sensors | weather rain 0.3
+        fog (setting): 0 to 1; for sensors | weather fog 0.1
+        wetness (setting): 0 to 1; lowers the friction from 0.9 to 0.5 | weather wetness 0.4
+        sun (setting): 0 to 1; for sensors | weather sun 0.5
+    """
 
     kind: Literal["weather"] = "weather"
     rain: Ratio | None = None
@@ -215,13 +193,13 @@ class Expect(Item):
     """`expect never collision(ego)`, `expect always ttc(ego, lead) > 1 s`, `expect eventually within 60 s
     arrived(ego)`."""
 
-    pattern: ClassVar[str] = "expect [{name}:] {mode} [within {within}] {condition}"
-    words: ClassVar[Words] = {
-        "expect": ("statement", "what should hold; reported beside the verdict", "expect never collision(ego)"),
-        "never": ("condition", "it holds at no frame", "expect never collision(ego)"),
-        "always": ("condition", "it holds at every frame", "expect always ttc(ego, lead) > 1 s"),
-        "eventually": ("condition", "it holds at one frame", "expect eventually within 60 s arrived(ego)"),
-    }
+    pattern = "expect [{name}:] {mode} [within {within}] {condition}"
+    words = """
+        expect (statement): what should hold; reported beside the verdict | expect never collision(ego)
+        never (condition): it holds at no frame | expect never collision(ego)
+        always (condition): it holds at every frame | expect always ttc(ego, lead) > 1 s
+        eventually (condition): it holds at one frame | expect eventually within 60 s arrived(ego)
+    """
 
     kind: Literal["expect"] = "expect"
     name: Name | None = None
@@ -234,10 +212,8 @@ class Expect(Item):
 class End(Item):
     """`end after 60 s`."""
 
-    pattern: ClassVar[str] = "end after {after}"
-    words: ClassVar[Words] = {
-        "end": ("statement", "the run's limit; 60 s when absent", "end after 60 s"),
-    }
+    pattern = "end after {after}"
+    words = "end (statement): the run's limit; 60 s when absent | end after 60 s"
 
     kind: Literal["end"] = "end"
     after: Time
@@ -246,7 +222,7 @@ class End(Item):
 class Assignment(Item):
     """`gap = 1.2 s` inside a case."""
 
-    pattern: ClassVar[str] = "{name} = {value}"
+    pattern = "{name} = {value}"
 
     name: Name
     value: ParamValue
@@ -255,10 +231,8 @@ class Assignment(Item):
 class Case(Item):
     """`case r01 { approach = south; gap = 1.2 s }`: one test case."""
 
-    pattern: ClassVar[str] = "case {name} [{ ...values }]"
-    words: ClassVar[Words] = {
-        "case": ("statement", "values for parameters: one test case", "case r01 { gap = 1.2 s }"),
-    }
+    pattern = "case {name} [{ ...values }]"
+    words = "case (statement): values for parameters: one test case | case r01 { gap = 1.2 s }"
 
     kind: Literal["case"] = "case"
     name: Name
@@ -277,15 +251,12 @@ class SignalState(Item):
     with time since it began.
     """
 
-    pattern: ClassVar[str] = "signal {junction} stage {stage} elapsed {elapsed}"
-    words: ClassVar[Words] = {
-        "signal": (
-            "statement",
-            "what a signal shows: at the beginning, or in a condition",
-            "signal j4 stage ns_go elapsed 11.35 s",
-        ),
-        "elapsed": ("link", "time since the stage began", "signal j4 stage ns_go elapsed 11.35 s"),
-    }
+    pattern = "signal {junction} stage {stage} elapsed {elapsed}"
+    words = """
+        signal (statement): what a signal shows: at the beginning, or in a condition
+            | signal j4 stage ns_go elapsed 11.35 s
+        elapsed (link): time since the stage began | signal j4 stage ns_go elapsed 11.35 s
+    """
 
     kind: Literal["signal"] = "signal"
     junction: Id | Ref
@@ -321,14 +292,10 @@ _T = TypeVar("_T", bound=Item)
 class Scenario(Item):
     """`scenario red_light_runner { ... }`; the body keeps the author's order."""
 
-    pattern: ClassVar[str] = "scenario {name} { ...body }"
-    words: ClassVar[Words] = {
-        "scenario": (
-            "definition",
-            "a situation, with parameters and cases or without",
-            "scenario red_light_runner { ... }",
-        ),
-    }
+    pattern = "scenario {name} { ...body }"
+    words = """
+        scenario (definition): a situation, with parameters and cases or without | scenario red_light_runner { ... }
+    """
 
     kind: Literal["scenario"] = "scenario"
     name: Name

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from foresee_dsl.language.model.item import ONE_OF, Phrase, Words
+from foresee_dsl.language.model.item import ONE_OF, Phrase
 from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -66,7 +66,7 @@ class Quantity(Phrase):
 class Ref(Phrase):
     """The name of a parameter where a value may stand; gone once the scenario is concrete."""
 
-    pattern: ClassVar[str] = "{name}"
+    pattern = "{name}"
 
     name: Name
 
@@ -108,7 +108,7 @@ Turn = Literal["straight", "left", "right", "back"]
 class Point(Phrase):
     """`(61.90 m, 101.55 m)`: world coordinates, x east, y north."""
 
-    pattern: ClassVar[str] = "({x}, {y})"
+    pattern = "({x}, {y})"
 
     kind: Literal["point"] = "point"
     x: Length
@@ -121,11 +121,11 @@ class AlongEdge(Phrase):
     The offset is sideways from the centre of the edge's rightmost car lane, left positive.
     """
 
-    pattern: ClassVar[str] = "{at} along {edge} [offset {offset}]"
-    words: ClassVar[Words] = {
-        "along": ("link", "a distance on an edge or on an actor's route", "20 m along ego.route"),
-        "offset": ("link", "to the side, left positive", "30 m along west offset 1 m"),
-    }
+    pattern = "{at} along {edge} [offset {offset}]"
+    words = """
+        along (link): a distance on an edge or on an actor's route | 20 m along ego.route
+        offset (link): to the side, left positive | 30 m along west offset 1 m
+    """
 
     kind: Literal["along_edge"] = "along_edge"
     edge: Id | Ref
@@ -139,7 +139,7 @@ class AlongRoute(Phrase):
     The offset is sideways from the route's centreline, left positive.
     """
 
-    pattern: ClassVar[str] = "{at} along {actor}.route [offset {offset}]"
+    pattern = "{at} along {actor}.route [offset {offset}]"
 
     kind: Literal["along_route"] = "along_route"
     actor: Name
@@ -151,11 +151,11 @@ class PastJunction(Phrase):
     """`12 m past j4 on ego.route offset -1 m`, or `before`: along an actor's route, from where it leaves
     (`past`) or enters (`before`) the junction."""
 
-    pattern: ClassVar[str] = "{at} {side} {junction} on {actor}.route [offset {offset}]"
-    words: ClassVar[Words] = {
-        "past": ("link", "a distance behind a junction", "12 m past j4 on ego.route"),
-        "on": ("link", "on whose route", "12 m past j4 on ego.route"),
-    }
+    pattern = "{at} {side} {junction} on {actor}.route [offset {offset}]"
+    words = """
+        past (link): a distance behind a junction | 12 m past j4 on ego.route
+        on (link): on whose route | 12 m past j4 on ego.route
+    """
 
     kind: Literal["past_junction"] = "past_junction"
     actor: Name
