@@ -10,10 +10,11 @@ from typing import Literal, cast
 
 from foresee_dsl.editor.files import Files, Found
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
-from foresee_dsl.editor.symbols import SymbolKind, kind_named
+from foresee_dsl.editor.symbols import kind_named
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.messages.words import EXAMPLES
+from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX
 from foresee_dsl.language.syntax.nodes import Node

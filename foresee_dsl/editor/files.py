@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from foresee_dsl.editor.symbols import Occurrence, SymbolKind, occurrences
+from foresee_dsl.editor.symbols import Occurrence, occurrences
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
+from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import MAX_BYTES
 from foresee_dsl.language.project.addresses import absolute, scenario_files
 from foresee_dsl.language.syntax.nodes import Node

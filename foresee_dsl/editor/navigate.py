@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.editor.files import Files, Found
-from foresee_dsl.editor.symbols import Occurrence, SymbolKind
+from foresee_dsl.editor.symbols import Occurrence
 from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.addresses import absolute, shown

@@ -8,12 +8,11 @@ from pygls.exceptions import JsonRpcException
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.completion import Suggestion, complete
 from foresee_dsl.editor.hover import hover as hover_of
-from foresee_dsl.editor.outline import Entry, folds, outline
-from foresee_dsl.editor.positions import Positions
-from foresee_dsl.editor.session import SOURCE, ForeseeServer
-from foresee_dsl.editor.symbols import Occurrence, SymbolKind, occurrences
+from foresee_dsl.editor.session import SOURCE, ForeseeServer, Positions
+from foresee_dsl.editor.symbols import Entry, Occurrence, folds, occurrences, outline
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.messages.suggest import replacement
+from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import format_text
 
 _ITEMS = {

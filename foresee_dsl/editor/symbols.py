@@ -1,78 +1,18 @@
-"""The names in a file: where each is defined and where it is used, read off the nodes."""
+"""The names in a file (where each is defined and used), its outline, and what of it can be folded."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import MappingProxyType
-from typing import Literal
 
-from foresee_dsl.editor.syntax import read_syntax, walk
+from foresee_dsl.editor.syntax import plain, read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
+from foresee_dsl.language.model.item import SymbolKind
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.nodes import Node
-
-SymbolKind = Literal[
-    "actor", "junction", "road", "stage", "parameter", "case", "model", "label", "file", "thing", "word"
-]
-"""What a name is of. `thing`: an actor or a junction. `word`: what a parameter's type says. `label`: the name of a
-trigger or an expectation. `file`: the path of another file."""
-
-_DEFINES: Mapping[str, SymbolKind] = MappingProxyType(
-    {
-        "Actor": "actor",
-        "Traffic": "actor",
-        "Junction": "junction",
-        "Road": "road",
-        "Stage": "stage",
-        "Param": "parameter",
-        "Case": "case",
-        "VehicleModel": "model",
-        "When": "label",
-        "Expect": "label",
-    }
-)
-"""The classes of the model whose `name` is a definition."""
-
-_FIELDS: Mapping[str, SymbolKind] = MappingProxyType(
-    {
-        "actor": "actor",
-        "other": "thing",
-        "junction": "junction",
-        "edge": "road",
-        "edges": "road",
-        "green": "road",
-        "model": "model",
-        "models": "model",
-        "parent": "file",
-        "path": "file",
-        "case": "case",
-        "stage": "stage",
-    }
-)
-"""What a field names, by its own name, in every class but those of `_EXCEPTIONS`."""
-
-_EXCEPTIONS: Mapping[tuple[str, str], SymbolKind] = MappingProxyType(
-    {
-        ("Road", "start"): "junction",
-        ("Road", "end"): "junction",
-        ("Route", "start"): "road",
-        ("Meets", "other"): "actor",
-        ("MeetsState", "other"): "actor",
-        ("Named", "name"): "thing",
-        ("Ref", "name"): "parameter",
-        ("Assignment", "name"): "parameter",
-        ("Assignment", "value"): "word",
-        ("Param", "default"): "word",
-        ("Param", "options"): "word",
-        ("Equals", "left"): "parameter",
-        ("Equals", "right"): "word",
-        ("Shows", "state"): "stage",
-        ("Change", "was"): "model",
-        ("Change", "now"): "model",
-    }
-)
 
 _MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType({"eta": "junction", "ttc": "actor", "headway": "actor"})
 """What a measure is to; a distance is to an actor or a junction."""
@@ -84,6 +24,9 @@ _DROPPED: Mapping[str, SymbolKind] = MappingProxyType(
 
 _CHANGED: Mapping[str, SymbolKind] = MappingProxyType({"param": "parameter", "expect": "label"})
 """Of a `change param.gap: ...`, what the word behind the dot names."""
+
+_UNNAMED = (m.When, m.Expect, m.Origin, m.Window, m.Weather)
+"""Statements without a name of their own that an outline still shows."""
 
 
 @dataclass(frozen=True)
@@ -111,16 +54,14 @@ class Occurrence:
 
 def kind_named(node: Node, field: str) -> SymbolKind | None:
     """Return what a field of a node names when it is used, or None where it is no name."""
-    owner = node.kind.__name__
-    if owner == "Drop" and field == "name":
+    if node.kind is m.Drop and field == "name":
         return _DROPPED.get(str(node.fields.get("what")), "actor")
-    if owner == "Drop":
-        return None
-    if owner == "Change" and field == "actor" and node.fields.get("actor") in m.OWNERS:
+    if node.kind is m.Change and field == "actor" and node.fields.get("actor") in m.OWNERS:
         return None  # `change weather.rain: ...`
-    if owner == "Measure" and field == "other":
+    if node.kind is m.Measure and field == "other":
         return _MEASURED_TO.get(str(node.fields.get("what")), "thing")
-    return _EXCEPTIONS.get((owner, field)) or (None if field == "name" else _FIELDS.get(field))
+    names = form_of(node.kind, field).names
+    return names.kind if names is not None and not names.defines else None
 
 
 @lru_cache(maxsize=256)
@@ -135,24 +76,23 @@ def occurrences(text: str) -> tuple[Occurrence, ...]:
 
 def _of_node(node: Node, above: tuple[Node, ...]) -> Iterator[Occurrence]:
     if node.kind is m.Ego:
-        place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("ego"))
-        yield Occurrence("actor", "ego", place, True, node, "")
+        yield Occurrence("actor", "ego", _first_word(node, "ego"), True, node, "")
     if node.kind is m.Change and (changed := _CHANGED.get(str(node.fields.get("actor")))) is not None:
         whole, name = node.places["property"], str(node.fields["property"])
         place = Span(whole.line, whole.end_column - len(name), whole.line, whole.end_column)
         yield Occurrence(changed, name, place, False, node, "property")
-    defined = _DEFINES.get(node.kind.__name__)
     for field, value in node.fields.items():
         parts = value if isinstance(value, tuple) else (value,)
+        names = form_of(node.kind, field).names
         for k, part in enumerate(parts):
             place_name = f"{field}.{k}" if isinstance(value, tuple) else field
             place_found = node.places.get(place_name) or (node.span if node.kind is m.Ref else None)
             if not isinstance(part, str) or place_found is None:
                 continue
-            names_itself = defined is not None and field == "name"
-            kind = defined if names_itself else _kind_of_word(node, above) or kind_named(node, field)
+            named = names if names is not None and names.defines else None
+            kind = named.kind if named else _kind_of_word(node, above) or kind_named(node, field)
             # What an extension changes is the other scenario's: there its name is a use.
-            defines = names_itself and not (above and above[-1].kind is m.Replace)
+            defines = named is not None and not (above and above[-1].kind is m.Replace)
             if kind is not None:
                 yield Occurrence(kind, part, place_found, defines, node, field, _scope(node, above, kind))
 
@@ -172,8 +112,78 @@ def _scope(node: Node, above: tuple[Node, ...], kind: SymbolKind) -> str:
         junction = node.fields.get("junction") or (above[-1].fields.get("name") if above else "")
         return junction if isinstance(junction, str) else ""
     if kind == "word":
-        name = node.fields.get("left" if node.kind.__name__ == "Equals" else "name")
+        name = node.fields.get("left" if node.kind is m.Equals else "name")
         if isinstance(name, Node):
             name = name.fields.get("name")
         return name if isinstance(name, str) else ""
     return ""
+
+
+# ---- outline and folding ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the outline: the name, the class of the model (`Actor`), more about it, its places, what is in it."""
+
+    name: str
+    kind: str
+    detail: str
+    span: Span
+    name_span: Span
+    children: tuple[Entry, ...] = ()
+
+
+def outline(text: str) -> tuple[Entry, ...]:
+    """Return the outline of a text, as far as it can be read."""
+    root = read_syntax(text).root
+    if root is None:
+        return ()
+    return _entries(root, plain(text).split("\n"))
+
+
+def folds(text: str) -> tuple[tuple[int, int, str], ...]:
+    """Return the ranges of lines (1-based, both ends) that can be folded, with `region` or `comment`."""
+    syntax = read_syntax(text)
+    found: dict[tuple[int, int, str], None] = {}
+    if syntax.root is not None:
+        for node, _ in walk(syntax.root):
+            if node.block is not None and node.block.end_line > node.span.line + 1:
+                found[node.span.line, node.block.end_line - 1, "region"] = None
+    run: list[int] = []
+    lines = plain(text).split("\n")
+    for number, line in enumerate([*lines, ""], start=1):
+        if line.lstrip().startswith("#"):
+            run.append(number)
+            continue
+        if len(run) > 1:
+            found[run[0], run[-1], "comment"] = None
+        run = []
+    return tuple(sorted(found))
+
+
+def _entries(node: Node, lines: list[str]) -> tuple[Entry, ...]:
+    """The entry of a node; or, where it has none, those of what is in it."""
+    inside: list[Entry] = []
+    for value in node.fields.values():
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, Node):
+                inside += _entries(part, lines)
+    inside.sort(key=lambda entry: (entry.span.line, entry.span.column))
+    kind = node.kind
+    name = node.fields.get("name")
+    head = (
+        lines[node.span.line - 1][node.span.column - 1 :].split("{")[0].strip() if node.span.line <= len(lines) else ""
+    )
+    entry = partial(Entry, kind=kind.__name__, span=node.span, children=tuple(inside))
+    if kind is m.Ego:
+        return (entry("ego", detail=head, name_span=_first_word(node, "ego")),)
+    if isinstance(name, str) and "name" in node.places and kind not in (m.Ref, m.Assignment, m.Named, m.Drop):
+        return (entry(name, detail=head, name_span=node.places["name"]),)
+    if kind in _UNNAMED:
+        return (entry(head, detail="", name_span=_first_word(node, kind.pattern.split()[0])),)
+    return tuple(inside)
+
+
+def _first_word(node: Node, word: str) -> Span:
+    return Span(node.span.line, node.span.column, node.span.line, node.span.column + len(word))

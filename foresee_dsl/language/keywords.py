@@ -7,9 +7,9 @@ classes, and the few below that several classes share. Units are in `language.un
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import cast
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import Group
@@ -39,11 +39,13 @@ class Keyword:
     example: str
 
 
-_ALL = tuple(
-    Keyword(word, cast(Group, group), " ".join(meaning.split()), example)
-    for words in (_SHARED, *(kind.words for kind in m.ITEMS))
-    for word, group, meaning, example in _WORD.findall(words)
-)
+def keywords_in(words: str) -> Iterator[Keyword]:
+    """Return the words of an `Item.words`."""
+    for word, group, meaning, example in _WORD.findall(words):
+        yield Keyword(word, group, " ".join(meaning.split()), example)
+
+
+_ALL = tuple(keyword for words in (_SHARED, *(kind.words for kind in m.ITEMS)) for keyword in keywords_in(words))
 
 KEYWORDS = MappingProxyType({keyword.word: keyword for keyword in _ALL})
 """Every word of the language, by itself."""

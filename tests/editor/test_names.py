@@ -9,8 +9,7 @@ import pytest
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import conversions, hover
-from foresee_dsl.editor.outline import folds, outline
-from foresee_dsl.editor.symbols import occurrences
+from foresee_dsl.editor.symbols import folds, occurrences, outline
 from foresee_dsl.errors import Span
 from foresee_dsl.language.messages.suggest import replacement
 from foresee_dsl.language.units import UNITS
@@ -105,7 +104,7 @@ def test_renaming_changes_every_use(files: Files, tmp_path: Path, word: str, cha
 
 def test_a_file_with_mistakes_is_not_half_renamed(files: Files, tmp_path: Path) -> None:
     broken = dict(files.overlay) | {tmp_path / "more.foresee": MORE.replace("lead stops", "lead stps")}
-    with pytest.raises(navigate.RenameError, match=r"more\.foresee' has mistakes"):
+    with pytest.raises(navigate.RenameError, match=r"more\.foresee' has errors"):
         after_renaming(Files(broken, [tmp_path]), tmp_path / "base.foresee", "lead", "other")
 
 

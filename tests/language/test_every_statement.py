@@ -10,7 +10,8 @@ import pytest
 
 from foresee_dsl.derive.clipping import clip, conditions
 from foresee_dsl.language import model as m
-from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.keywords import KEYWORDS, keywords_in
+from foresee_dsl.language.model.item import Group
 from foresee_dsl.language.model.pattern import Slot, form_of, read_pattern, slots_of, words_before
 from foresee_dsl.language.printing.written import layout, written
 from foresee_dsl.language.syntax.grammar import parser
@@ -58,8 +59,15 @@ def test_every_word_of_a_pattern_has_a_meaning(kind: type[m.Item]) -> None:
 
 
 def test_no_word_is_explained_twice() -> None:
-    words = [word for kind in m.ITEMS for word in kind.words]
+    words = [keyword.word for kind in m.ITEMS for keyword in keywords_in(kind.words)]
     assert len(words) == len(set(words))
+
+
+@pytest.mark.parametrize("kind", m.ITEMS, ids=lambda kind: kind.__name__)
+def test_every_word_has_a_group(kind: type[m.Item]) -> None:
+    found = list(keywords_in(kind.words))
+    assert len(found) == kind.words.count("|"), "write it as `word (group): meaning | example`"
+    assert {keyword.group for keyword in found} <= set(get_args(Group))
 
 
 def test_every_statement_is_printed_and_read_back() -> None:
@@ -85,7 +93,7 @@ def test_what_may_change_is_a_field_of_the_class_that_holds_it() -> None:
         assert field in kind.model_fields
         assert form_of(kind, field).dimension == rule.dimension
     for name, owner in m.OWNERS.items():
-        kinds = [kind for kind in m.ITEMS if name in kind.words]
+        kinds = [kind for kind in m.ITEMS if name in {keyword.word for keyword in keywords_in(kind.words)}]
         assert kinds and set(owner.properties) <= set(kinds[0].model_fields)
         assert {form_of(kinds[0], field).dimension for field in owner.properties} <= {owner.dimension}
 

@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import ONE_OF, Item, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase
 from foresee_dsl.language.model.values import (
     Acceleration,
+    ActorName,
     Angle,
     Count,
-    Id,
+    JunctionId,
     Length,
     ModelName,
     Name,
@@ -20,6 +21,7 @@ from foresee_dsl.language.model.values import (
     Point,
     Ratio,
     Ref,
+    RoadId,
     Speed,
     Time,
     Turn,
@@ -37,7 +39,7 @@ class Leg(Phrase):
     """
 
     turn: Turn | Ref
-    junction: Id | Ref
+    junction: JunctionId
 
 
 class Route(Item):
@@ -51,7 +53,7 @@ class Route(Item):
     words = "route (statement): where an actor drives: a road and turns, or edges | route from south straight over j4"
 
     kind: Literal["route"] = "route"
-    start: Id | Ref
+    start: RoadId
     legs: tuple[Leg, ...]
 
 
@@ -62,7 +64,7 @@ class EdgeRoute(Item):
     pattern = "route {edges}"
 
     kind: Literal["edge_route"] = "edge_route"
-    edges: tuple[Id | Ref, ...] = Field(min_length=1)
+    edges: tuple[RoadId, ...] = Field(min_length=1)
     shortest: bool = False
     """True when written with `...`: consecutive edges need not touch."""
 
@@ -133,7 +135,7 @@ class IgnoresRule(Item):
 
     kind: Literal["ignores"] = "ignores"
     what: Literal["signals", "priority"]
-    junction: Id | Ref | None = None
+    junction: JunctionId | None = None
 
 
 class MeetsState(Item):
@@ -146,8 +148,8 @@ class MeetsState(Item):
     """
 
     kind: Literal["meets_state"] = "meets_state"
-    other: Name
-    junction: Id | Ref
+    other: ActorName
+    junction: JunctionId
     gap: Time
     order: Literal["after", "before"] = "after"
 
@@ -309,7 +311,7 @@ class Actor(Item):
     """
 
     kind: Literal["vehicle", "bicycle", "pedestrian", "obstacle"]
-    name: Name
+    name: Annotated[Name, Names("actor", defines=True)]
     model: ModelName | Ref
     state: State | None = None
     body: tuple[ActorItem, ...] = ()
@@ -333,7 +335,7 @@ class Traffic(Item):
     """
 
     kind: Literal["traffic"] = "traffic"
-    name: Name
+    name: Annotated[Name, Names("actor", defines=True)]
     count: Count
     models: tuple[ModelName, ...] = Field(min_length=1)
     within: Length
@@ -352,9 +354,9 @@ class Meets(Item):
     pattern = "{actor} meets {other} at {junction} {order} {gap}"
 
     kind: Literal["meets"] = "meets"
-    actor: Name
-    other: Name
-    junction: Id | Ref
+    actor: ActorName
+    other: ActorName
+    junction: JunctionId
     gap: Time
     order: Literal["after", "before"] = "after"
 
@@ -365,9 +367,9 @@ class Ignores(Item):
     pattern = "{actor} ignores {what} [at {junction}]"
 
     kind: Literal["does_ignore"] = "does_ignore"
-    actor: Name
+    actor: ActorName
     what: Literal["signals", "priority"]
-    junction: Id | Ref | None = None
+    junction: JunctionId | None = None
 
 
 class Starts(Item):
@@ -377,7 +379,7 @@ class Starts(Item):
     words = "starts (action): an actor that waited moves off | walker starts"
 
     kind: Literal["starts"] = "starts"
-    actor: Name
+    actor: ActorName
 
 
 class ChangesSpeed(Item):
@@ -387,7 +389,7 @@ class ChangesSpeed(Item):
     words = "changes (action): its speed or its lane | lead changes speed to 3 m/s over 2 s"
 
     kind: Literal["changes_speed"] = "changes_speed"
-    actor: Name
+    actor: ActorName
     to: Speed
     over: Time | None = None
 
@@ -399,7 +401,7 @@ class ChangesLane(Item):
     words = "lane (action): to the left or right neighbour | cutter changes lane left"
 
     kind: Literal["changes_lane"] = "changes_lane"
-    actor: Name
+    actor: ActorName
     side: Literal["left", "right"] | Ref
 
 
@@ -410,7 +412,7 @@ class Stops(Item):
     words = "stops (action): brakes and stands, for good or for a time | lead stops for 4 s"
 
     kind: Literal["stops"] = "stops"
-    actor: Name
+    actor: ActorName
     duration: Time | None = None
 
 
@@ -467,6 +469,6 @@ class When(Item):
 
     kind: Literal["when"] = "when"
     repeat: Literal["once", "every", "next"] | None = None
-    name: Name | None = None
+    name: Annotated[Name, Names("label", defines=True)] | None = None
     condition: Condition
     actions: tuple[Action, ...] = Field(min_length=1)

@@ -8,16 +8,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.item import ONE_OF, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Names, Phrase
 from foresee_dsl.language.model.values import (
+    ActorName,
     AlongEdge,
     AlongRoute,
     Id,
+    JunctionId,
     Length,
-    Name,
     PastJunction,
     Point,
     Ref,
+    StageId,
     Time,
     Value,
     Word,
@@ -64,8 +66,8 @@ class Measure(Phrase):
 
     kind: Literal["measure"] = "measure"
     what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
-    actor: Name | None = None
-    other: Id | Ref | None = None
+    actor: ActorName | None = None
+    other: Annotated[Id | Ref, Names("thing")] | None = None
     """The second actor or the junction."""
 
     def own_pattern(self) -> str:
@@ -99,7 +101,7 @@ class Equals(Phrase):
     words = "is (condition): a parameter has that value, or a signal shows that | ego.signal(j4) is red"
 
     kind: Literal["equals"] = "equals"
-    left: Ref
+    left: Annotated[Ref, Names("parameter")]
     right: Word
 
 
@@ -114,7 +116,7 @@ class Predicate(Phrase):
 
     kind: Literal["predicate"] = "predicate"
     what: Literal["collision", "arrived"]
-    actor: Name
+    actor: ActorName
 
 
 class InJunction(Phrase):
@@ -124,8 +126,8 @@ class InJunction(Phrase):
     never_bare = ("and", "or", "for")
 
     kind: Literal["in_junction"] = "in_junction"
-    actor: Name
-    junction: Id | Ref | None = None
+    actor: ActorName
+    junction: JunctionId | None = None
 
 
 class Named(Phrase):
@@ -134,7 +136,7 @@ class Named(Phrase):
     pattern = "{name}"
 
     kind: Literal["named"] = "named"
-    name: Id | Ref
+    name: Annotated[Id | Ref, Names("thing")]
 
 
 class Within(Phrase):
@@ -144,7 +146,7 @@ class Within(Phrase):
     pattern = "{actor} within {distance} of {of}"
 
     kind: Literal["within"] = "within"
-    actor: Name
+    actor: ActorName
     distance: Length
     of: Annotated[Named | Point | AlongEdge | AlongRoute | PastJunction, ONE_OF]
 
@@ -160,9 +162,9 @@ class Shows(Phrase):
     """
 
     kind: Literal["shows"] = "shows"
-    actor: Name | None = None
-    junction: Id | Ref
-    state: Id | Ref
+    actor: ActorName | None = None
+    junction: JunctionId
+    state: StageId
 
 
 class Sustained(Phrase):

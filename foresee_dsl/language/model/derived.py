@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, When
-from foresee_dsl.language.model.item import ONE_OF, Item
+from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.scenario import ParamValue, SignalState
-from foresee_dsl.language.model.values import FilePath, Length, Name, Point, Quantity, Text, Time
+from foresee_dsl.language.model.values import ActorName, FilePath, Length, Name, Point, Quantity, Text, Time
 
 Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
 """The first twelve digits of the hash of the parent's meaning (`language.meaning`)."""
@@ -40,7 +40,7 @@ class Risk(Item):
     text: Text
     at: Time | None = None
     """The risky point in the parent's time: `risk "..." at 17.40 s`."""
-    actor: Name | None = None
+    actor: ActorName | None = None
     """`risk "..." at 17.40 s with runner`."""
 
 
@@ -91,7 +91,7 @@ class Clip(Item):
     kind: Literal["clip"] = "clip"
     name: Name
     parent: FilePath
-    case: Name | None = None
+    case: Annotated[Name, Names("case")] | None = None
     pin: Pin
     body: tuple[ClipItem, ...]
 
@@ -125,11 +125,11 @@ class Change(Item):
     """
 
     kind: Literal["change"] = "change"
-    actor: Name
+    actor: ActorName
     """The actor, or one of `weather`, `expect`, `param` and `end`."""
     property: Name
-    was: ParamValue
-    now: ParamValue
+    was: Annotated[ParamValue, Names("model")]
+    now: Annotated[ParamValue, Names("model")]
     start: Time | None = None
     duration: Time | None = None
 

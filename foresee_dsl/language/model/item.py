@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
@@ -16,6 +17,21 @@ that gives one value. action: what an actor does in a trigger. condition: what i
 word inside a statement. type: of a parameter. constant: one of a fixed set of values (a turn, a control, a property);
 it is no word of the grammar and may be a name elsewhere.
 """
+
+SymbolKind = Literal[
+    "actor", "junction", "road", "stage", "parameter", "case", "model", "label", "file", "thing", "word"
+]
+"""What a name is of. `thing`: an actor or a junction. `word`: what a parameter's type says. `label`: the name of a
+trigger or an expectation. `file`: the path of another file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Marks the type of a field that holds a name: what it is of, and whether it is the definition or a use."""
+
+    kind: SymbolKind
+    defines: bool = False
+
 
 MOST_INLINE = 4
 """A road or a case with at most so many settings is one line (ours; by number, not width, so that an edit of a value

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Names
 from foresee_dsl.language.model.values import (
     Acceleration,
     Angle,
@@ -45,8 +45,8 @@ class Stage(Item):
     """
 
     kind: Literal["stage"] = "stage"
-    name: Name
-    green: tuple[Name, ...] = Field(min_length=1)
+    name: Annotated[Name, Names("stage", defines=True)]
+    green: tuple[Annotated[Name, Names("road")], ...] = Field(min_length=1)
     duration: Time
 
 
@@ -70,7 +70,7 @@ class Junction(Item):
     """
 
     kind: Literal["junction"] = "junction"
-    name: Name
+    name: Annotated[Name, Names("junction", defines=True)]
     at: Point
     control: Literal["signals", "priority", "right_before_left", "stop"] = "priority"
     crossings: tuple[Name, ...] | None = None
@@ -105,9 +105,9 @@ class Road(Item):
     """
 
     kind: Literal["road"] = "road"
-    name: Name
-    start: Name
-    end: Name
+    name: Annotated[Name, Names("road", defines=True)]
+    start: Annotated[Name, Names("junction")]
+    end: Annotated[Name, Names("junction")]
     lanes: Count | None = None
     back: Count | None = None
     lane_width: Length | None = None
@@ -181,7 +181,7 @@ class VehicleModel(Item):
     """
 
     kind: Literal["model"] = "model"
-    name: ModelName
+    name: Annotated[ModelName, Names("model", defines=True)]
     length: Length
     width: Length
     height: Length | None = None

@@ -20,7 +20,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, Literal, get_args, get_origin
 
-from foresee_dsl.language.model.item import Item
+from foresee_dsl.language.model.item import Item, Names
 from foresee_dsl.language.units import Dimension
 
 _BLOCK = re.compile(r"(?P<head>.*?)(?P<optional> \[)? ?\{ (?P<lines>.*) \}\]?")
@@ -149,12 +149,14 @@ class FieldForm:
         parameter: the name of a parameter may stand for its text.
         dimension: of its quantity; None for none, or where several are possible.
         words: the fixed words that it takes.
+        names: what a name in it is of; None where it holds none, or where that depends on other fields.
     """
 
     form: Form
     parameter: bool
     dimension: Dimension | None
     words: tuple[str, ...]
+    names: Names | None
 
 
 @cache
@@ -165,7 +167,8 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
     form = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Form)), Form.NAME)  # the last: `Word` is an `Id`
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
-    return FieldForm(form, parameter, dimension, tuple(leaf for leaf in leaves if isinstance(leaf, str)))
+    names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last: the outermost
+    return FieldForm(form, parameter, dimension, tuple(leaf for leaf in leaves if isinstance(leaf, str)), names)
 
 
 def _leaves(annotation: Any) -> Iterator[Any]:  # noqa: ANN401 - a type form

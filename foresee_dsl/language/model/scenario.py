@@ -8,9 +8,9 @@ from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Phrase
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
-from foresee_dsl.language.model.values import FilePath, Id, Name, Quantity, Ratio, Ref, Time, Word
+from foresee_dsl.language.model.values import FilePath, JunctionId, Name, Quantity, Ratio, StageId, Time, Word
 
 ParamType = Literal[
     "time",
@@ -135,7 +135,7 @@ class Param(Item):
     """
 
     kind: Literal["param"] = "param"
-    name: Name
+    name: Annotated[Name, Names("parameter", defines=True)]
     type: ParamType
     default: ParamValue
     range: Range | None = None
@@ -202,7 +202,7 @@ class Expect(Item):
     """
 
     kind: Literal["expect"] = "expect"
-    name: Name | None = None
+    name: Annotated[Name, Names("label", defines=True)] | None = None
     """What `extends`, mutants and messages call it by: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
     within: Time | None = None
@@ -224,7 +224,7 @@ class Assignment(Item):
 
     pattern = "{name} = {value}"
 
-    name: Name
+    name: Annotated[Name, Names("parameter")]
     value: ParamValue
 
 
@@ -235,7 +235,7 @@ class Case(Item):
     words = "case (statement): values for parameters: one test case | case r01 { gap = 1.2 s }"
 
     kind: Literal["case"] = "case"
-    name: Name
+    name: Annotated[Name, Names("case", defines=True)]
     values: tuple[Assignment, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
@@ -259,8 +259,8 @@ class SignalState(Item):
     """
 
     kind: Literal["signal"] = "signal"
-    junction: Id | Ref
-    stage: Id | Ref
+    junction: JunctionId
+    stage: StageId
     elapsed: Time
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from foresee_dsl.language.model.item import ONE_OF, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Names, Phrase
 from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -19,13 +19,16 @@ NAME_PATTERN = r"[a-z][a-z0-9_]*"
 Name = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}$", max_length=80)]
 Id = Annotated[str, Field(min_length=1, max_length=200, pattern=r'^[^"\n\r\\]+$'), Form.ID]
 """A name, or the id of something in an imported network (printed as a string when it is no name)."""
-Word = Annotated[Id, Form.WORD]
+Word = Annotated[Id, Form.WORD, Names("word")]
 """An id, or the name of a model."""
-ModelName = Annotated[str, Field(pattern=rf"^{NAME_PATTERN}\.{NAME_PATTERN}$", max_length=80), Form.MODEL]
+ModelName = Annotated[
+    str, Field(pattern=rf"^{NAME_PATTERN}\.{NAME_PATTERN}$", max_length=80), Form.MODEL, Names("model")
+]
 """`class.variant`, such as `car.compact`: an entry of a catalogue."""
 Text = Annotated[str, Field(max_length=2000, pattern=r'^[^"\n\r]*$'), Form.TEXT]
 """A string on one line, without double quotes."""
-FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r]+$'), Form.TEXT]
+FilePath = Annotated[str, Field(min_length=1, max_length=500, pattern=r'^[^"\n\r]+$'), Form.TEXT, Names("file")]
+ActorName = Annotated[Name, Names("actor")]
 
 
 def _known_unit(word: str) -> str:
@@ -68,7 +71,12 @@ class Ref(Phrase):
 
     pattern = "{name}"
 
-    name: Name
+    name: Annotated[Name, Names("parameter")]
+
+
+JunctionId = Annotated[Id | Ref, Names("junction")]
+RoadId = Annotated[Id | Ref, Names("road")]
+StageId = Annotated[Id | Ref, Names("stage")]
 
 
 @dataclass(frozen=True)
@@ -128,7 +136,7 @@ class AlongEdge(Phrase):
     """
 
     kind: Literal["along_edge"] = "along_edge"
-    edge: Id | Ref
+    edge: RoadId
     at: Length
     offset: Length | None = None
 
@@ -142,7 +150,7 @@ class AlongRoute(Phrase):
     pattern = "{at} along {actor}.route [offset {offset}]"
 
     kind: Literal["along_route"] = "along_route"
-    actor: Name
+    actor: ActorName
     at: Length
     offset: Length | None = None
 
@@ -158,8 +166,8 @@ class PastJunction(Phrase):
     """
 
     kind: Literal["past_junction"] = "past_junction"
-    actor: Name
-    junction: Id | Ref
+    actor: ActorName
+    junction: JunctionId
     side: Literal["past", "before"]
     at: Length
     offset: Length | None = None
