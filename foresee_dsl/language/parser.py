@@ -162,8 +162,8 @@ def format_text(text: str, path: str) -> str:
     result = print_model(document.model, document.comments)
     again = parse(result, path)
     if again.model != document.model or _comment_texts(again) != _comment_texts(document):
-        message = "formatting would have changed this file, so it was left alone"
-        raise InputError((Diagnostic("FS020", message, "this is a mistake in foresee-dsl: please report it", path),))
+        message = "formatting would have changed what this file says, so it was left as it is"
+        raise InputError((Diagnostic("FS020", message, "an error in foresee-dsl: report it with the file", path),))
     return result
 
 

@@ -24,7 +24,7 @@ from foresee_dsl.language.model import (
     Sustained,
     Within,
 )
-from foresee_dsl.language.printing.written import written as text_of
+from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.simulate.triggers.record import Run
 

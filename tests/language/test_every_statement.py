@@ -13,7 +13,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS, keywords_in
 from foresee_dsl.language.model.item import Group
 from foresee_dsl.language.model.pattern import Slot, form_of, read_pattern, slots_of, words_before
-from foresee_dsl.language.printing.written import layout, written
+from foresee_dsl.language.printer import layout, written
 from foresee_dsl.language.syntax.grammar import parser
 from foresee_dsl.simulate.triggers import director
 from tests.support.strategies import STATEMENTS

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printing.written import written as text_of
+from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import mentioned, parts, si_of
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.record import Run, Runs

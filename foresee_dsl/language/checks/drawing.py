@@ -9,7 +9,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.sampling.draws import MAX_CASES, case_names
 from foresee_dsl.language.sampling.requirements import holds, violation
 from foresee_dsl.language.traversal import parts

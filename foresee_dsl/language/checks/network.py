@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.catalogues import CLASSES, SUM_SLACK_M
 
 

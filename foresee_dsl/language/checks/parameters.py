@@ -10,7 +10,7 @@ from foresee_dsl.language.checks.drawing import WORD_TYPES, check_drawing, check
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.syntax.nodes import RESERVED
 
 _TURNS = get_args(m.Turn)

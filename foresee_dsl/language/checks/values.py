@@ -12,7 +12,7 @@ from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 

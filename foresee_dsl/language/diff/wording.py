@@ -8,8 +8,7 @@ from decimal import Decimal
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.parts import Group
-from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.printing.written import Layout, layout, listing, written
+from foresee_dsl.language.printer import Layout, layout, listing, print_item, written
 from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 

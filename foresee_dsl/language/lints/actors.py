@@ -8,7 +8,7 @@ from typing import get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import walk
 

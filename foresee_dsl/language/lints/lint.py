@@ -13,7 +13,7 @@ from foresee_dsl.language.lints.actors import Found, actor_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.logic import Limits, always, never
 from foresee_dsl.language.lints.routes import route_lints
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import fields_of, walk

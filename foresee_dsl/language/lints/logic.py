@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 
 TURNED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 """The opposite of a comparison."""

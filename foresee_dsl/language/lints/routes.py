@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.lints.actors import Found
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.traversal import walk
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
-from foresee_dsl.language.printing.written import written
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import parts
 
 _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(

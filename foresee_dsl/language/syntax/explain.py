@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 from functools import cache
-from types import MappingProxyType
 from typing import Any
 
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
@@ -16,7 +15,7 @@ from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
-from foresee_dsl.language.syntax.grammar import STARTS, statement_parser
+from foresee_dsl.language.syntax.grammar import PLACES, statement_parser
 from foresee_dsl.language.units import UNITS, Dimension
 
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
@@ -28,28 +27,6 @@ _REACH = 300
 _SHOWN = 40
 _END = "the end of the statement"
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
-
-PLACES = MappingProxyType(
-    {
-        "scenario_item": "a scenario",
-        "extension_item": "a scenario that extends another",
-        "clip_item": "a clip",
-        "mutant_item": "a mutant",
-        "network_item": "a network",
-        "models_item": "a catalogue of models",
-        "actor_item": "an actor's block",
-        "action": "a trigger's block",
-        "assignment": "a case",
-        "traffic_item": "traffic",
-        "junction_item": "a junction",
-        "road_item": "a road",
-        "model_item": "a model",
-        "origin_item": "an origin block",
-        "header": "the first line",
-        "definition": "a file",
-    }
-)
-"""What a block is called, by the rule of its statements."""
 
 _ABOUT_HERE = (
     (re.compile(r"\bin\s+$"), "ego in junction j4"),
@@ -286,8 +263,6 @@ def _homes() -> Mapping[str, tuple[str, ...]]:
     """Where the first word of a statement may stand, read off the grammar."""
     found: dict[str, list[str]] = {}
     for rule, place in PLACES.items():
-        if rule not in STARTS:
-            continue
         state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
         for name in sorted(state.accepts()):
             word = _terminal(name)

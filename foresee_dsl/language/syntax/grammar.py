@@ -7,38 +7,38 @@ import hashlib
 import sys
 from contextvars import ContextVar
 from pathlib import Path
+from types import MappingProxyType
+from typing import get_args
 
 import lark
 from lark import Lark, Token, Tree
 
 from foresee_dsl.files import cache_folder, data_folder, replacing
+from foresee_dsl.language import model as m
 
-STARTS = (
-    "scenario_item",
-    "extension_item",
-    "clip_item",
-    "mutant_item",
-    "network_item",
-    "models_item",
-    "actor_item",
-    "action",
-    "assignment",
-    "traffic_item",
-    "junction_item",
-    "road_item",
-    "model_item",
-    "origin_item",
-    "campaign_item",
-    "header",
-    "scenario",
-    "extension",
-    "clip",
-    "mutant",
-    "network",
-    "catalogue",
-    "campaign",
+PLACES = MappingProxyType(
+    {
+        "scenario_item": "a scenario",
+        "extension_item": "a scenario that extends another",
+        "clip_item": "a clip",
+        "mutant_item": "a mutant",
+        "network_item": "a network",
+        "models_item": "a catalogue of models",
+        "actor_item": "an actor's block",
+        "action": "a trigger's block",
+        "assignment": "a case",
+        "traffic_item": "traffic",
+        "junction_item": "a junction",
+        "road_item": "a road",
+        "model_item": "a model",
+        "origin_item": "an origin block",
+        "campaign_item": "a campaign",
+        "header": "the first line",
+    }
 )
-"""What can be parsed on its own, besides a file, to find further mistakes: one statement of a block."""
+"""What a block is called, by the rule of its statements."""
+STARTS = (*PLACES, *(m.rule_of(kind) for kind in get_args(m.Definition)))
+"""What can be parsed on its own, besides a file, to find further errors: one statement of a block, a definition."""
 
 _comments: ContextVar[list[Token]] = ContextVar("comments")
 
@@ -47,7 +47,7 @@ def parse_tree(text: str, start: str = "file") -> tuple[Tree[Token], list[Token]
     """Parse a text (newlines are `\\n`) and return its tree and its comments, in order.
 
     Raises:
-        lark.UnexpectedInput: at the first mistake.
+        lark.UnexpectedInput: at the first error.
     """
     comments: list[Token] = []
     token = _comments.set(comments)
@@ -68,7 +68,7 @@ def parser() -> Lark:
 
 @functools.cache
 def statement_parser() -> Lark:
-    """Return the parser of single statements (`STARTS`), which only files with a mistake need."""
+    """Return the parser of single statements (`STARTS`), which only files with an error need."""
     return _cached(STARTS)
 
 

@@ -183,7 +183,7 @@ class NodeMaker:
         word, value, *rest = setting.children
         name, place = str(word), span_of(setting)
         if name in node.fields:
-            self._error("FS013", f"'{name}' is said twice", "keep one of the two", place)
+            self._error("FS013", f"'{name}' is given twice", "keep one of the two", place)
         if value is None:  # `crossings` without a list
             node.fields[name], node.places[name] = (), place
         else:

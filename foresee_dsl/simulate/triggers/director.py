@@ -14,7 +14,7 @@ from typing import Any, assert_never
 
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printing.written import written as text_of
+from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Meeting, Ramp, Stop

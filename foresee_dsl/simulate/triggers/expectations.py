@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from foresee_dsl.language.model import Expect
 from foresee_dsl.language.printer import print_item
-from foresee_dsl.language.printing.written import written as text_of
+from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.verdict import ExpectationResult
