@@ -6,11 +6,16 @@ import re
 import unicodedata
 from collections.abc import Collection, Iterable
 from decimal import Decimal
+from typing import TYPE_CHECKING
 
+from foresee_dsl.compile.foreign.opendrive_geometry import plain_number
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Quantity
 from foresee_dsl.language.units import Dimension
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _LONGEST = 40
 """Ours: half of what the language allows, so that campaigns can add to it."""
@@ -93,3 +98,15 @@ def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Qua
     if plain.as_tuple().exponent not in range(-digits, 1):  # 1E+2
         plain = plain.quantize(Decimal(1))
     return Quantity(value=plain, unit=exact.unit)
+
+
+def number(element: Element, name: str, default: float | None = None) -> float:
+    """Return an attribute as a number.
+
+    Raises:
+        ExchangeError: it is missing (and there is no default), no number, or larger than anything that is meant.
+    """
+    try:
+        return plain_number(element, name, default)
+    except ValueError as err:
+        raise ExchangeError(f"the {err}") from err

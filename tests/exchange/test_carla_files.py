@@ -11,7 +11,7 @@ import pytest
 
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.carla.files import pose_of, read_routes, read_triggers, read_vtypes, town_of
-from foresee_dsl.exchange.carla.models import catalogue_of, ego_of, mix_of, vehicles_of
+from foresee_dsl.exchange.carla.scenario_files import catalogue_of, ego_of, mix_of, vehicles_of
 
 ROUTE = '<route id="{id}" town="Town77">{points}</route>'
 POINT = '<waypoint x="{x}" y="{y}" z="0.0" pitch="0.0" roll="0.0" yaw="{yaw}"/>'
@@ -83,7 +83,7 @@ def test_what_is_left_out_is_counted(tmp_path: Path) -> None:
         (routes_text(ROUTE.format(id="1", points=POINT.format(x="inf", y=2, yaw=3) * 2)), "not finite"),
         (routes_text(ROUTE.format(id="1", points='<waypoint x="1"/>' * 2)), "has no 'y'"),
         (routes_text(*[ROUTE.format(id="1", points=two_points())] * 2), "two routes with the id 1"),
-        (routes_text("<a>" * 100 + "</a>" * 100), "nested more than"),
+        (routes_text("<a>" * 100 + "</a>" * 100), "nests more than 100"),
     ],
 )
 def test_broken_route_files_are_refused(tmp_path: Path, text: str, words: str) -> None:

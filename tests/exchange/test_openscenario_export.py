@@ -18,7 +18,7 @@ from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.exchange.openscenario.reading import importer as openscenario_import
 from foresee_dsl.exchange.openscenario.writing import exporter as openscenario_export
-from foresee_dsl.exchange.openscenario.writing import trajectories as openscenario_trajectories
+from foresee_dsl.exchange.openscenario.writing.exporter import recorded_groups
 from foresee_dsl.exchange.openscenario.writing.library import library
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.model import Mutant, Origin
@@ -165,7 +165,7 @@ def test_who_comes_later_or_leaves_is_added_and_deleted(scenario: Path, trace: T
     cut = replace(trace, states=states)
     specs = {actor.id: actor.model for actor in compile_test_case(load_test_case(scenario)).scene.actors}
     told = {}
-    for group in openscenario_trajectories.groups(cut, specs):
+    for group in recorded_groups(cut, specs):
         element = group.get_element()
         events = [
             (event.get("name"), float(event.find(".//SimulationTimeCondition").get("value")))

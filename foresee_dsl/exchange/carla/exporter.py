@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no parsing: that is foreign_xml's
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle

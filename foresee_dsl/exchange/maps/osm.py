@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
+from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError
-from foresee_dsl.exchange.foreign_xml import read_xml
 from foresee_dsl.exchange.maps.sumo import NET, counts, with_starter
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
@@ -57,7 +57,7 @@ def run(file: Path, *, out: Path) -> Imported:
         ExchangeError: it is no OSM file, too large, has no streets, or no way for a car that is long enough.
         CompileError: netconvert refuses it.
     """
-    root = read_xml(file, ("osm",), "an OpenStreetMap file")
+    root = parse_xml(file, "osm", "an OpenStreetMap file", ExchangeError)
     if not any(_tag(way, "highway") in _CAR_STREETS for way in root.iterfind("way")):
         raise ExchangeError(f"{file} has no streets: `highway` ways with their nodes are needed")
     if root.find("node") is None:

@@ -6,15 +6,15 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from xml.etree.ElementTree import tostring  # no parsing: that is foreign_xml's
+from xml.etree.ElementTree import tostring  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import without_header
+from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Topology
-from foresee_dsl.exchange.foreign_xml import read_xml
 from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
 from foresee_dsl.exchange.maps.starter import starter
 from foresee_dsl.exchange.naming import name_of, sentence
@@ -32,7 +32,7 @@ def run(file: Path, *, out: Path) -> Imported:
         ExchangeError: the file is no SUMO network, too large, or has no way for a car.
         CompileError: it is not complete.
     """
-    root = read_xml(file, ("net",), "a SUMO network")
+    root = parse_xml(file, "net", "a SUMO network", ExchangeError)
     name = name_of(file.name.removesuffix(NET).removesuffix(".xml"), "net")
     if root.find("edge") is None or root.find("location") is None:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")

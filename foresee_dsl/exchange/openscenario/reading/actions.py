@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import quantity
+from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.storyboard import Event
 from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
@@ -16,7 +15,7 @@ from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
 _FRAME_S = 0.05

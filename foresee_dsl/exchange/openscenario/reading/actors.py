@@ -12,8 +12,7 @@ from foresee_dsl.compile.placement.actor_checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
-from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import quantity
+from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.actions import EntityState, from_the_start, speed_changes
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.places import Places
@@ -33,7 +32,7 @@ from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _WALK_M = 60.0
 """A pedestrian without a given way goes straight on for so long (ours: the run's usual minute at 1 m/s)."""

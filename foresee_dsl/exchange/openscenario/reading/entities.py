@@ -12,8 +12,7 @@ from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
 from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.errors import CompileError
-from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import distinct_name, name_of, quantity, sentence
+from foresee_dsl.exchange.naming import distinct_name, name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.writing.participants import BRAKING, CATEGORIES, CRUISE, MODEL, STEER_RATE, WALKS
 from foresee_dsl.exchange.outcome import ExchangeError
@@ -22,7 +21,7 @@ from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.units import Dimension
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _KINDS = {category: kind for kind, category in CATEGORIES.items()}
 _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "sut")

@@ -13,15 +13,13 @@ from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
 from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap
 from foresee_dsl.compile.placement.scene import DRY_FRICTION, WET_FRICTION
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.naming import name_of, quantity, sentence
+from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, EntityState, TriggerBuilder
 from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder
-from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
 from foresee_dsl.exchange.openscenario.reading.entities import Participants, read_participants
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source, read_source
-from foresee_dsl.exchange.openscenario.reading.storyboard import Event, read_events
+from foresee_dsl.exchange.openscenario.reading.storyboard import ConditionReader, Event, read_events
 from foresee_dsl.exchange.openscenario.writing.participants import CLEAR_M
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
 from foresee_dsl.language import model as m
@@ -29,7 +27,7 @@ from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _END_S = 60.0
 """Where the file gives no time (the language's own default)."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap
-from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.naming import number
 from foresee_dsl.exchange.outcome import NotExpressed
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 
 @dataclass

@@ -12,12 +12,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.exchange.foreign_xml import read_xml
+from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.addresses import is_inside, project_folder
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 WHAT = "an OpenSCENARIO file"
 _LONGEST_EXPRESSION = 500
@@ -102,7 +102,7 @@ class Source:
             folder = self.named(directory.get("path", ""), "the folder of catalogues")
             files = [folder] if folder.is_file() else sorted(folder.glob("*.xosc"))[:_MOST_CATALOGUES]
             for file in files:
-                catalogue = read_xml(file, ("OpenSCENARIO",), WHAT).find("Catalog")
+                catalogue = parse_xml(file, "OpenSCENARIO", WHAT, ExchangeError).find("Catalog")
                 if catalogue is not None:
                     entries = found.setdefault(catalogue.get("name", ""), {})
                     entries |= {entry.get("name", ""): entry for entry in catalogue}
@@ -119,7 +119,7 @@ def read_source(path: Path, *, allow_outside: bool) -> Source:
     Raises:
         ExchangeError: it is no OpenSCENARIO XML 1.x, or a parameter has no value.
     """
-    root = read_xml(path, ("OpenSCENARIO",), WHAT)
+    root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
     header = root.find("FileHeader")
     if header is None or header.get("revMajor") != "1":
         version = "nothing" if header is None else f"{header.get('revMajor')}.{header.get('revMinor')}"

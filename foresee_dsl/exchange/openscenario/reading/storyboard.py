@@ -1,20 +1,185 @@
-"""The storyboard as a list of events: who does what, once which condition holds or which other event is over."""
+"""The storyboard as a list of events: which actors do what, from which condition or end of another event on."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from foresee_dsl.exchange.foreign_xml import number
-from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader, Start
+from foresee_dsl.exchange.naming import number, quantity
+from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.outcome import NotExpressed
-from foresee_dsl.language.model import Both, Condition
+from foresee_dsl.language import model as m
+from foresee_dsl.language.units import Dimension
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
+
+
+Op = Literal["<", "<=", ">", ">="]
+_RULES: Mapping[str, Op] = {
+    "lessThan": "<",
+    "lessOrEqual": "<=",
+    "greaterThan": ">",
+    "greaterOrEqual": ">=",
+    "equalTo": ">=",  # of what grows: time; others are refused below
+}
+STANDS_MPS = 0.1
+"""Who is slower stands (ours: the resolution of a change of speed that is complete)."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """When an event starts.
+
+    Attributes:
+        condition: None for at once. delay_s: so much later.
+        after: (element's name, state) of the part of the storyboard that it waits for, or None.
+    """
+
+    condition: m.Condition | None = None
+    delay_s: float = 0.0
+    after: tuple[str, str] | None = None
+
+
+class ConditionReader:
+    """Reads triggers; `entities` and `places` say what they name."""
+
+    def __init__(self, entities: Mapping[str, Entity], places: Places) -> None:
+        self._entities, self._places = entities, places
+
+    def start(self, trigger: Element | None) -> Start:
+        """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
+
+        Raises:
+            NotExpressed: it asks for something that the language cannot say.
+        """
+        groups = trigger.findall("ConditionGroup") if trigger is not None else []
+        starts = [self._group(group) for group in groups]
+        if not starts:
+            return Start()
+        if len(starts) == 1:
+            return starts[0]
+        if any(s.after or s.delay_s for s in starts):
+            raise NotExpressed("triggers of several groups with delays or states of the storyboard")
+        parts = [s.condition for s in starts]
+        return Start() if None in parts else Start(m.Either(conditions=tuple(p for p in parts if p is not None)))
+
+    def _group(self, group: Element) -> Start:
+        parts: list[m.Condition] = []
+        after: tuple[str, str] | None = None
+        delays: set[float] = set()
+        for condition in group.iterfind("Condition"):
+            state = condition.find("ByValueCondition/StoryboardElementStateCondition")
+            delays.add(number(condition, "delay", 0.0))
+            if state is not None:
+                if after is not None:
+                    raise NotExpressed("triggers on several states of the storyboard")
+                after = state.get("storyboardElementRef", ""), state.get("state", "")
+            elif (part := self._condition(condition)) is not None:
+                parts.append(part)
+        if len(delays) > 1:
+            raise NotExpressed("triggers of conditions with different delays")
+        joined = parts[0] if len(parts) == 1 else m.Both(conditions=tuple(parts)) if parts else None
+        return Start(joined, max(delays, default=0.0), after)
+
+    def _condition(self, condition: Element) -> m.Condition | None:
+        """Return one condition; None for one that holds from the beginning."""
+        if condition.get("conditionEdge") in ("falling", "risingOrFalling"):
+            raise NotExpressed(f"conditions with the edge {condition.get('conditionEdge')}")
+        value = condition.find("ByValueCondition")
+        if value is not None:
+            kind = next(iter(value), None)
+            if kind is None or kind.tag != "SimulationTimeCondition":
+                raise NotExpressed(f"conditions: {'none' if kind is None else kind.tag}")
+            limit, op = number(kind, "value"), _rule(kind, equal=True)
+            if limit <= 0 and op in (">", ">="):
+                return None
+            return m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time"))
+        return self._of_entities(condition)
+
+    def _of_entities(self, condition: Element) -> m.Condition:
+        kind = next(iter(condition.find("ByEntityCondition/EntityCondition") or ()), None)
+        if kind is None:
+            raise NotExpressed("conditions: without content")
+        who = condition.find("ByEntityCondition/TriggeringEntities")
+        refs = [e.get("entityRef", "") for e in who.iterfind("EntityRef")] if who is not None else []
+        parts = tuple(self._of_entity(kind, self._entity(ref)) for ref in refs)
+        if not parts:
+            raise NotExpressed("conditions: of no entity")
+        if len(parts) == 1:
+            return parts[0]
+        every = who is not None and who.get("triggeringEntitiesRule") == "all"
+        return m.Both(conditions=parts) if every else m.Either(conditions=parts)
+
+    def _of_entity(self, kind: Element, entity: Entity) -> m.Condition:
+        name, tag = entity.name, kind.tag
+        if tag in ("SpeedCondition", "AccelerationCondition"):
+            if kind.get("direction") not in (None, "longitudinal"):
+                raise NotExpressed(f"conditions: {tag} ({kind.get('direction')})")
+            what: Literal["speed", "acceleration"] = "speed" if tag == "SpeedCondition" else "acceleration"
+            left = m.Measure(what=what, actor=name)
+            return m.Comparison(left=left, op=_rule(kind), right=quantity(number(kind, "value"), what))
+        if tag == "StandStillCondition":
+            stands = m.Comparison(left=m.Measure(what="speed", actor=name), op="<", right=quantity(STANDS_MPS, "speed"))
+            return m.Sustained(condition=stands, duration=quantity(number(kind, "duration"), "time"))
+        if tag == "CollisionCondition":
+            other = kind.find("EntityRef")
+            if other is None:
+                return m.Predicate(what="collision", actor=name)
+            touches = m.Named(name=self._entity(other.get("entityRef", "")).name)
+            return m.Within(actor=name, distance=quantity(0.0, "length"), of=touches)
+        if tag in ("ReachPositionCondition", "DistanceCondition"):
+            return self._near_place(kind, name)
+        return self._between(kind, name)
+
+    def _between(self, kind: Element, name: str) -> m.Condition:
+        """Return a condition between two entities."""
+        measures: Mapping[str, tuple[Literal["distance", "ttc", "headway"], Dimension]] = {
+            "RelativeDistanceCondition": ("distance", "length"),
+            "TimeToCollisionCondition": ("ttc", "time"),
+            "TimeHeadwayCondition": ("headway", "time"),
+        }
+        if kind.tag not in measures:
+            raise NotExpressed(f"conditions: {kind.tag}")
+        target = kind.find("TimeToCollisionConditionTarget/EntityRef")
+        ref = kind.get("entityRef") or (target.get("entityRef") if target is not None else None)
+        if ref is None:
+            raise NotExpressed(f"conditions: {kind.tag} (with a place)")
+        if kind.get("relativeDistanceType") == "lateral":
+            raise NotExpressed(f"conditions: {kind.tag} (lateral)")
+        what, dimension = measures[kind.tag]
+        value, other = number(kind, "value"), self._entity(ref)
+        return m.Comparison(
+            left=m.Measure(what=what, actor=name, other=other.name), op=_rule(kind), right=quantity(value, dimension)
+        )
+
+    def _near_place(self, kind: Element, name: str) -> m.Condition:
+        position = kind.find("Position")
+        if position is None:
+            raise NotExpressed(f"conditions: {kind.tag} (without a place)")
+        pose = self._places.pose(position)
+        reach = kind.tag == "ReachPositionCondition"
+        distance = number(kind, "tolerance" if reach else "value")
+        at = m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))
+        near = m.Within(actor=name, distance=quantity(max(distance, 0.0), "length"), of=at)
+        return near if reach or _rule(kind) in ("<", "<=") else m.Not(condition=near)
+
+    def _entity(self, ref: str) -> Entity:
+        if ref not in self._entities:
+            raise NotExpressed("conditions about entities that were left out")
+        return self._entities[ref]
+
+
+def _rule(kind: Element, *, equal: bool = False) -> Op:
+    rule = kind.get("rule", "")
+    if rule not in _RULES or (rule == "equalTo" and not equal):
+        raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
+    return _RULES[rule]
+
 
 _AT_START = ("startTransition", "runningState")
 _AT_END = ("endTransition", "completeState")
@@ -34,7 +199,7 @@ class Event:
     names: tuple[str, ...]
     refs: tuple[str, ...]
     actions: tuple[Element, ...]
-    condition: Condition | None
+    condition: m.Condition | None
     delay_s: float
     every: bool = False
     at_end: list[Event] = field(default_factory=list)
@@ -103,5 +268,5 @@ def _joined(act: Start, event: Start) -> Start:
     if (act.after and event.after) or (act.delay_s and event.delay_s):
         raise NotExpressed("triggers of acts and their events that both wait")
     parts = tuple(c for c in (act.condition, event.condition) if c is not None)
-    joined = parts[0] if len(parts) == 1 else Both(conditions=parts) if parts else None
+    joined = parts[0] if len(parts) == 1 else m.Both(conditions=parts) if parts else None
     return Start(joined, act.delay_s or event.delay_s, act.after or event.after)

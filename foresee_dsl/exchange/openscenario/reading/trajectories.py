@@ -14,12 +14,12 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.exchange.foreign_xml import number
+from foresee_dsl.exchange.naming import number
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.outcome import NotExpressed
 
 if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by foreign_xml
+    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
     from numpy.typing import NDArray
 

@@ -3,22 +3,36 @@
 from __future__ import annotations
 
 import datetime
+import math
 import re
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+
+import numpy as np
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.bundle import Signal, SumoBundle
+from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.exchange.maps.opendrive import opendrive_of
 from foresee_dsl.exchange.openscenario.writing import behaviour as behaviours
-from foresee_dsl.exchange.openscenario.writing import trajectories
-from foresee_dsl.exchange.openscenario.writing.library import MINOR_VERSION, Xosc, at_time, figure, library, osc
+from foresee_dsl.exchange.openscenario.writing.library import (
+    MINOR_VERSION,
+    Xosc,
+    at_time,
+    event,
+    figure,
+    library,
+    maneuver_group,
+    osc,
+    reference_position,
+)
 from foresee_dsl.exchange.openscenario.writing.participants import entities, init
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
 _DATE = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
 """The header asks for a date; a constant, so that the same test case gives the same bytes."""
@@ -67,7 +81,7 @@ def run(
     left_out["signals (the map has no heads for them)"] += _add_signals(network, bundle, road, end_s)
     specs = {actor.id: actor.model for actor in bundle.scene.actors}
     board = osc.StoryBoard(init(trace, specs, bundle.scene), at_time("end", end_s, "stop"))
-    groups = behaviours.groups(bundle, trace, left_out) if behaviour else trajectories.groups(trace, specs)
+    groups = behaviours.groups(bundle, trace, left_out) if behaviour else recorded_groups(trace, specs)
     if groups:
         board.add_story(_story(groups))
     left_out["expectations"] += len(bundle.scene.expects)
@@ -158,3 +172,59 @@ def _shown(signal: Signal, at: tuple[str, float] | None, until_s: float) -> list
         found.append((phase, signal.phases[phase].duration_s))
         covered += max(signal.phases[phase].duration_s, 0.05)
     return found
+
+
+STANDS_M = 1e-6
+"""An actor that moved less between two frames stood: a vertex at either end of that time is enough."""
+
+
+def recorded_groups(trace: Trace, specs: dict[str, ModelSpec]) -> list[Xosc]:
+    """Return a maneuver group for each actor that moves, comes later or goes before the end."""
+    return [made for k in range(len(trace.actors)) if (made := _group(trace, k, specs[trace.actors[k].id])) is not None]
+
+
+def present(trace: Trace, actor: int) -> tuple[int, int] | None:
+    """Return the first and last frame in which an actor is there, or None."""
+    frames = np.flatnonzero(~np.isnan(trace.states[:, actor, X]))
+    return (int(frames[0]), int(frames[-1])) if len(frames) else None
+
+
+def vertices(trace: Trace, actor: int) -> Iterator[int]:
+    """Yield the frames that an actor's trajectory needs: all, but for the inside of times at which it stood."""
+    span = present(trace, actor)
+    if span is None:
+        return
+    rows = trace.states[span[0] : span[1] + 1, actor][:, [X, Y, HEADING]]
+    still = np.abs(np.diff(rows, axis=0)).max(axis=1) < STANDS_M if len(rows) > 1 else np.zeros(0, dtype=bool)
+    last = len(rows) - 1
+    for k in range(len(rows)):
+        if not (0 < k < last and still[k - 1] and still[k]):
+            yield span[0] + k
+
+
+def _group(trace: Trace, actor: int, spec: ModelSpec) -> Xosc:
+    name, span = trace.actors[actor].id, present(trace, actor)
+    if span is None:
+        return None
+
+    def position(frame: int) -> Xosc:
+        x, y, heading_rad = (float(value) for value in trace.states[frame, actor, [X, Y, HEADING]])
+        return reference_position(x, y, math.remainder(heading_rad, math.tau), spec)
+
+    def at(frame: int) -> Xosc:
+        return at_time("time", float(trace.time_s[frame]))
+
+    first, last = span
+    events = []
+    frames = list(vertices(trace, actor))
+    rows = trace.states[first : last + 1, actor][:, [X, Y, HEADING]]
+    if first > 0:
+        events.append(event(f"{name}_comes", {"comes": osc.AddEntityAction(name, position(first))}, at(first)))
+    if len(frames) > 1 and np.ptp(rows, axis=0).max() >= STANDS_M:
+        line = osc.Trajectory(f"{name}_trajectory", False)
+        line.add_shape(osc.Polyline([figure(trace.time_s[k]) for k in frames], [position(k) for k in frames]))
+        follow = osc.FollowTrajectoryAction(line, osc.FollowingMode.position, osc.ReferenceContext.absolute, 1, 0)
+        events.append(event(f"{name}_goes", {"goes": follow}, at(first)))
+    if last < trace.frames - 1:
+        events.append(event(f"{name}_leaves", {"leaves": osc.DeleteEntityAction(name)}, at(last + 1)))
+    return maneuver_group(name, events) if events else None
