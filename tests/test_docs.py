@@ -27,7 +27,6 @@ from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.language.codes.examples import FRAMES
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Campaign, Catalogue, Clip, Definition, Extension, Mutant, Network, Scenario
 from foresee_dsl.language.model.campaign import Seeds
@@ -38,6 +37,7 @@ from foresee_dsl.language.project.loading import load_catalogue, load_test_case,
 from foresee_dsl.language.units import UNITS
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.runner import run
+from tests.support.code_frames import FRAMES
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -90,7 +90,7 @@ EXTENSION = 'foresee 1\n\nscenario longer extends "parent.foresee" {\n@\n}\n'
 @pytest.mark.parametrize(("page", "text"), FRAGMENTS, ids=[f"{page}-{k}" for k, (page, _) in enumerate(FRAGMENTS)])
 def test_statements_that_are_shown_alone_are_parsed_and_in_the_one_layout(page: str, text: str) -> None:
     inside = "".join(f"  {line}\n" for line in text.splitlines()).rstrip("\n")
-    for frame in (*(frame.text for name, frame in FRAMES.items() if name != "file"), EXTENSION):
+    for frame in (*(text for name, text in FRAMES.items() if name != "file"), EXTENSION):
         try:
             formatted = format_text(frame.replace("PIN", "sha256:5ef2c6120a41").replace("@", inside), page)
         except InputError:
@@ -223,7 +223,7 @@ def test_every_unit_is_listed() -> None:
         ("its speed is within {:g} m/s", "foresee_dsl.simulate.actors.moved_actors.STANDS_MPS"),
         ("draws {:,} cases at most", "foresee_dsl.language.sampling.draws.MAX_CASES"),
         ("up to {:,} times for one case", "foresee_dsl.language.sampling.draws.MAX_TRIES"),
-        ("a range is {} parts at most", "foresee_dsl.language.sampling.coverage.BINS"),
+        ("a range is {} parts at most", "foresee_dsl.language.sampling.draws.BINS"),
         ("from {:g} m before it until its rear is out", "foresee_dsl.simulate.actors.speed_orders.BOUND_FROM_M"),
         ("not under {:g} m/s, enters", "foresee_dsl.simulate.results.metrics.SLOWEST_MPS"),
         ("no nearer than {:g} m to a junction", "foresee_dsl.compile.placement.background_traffic.CORNER_M"),

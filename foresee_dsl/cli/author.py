@@ -13,7 +13,7 @@ from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, pr
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario
-    from foresee_dsl.language.sampling.coverage import Coverage, Reach
+    from foresee_dsl.language.sampling.draws import Coverage, Reach
 
 
 def compile_(
@@ -93,7 +93,7 @@ def sample(
     foresee sample my.foresee --count 50 --seed 7 --format cases[/dim]
     """
     from foresee_dsl.language.project.loading import Project
-    from foresee_dsl.language.sampling.coverage import coverage
+    from foresee_dsl.language.sampling.draws import coverage
 
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
     cases = _cases(scenario, count, seed)
@@ -135,7 +135,7 @@ def _print_cases(cases: Sequence[Case]) -> None:
 
 def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
     from foresee_dsl.language.project.concretise import value_text
-    from foresee_dsl.language.sampling.coverage import values_of
+    from foresee_dsl.language.sampling.draws import values_of
 
     print_json(
         {
@@ -160,7 +160,7 @@ def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Co
 def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
     from foresee_dsl.language.model import Param
     from foresee_dsl.language.project.concretise import value_text
-    from foresee_dsl.language.sampling.coverage import values_of
+    from foresee_dsl.language.sampling.draws import values_of
 
     names = [param.name for param in scenario.all(Param)]
     rows = [[case.name, *(value_text(values_of(scenario, case)[name]) for name in names)] for case in cases]

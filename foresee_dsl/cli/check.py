@@ -216,18 +216,16 @@ def _show(code: Code) -> None:
     from rich.text import Text
 
     from foresee_dsl.editor.highlight import show
-    from foresee_dsl.language.codes.examples import FRAMES
 
     out = console()
     tint = "cyan" if code.severity == "warning" else "red"
     out.print(Text.assemble((code.code, f"bold {tint}"), (f" {code.severity}: ", tint), (code.title, "bold")))
     out.print()
     out.print(Text(code.explanation))
-    within = FRAMES[code.frame].within
     right = _without_repeats(code.wrong, code.right)
     for word, example in (("wrong", code.wrong), ("right", right)):
         if example:
-            where = f", {within}" if within and _FILE not in example and not example.startswith("$") else ""
+            where = f", {code.within}" if code.within and _FILE not in example and not example.startswith("$") else ""
             out.print(Text(f"\n{word}{where}:"))
             show(textwrap.indent(example.rstrip("\n").replace("PIN", _PIN), "  ") + "\n")
 

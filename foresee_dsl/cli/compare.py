@@ -186,7 +186,7 @@ def _verdicts(children: Sequence[Child]) -> dict[Path, tuple[str, str]]:
 
 
 def _print(children: Sequence[Child], verdicts: dict[Path, tuple[str, str]], *, write: bool) -> None:
-    from foresee_dsl.language.repinning.text import describe, summary
+    from foresee_dsl.language.repinning.repin import describe, summary
 
     for child in children:
         typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)

@@ -17,7 +17,7 @@ from foresee_dsl.language.codes.names import (
     UNKNOWN_PROPERTY,
     WRONG_WAS,
 )
-from foresee_dsl.language.lints.weaker import weaker
+from foresee_dsl.language.lints.logic import weaker
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 from foresee_dsl.cli import app
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.language.codes.examples import FRAMES, example
 from foresee_dsl.report.github import render_github
 from foresee_dsl.report.sarif import to_sarif
+from tests.support.code_frames import FRAMES, example
 
 CODES = every_code()
-HEAD = FRAMES["scenario"].text.partition("@")[0]
+HEAD = FRAMES["scenario"].partition("@")[0]
 TOWN = example(CODES["FS301"], "end after 60 s").files["town.foresee"]
 
 SIX = {

@@ -9,7 +9,7 @@ import pytest
 
 from foresee_dsl.language.codes import names
 from foresee_dsl.language.codes.code import Code, every_code
-from foresee_dsl.language.codes.examples import FRAMES
+from tests.support.code_frames import FRAMES
 from tests.support.examples_at_work import found_in
 
 CODES = every_code()

@@ -8,9 +8,8 @@ import pytest
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.diff.addresses import compare_addresses, diff_addresses
-from foresee_dsl.language.diff.applying import apply
 from foresee_dsl.language.diff.compare import diff_models
-from foresee_dsl.language.diff.parts import to_dict
+from foresee_dsl.language.diff.parts import apply, to_dict
 from foresee_dsl.language.diff.plain import plain_text, texts
 from foresee_dsl.language.diff.rendering import render_groups, render_markdown, render_text
 from foresee_dsl.language.model import (

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.diff.applying import apply
 from foresee_dsl.language.diff.compare import diff_models
-from foresee_dsl.language.diff.parts import edit_from_dict, edit_to_dict
+from foresee_dsl.language.diff.parts import apply, edit_from_dict, edit_to_dict
 from foresee_dsl.language.diff.plain import plain_text
 from foresee_dsl.language.diff.rendering import render_groups, render_markdown
 from foresee_dsl.language.meaning import content_key, meaning_hash

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.language.codes.examples import FRAMES, example
-from foresee_dsl.language.lints.weaker import weaker
+from foresee_dsl.language.lints.logic import weaker
 from foresee_dsl.language.model import Expect, Scenario
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.checked_files import check_paths
+from tests.support.code_frames import FRAMES, example
 
-HEAD = FRAMES["scenario"].text.partition("@")[0]
+HEAD = FRAMES["scenario"].partition("@")[0]
 TOWN = example(every_code()["FS301"], "end after 60 s").files["town.foresee"]
 
 

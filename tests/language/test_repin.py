@@ -9,8 +9,7 @@ import pytest
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.names import MISSING_FILE, STALE_PIN, WRONG_KIND, WRONG_WAS
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.language.repinning.repin import State, plan, write
-from foresee_dsl.language.repinning.text import describe, summary
+from foresee_dsl.language.repinning.repin import State, describe, plan, summary, write
 from tests.support.repin_project import Repository
 
 

@@ -14,9 +14,15 @@ from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.model import Case, Cases, End, Param, ParamValue, Quantity, Require, Scenario
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.concretise import cases, concretise
-from foresee_dsl.language.sampling.coverage import coverage
-from foresee_dsl.language.sampling.draws import TooFewError, axis_of, case_names, draw, with_drawn_cases
-from foresee_dsl.language.sampling.requirements import holds
+from foresee_dsl.language.sampling.draws import (
+    TooFewError,
+    axis_of,
+    case_names,
+    coverage,
+    draw,
+    holds,
+    with_drawn_cases,
+)
 
 BODY = """foresee 1
 

@@ -11,12 +11,12 @@ from foresee_dsl.campaign.campaign_file import mistakes_of
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.code import Code
-from foresee_dsl.language.codes.examples import example
 from foresee_dsl.language.diff.addresses import diff_addresses
 from foresee_dsl.language.lints.lint import without_repeated
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_catalogue, load_test_case
+from tests.support.code_frames import example
 
 
 def found_in(code: Code, text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Diagnostic, ...]:

@@ -50,7 +50,7 @@ def _can_be_said(model: m.Item) -> bool:
     assert isinstance(model, get_args(m.Definition))
     try:
         return parse(print_model(model), "x").model == model
-    except InputError:
+    except (InputError, TypeError):  # TypeError: a measure without the actor that it needs cannot be printed
         return False
 
 

@@ -20,15 +20,14 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     """Check the actors of a scenario or clip, and every mention of one."""
     actors = [item for item in body if isinstance(item, (m.Ego, m.Actor))]
     groups = [item for item in body if isinstance(item, m.Traffic)]
-    named: list[tuple[m.Item, str, str]] = [(a, "name", a.name) for a in actors if isinstance(a, m.Actor)]
-    for _, field, name in named:
-        if name == "ego":
-            actor = next(item for item, _, n in named if n == "ego")
-            findings.add(actor, field, "FS030", "only the ego is called 'ego'", "give this actor another name")
-    for actor, field, name in named:
-        if name in TAKEN or name in m.OWNERS:
-            findings.add(actor, field, "FS049", f"'{name}' is a word of the language", "give this actor another name")
-    findings.unique([*named, *((g, "name", g.name) for g in groups)], "actors")
+    named = [actor for actor in actors if isinstance(actor, m.Actor)]
+    for other in [actor for actor in named if actor.name == "ego"][:1]:
+        findings.add(other, "name", "FS030", "only the ego is called 'ego'", "give this actor another name")
+    for other in named:
+        if other.name in TAKEN or other.name in m.OWNERS:
+            message = f"'{other.name}' is a word of the language"
+            findings.add(other, "name", "FS049", message, "give this actor another name")
+    findings.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")
     cases = [item for item in body if isinstance(item, m.Case)]
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
     for actor in actors:
@@ -96,12 +95,9 @@ def _check_class(
             keyword = "vehicle" if class_ in VEHICLE_CLASSES else class_
             help = f"`{actor.kind}` takes models of the classes {', '.join(wanted)}"
             if isinstance(actor, m.Actor) and item is actor:
-                help = f"write `{keyword} {actor.name}: {model}`, or take a model of {_or(wanted)}"
+                classes = " or ".join(filter(None, (", ".join(wanted[:-1]), wanted[-1])))
+                help = f"write `{keyword} {actor.name}: {model}`, or take a model of {classes}"
             findings.add(item, field, "FS038", f"'{actor.name}' is a {actor.kind}, but `{model}` is none", help)
-
-
-def _or(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def _models(
@@ -129,7 +125,7 @@ def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bo
     class_, _, variant = model.partition(".")
     if class_ in CLASSES:
         return True
-    help = did_you_mean(f"{class_}", CLASSES).replace("'?", f".{variant}'?")
+    help = did_you_mean(class_, CLASSES).replace("'?", f".{variant}'?")
     findings.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
     return False
 

@@ -1,4 +1,4 @@
-"""Parameters, their ranges, the cases that fix them, and the places that use them."""
+"""Parameters: their ranges, how they are drawn, the cases that fix them, and what is required of them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import re
 from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.checks.drawing import WORD_TYPES, check_drawing, check_requirements, dimension_of
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import written
+from foresee_dsl.language.sampling.draws import MAX_CASES, case_names, holds, violation
 from foresee_dsl.language.syntax.nodes import RESERVED
+from foresee_dsl.language.traversal import parts
+from foresee_dsl.language.units import Dimension
 
 _TURNS = get_args(m.Turn)
 _SIDES = ("left", "right")
@@ -26,7 +29,10 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
     findings.unique(((p, "name", p.name) for p in parameters), "parameters")
     for parameter in parameters:
         _check_parameter(findings, parameter)
-    check_drawing(findings, scenario)
+    for parameter in parameters:
+        if parameter.distribution is not None:
+            _check_distribution(findings, parameter, parameter.distribution)
+    _check_case_names(findings, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
         findings.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
@@ -46,9 +52,11 @@ def _check_parameter(findings: Findings, parameter: m.Param) -> None:
         findings.add(parameter, "name", "FS049", message, "give the parameter another name")
     limits, sound = parameter.range, True
     if limits is not None:
-        sound = all(_fits_type(findings, parameter, limits, end) for end in ("low", "high", "step"))
+        ends = [(end, value) for end in ("low", "high", "step") if (value := getattr(limits, end)) is not None]
+        sound = all(_check_type(findings, parameter, limits, end, value) for end, value in ends)
         if sound and limits.low.si > limits.high.si:
-            findings.add(limits, "", "FS039", "this range ends before it begins", _turned_round(limits))
+            help = f"write `{written(limits.high)}..{written(limits.low)}`"
+            findings.add(limits, "", "FS039", "this range ends before it begins", help)
             sound = False
         elif sound and limits.step is not None and limits.step.si <= 0:
             findings.add(limits, "step", "FS050", "a step is more than zero", "use a positive step, or none")
@@ -57,15 +65,6 @@ def _check_parameter(findings: Findings, parameter: m.Param) -> None:
         sound &= _check_type(findings, parameter, parameter, f"options.{k}", option)
     if sound:
         _check_value(findings, parameter, parameter, "default", parameter.default)
-
-
-def _turned_round(limits: m.Range) -> str:
-    return f"write `{written(limits.high)}..{written(limits.low)}`"
-
-
-def _fits_type(findings: Findings, parameter: m.Param, limits: m.Range, end: str) -> bool:
-    value: m.Quantity | None = getattr(limits, end)
-    return value is None or _check_type(findings, parameter, limits, end, value)
 
 
 def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> None:
@@ -84,13 +83,11 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
         findings.add(item, field, "FS033", message, f"options are {known}")
         return
     limits = parameter.range
-    if limits is None:
+    if limits is None or limits.low.si > limits.high.si:
         return
     low, high = limits.low.si, limits.high.si
     slack = _ON_STEP * max(abs(low), abs(high), 1.0)
     ends = f"{written(limits.low)}..{written(limits.high)}"
-    if low > high:
-        return
     if not low - slack <= value.si <= high + slack:
         message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
         findings.add(item, field, "FS033", message, "use a value inside it, or widen the range")
@@ -142,3 +139,187 @@ def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field:
         findings.add(item, field, "FS034", f"`{written(value)}` is no whole number", "write one such as `2`")
         return False
     return True
+
+
+WORD_TYPES = tuple(name for name in get_args(m.ParamType) if name not in get_args(Dimension))
+"""Types of parameters whose values are words."""
+_MAX_SEED = 10**9
+"""The largest seed: the largest number of the language."""
+
+
+def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
+    """Report names of cases that are given twice; a `cases` statement whose names clash only once."""
+    named: list[tuple[m.Item, str, str]] = [(case, "name", case.name) for case in scenario.all(m.Case)]
+    for cases in scenario.all(m.Cases):
+        if _check_cases(findings, cases):
+            named += [(cases, "seed", name) for name in case_names(cases)]
+    seen: dict[str, m.Item] = {}
+    reported: set[int] = set()
+    for item, field, name in named:
+        if seen.setdefault(name, item) is item or id(item) in reported:
+            continue
+        reported.add(id(item))
+        drawn = isinstance(item, m.Cases)
+        help = "take another seed, or give the written case another name" if drawn else "give one of them another name"
+        findings.add(item, field, "FS030", f"there are two cases called '{name}'", help)
+
+
+def _check_cases(findings: Findings, cases: m.Cases) -> bool:
+    """Return whether the count and the seed are such that cases can be drawn."""
+    sound = True
+    for field, low, high in (("count", 1, MAX_CASES), ("seed", 0, _MAX_SEED)):
+        value: m.Quantity = getattr(cases, field)
+        if value.unit or value.value != value.value.to_integral_value():
+            findings.add(cases, field, "FS010", f"`{written(value)}` is no whole number", "write one such as `20`")
+            sound = False
+        elif not low <= value.value <= high:
+            message = f"`{written(value)}` is no {'number of cases' if field == 'count' else 'seed'} that can be drawn"
+            findings.add(cases, field, "FS050", message, f"use {low} to {high}")
+            sound = False
+    return sound
+
+
+# ---- distributions --------------------------------------------------------------------------------------------------
+
+
+def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.Distribution) -> None:
+    kind = distribution.kind
+    if parameter.range is None and parameter.options is None:
+        help = "give it a range, `in 0 s..4 s step 0.1 s`, or options, `in [north, south]`"
+        findings.add(distribution, "", "FS051", f"'{parameter.name}' has nothing to be drawn from", help)
+    elif isinstance(distribution, m.Normal):
+        _check_normal(findings, parameter, distribution)
+    elif isinstance(distribution, m.Choice):
+        _check_choice(findings, parameter, distribution)
+    elif kind == "grid" and parameter.range is not None and parameter.range.step is None and parameter.type != "count":
+        low, high = parameter.range.low, parameter.range.high
+        width = high.value - low.value
+        tenth = m.Quantity(value=(width / 10 if width else width).normalize(), unit=high.unit)
+        help = f"write it like `in {written(low)}..{written(high)} step {written(tenth)}`"
+        findings.add(distribution, "", "FS051", "a grid needs steps, and this range has none", help)
+
+
+def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> None:
+    limits = parameter.range
+    if limits is None:
+        help = "options are drawn `as uniform`, `as choice(3, 1)` or `as grid`"
+        findings.add(normal, "", "FS051", "a normal distribution needs a range, and this parameter has options", help)
+        return
+    needed = limits.low.dimension
+    for field in ("mean", "deviation"):
+        value: m.Quantity = getattr(normal, field)
+        if value.dimension != needed:
+            findings.wrong_dimension(normal, field, value, needed, code="FS051")
+            return
+    if not limits.low.si <= normal.mean.si <= limits.high.si:
+        ends = f"{written(limits.low)}..{written(limits.high)}"
+        message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
+        findings.add(normal, "mean", "FS051", message, "use one inside it, or widen the range")
+    if normal.deviation.si <= 0:
+        message = f"a deviation of `{written(normal.deviation)}` draws nothing"
+        findings.add(normal, "deviation", "FS051", message, "a standard deviation is more than zero")
+
+
+def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> None:
+    options, weights = parameter.options, choice.weights
+    if options is None:
+        help = "write the values to choose from, `in [20 km/h, 30 km/h]`, or draw `as uniform`"
+        findings.add(choice, "", "FS051", "a choice needs options, and this parameter has a range", help)
+        return
+    if len(options) != len(weights):
+        message = f"{len(weights)} weights for {len(options)} options"
+        findings.add(choice, "", "FS051", message, "give each option one, in their order")
+    for k, weight in enumerate(weights):
+        if weight.unit:
+            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", "a weight has no unit")
+        elif weight.value <= 0:
+            help = "a weight is more than zero; leave out an option that is not to be drawn"
+            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", help)
+
+
+# ---- requirements ---------------------------------------------------------------------------------------------------
+
+
+def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
+    """Check what is required, and that the written cases satisfy it (without any cases, the defaults)."""
+    parameters = {parameter.name: parameter for parameter in scenario.all(m.Param)}
+    sound = []
+    for require in scenario.all(m.Require):
+        good = [_check_part(findings, part, parameters) for part in parts(require.condition)]
+        if all(good):
+            sound.append(require)
+    defaults = {name: parameter.default for name, parameter in parameters.items()}
+    written_cases = scenario.all(m.Case)
+    for require in sound:
+        for case in written_cases:
+            values = defaults | {given.name: given.value for given in case.values}
+            if holds(require.condition, values) is False:
+                message = f"in case '{case.name}' {violation(require, values)}"
+                findings.add(case, "name", "FS053", message, "change the value, or what is required")
+        if not written_cases and not scenario.all(m.Cases) and holds(require.condition, defaults) is False:
+            message = f"by default {violation(require, defaults)}"
+            findings.add(require, "", "FS053", message, "change a default, or what is required")
+
+
+def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.Param]) -> bool:
+    """Check one part of a requirement; return whether it can be evaluated."""
+    if isinstance(part, m.Not | m.Both | m.Either):
+        return True
+    if isinstance(part, m.Equals):
+        return _check_equals(findings, part, parameters)
+    if isinstance(part, m.Comparison) and isinstance(part.left, m.Ref):
+        return _check_compared(findings, part, part.left, parameters)
+    help = (
+        "only parameters are compared here: `require gap < 2 s`; what happens in the world is for `when` and `expect`"
+    )
+    findings.add(part, "", "FS052", f"`{written(part)}` is not known before the run", help)
+    return False
+
+
+def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Param]) -> bool:
+    parameter = parameters.get(part.left.name)
+    if parameter is None:
+        return False  # `check_values` reports it
+    if parameter.type not in WORD_TYPES:
+        help = f"compare it with a value: `{parameter.name} <= {_default(parameter)}`"
+        message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, and never a word"
+        findings.add(part, "left", "FS032", message, help)
+        return False
+    if parameter.options is not None and part.right not in parameter.options:
+        message = f"'{part.right}' is not among the options of '{parameter.name}'"
+        words = [option for option in parameter.options if isinstance(option, str)]
+        findings.add(part, "right", "FS033", message, did_you_mean(part.right, words))
+        return False
+    return True
+
+
+def _check_compared(findings: Findings, part: m.Comparison, left: m.Ref, parameters: dict[str, m.Param]) -> bool:
+    sides = [(field, side.name) for field, side in (("left", left), ("right", part.right)) if isinstance(side, m.Ref)]
+    if any(name not in parameters for _, name in sides):
+        return False
+    for field, name in sides:
+        if parameters[name].type in WORD_TYPES:
+            help = f"write `{name} is {_default(parameters[name])}`"
+            findings.add(part, field, "FS032", f"'{name}' is a word, which is neither less nor more", help)
+            return False
+    first = parameters[left.name]
+    needed = dimension_of(first)
+    if isinstance(part.right, m.Quantity):
+        if part.right.dimension != needed and not (needed == "count" and not part.right.unit):
+            findings.wrong_dimension(part, "right", part.right, needed)
+            return False
+    elif (other := dimension_of(parameters[part.right.name])) != needed:
+        message = f"'{left.name}' is {NOUNS[needed]}, but '{part.right.name}' is {NOUNS[other]}"
+        findings.add(part, "right", "FS032", message, "compare parameters of one type")
+        return False
+    return True
+
+
+def _default(parameter: m.Param) -> str:
+    """Return a parameter's default as it is written."""
+    return written(parameter.default) if isinstance(parameter.default, m.Quantity) else parameter.default
+
+
+def dimension_of(parameter: m.Param) -> Dimension:
+    """Return the dimension of a parameter whose values are quantities."""
+    return next(d for d in NOUNS if d == parameter.type)

@@ -1,1 +1,1 @@
-"""Codes of mistakes and lints: their names in the source, what each means, and the files around the examples."""
+"""Codes of mistakes and lints: their names in the source, and what each means."""

@@ -19,7 +19,7 @@ class Code:
         explanation: one or two sentences: why it is wrong, what to do.
         wrong, right: an example that earns the code, and the same put right. Empty only where no file of a user can
             earn it.
-        frame: what stands around the examples, a name of `examples.FRAMES`.
+        frame: what the examples are the inside of (`tests/support/code_frames.py`); `file`: they are whole files.
         severity: `error` or `warning`.
     """
 
@@ -30,6 +30,12 @@ class Code:
     right: str = ""
     frame: str = "scenario"
     severity: str = "error"
+
+    @property
+    def within(self) -> str:
+        """Where the examples stand, in words; "" where they are whole files."""
+        blocks = {"file": "", "actor": "in an actor's block", "trigger": "in a trigger's block"}
+        return blocks.get(self.frame, f"in a {self.frame}")
 
 
 @cache

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of, to_dict
 from foresee_dsl.language.diff.plain import texts
 from foresee_dsl.language.meaning import models_named
-from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, absolute, is_file, parse_address, shown
+from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, absolute, is_file, mistake, parse_address, shown
 from foresee_dsl.language.project.catalogues import entries
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expanded_model
@@ -88,7 +88,7 @@ def parent_address(child: str) -> str:
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):
         message = f"this holds a {model.kind}, which has no parent"
-        raise InputError((Diagnostic(c.WRONG_KIND, message, "name two files to compare", shown(file)),))
+        raise mistake(c.WRONG_KIND, message, "name two files to compare", shown(file))
     case = model.case if isinstance(model, m.Clip) else None
     address = shown(file.parent / model.parent)
     return f"{address}::{case}" if case else address
@@ -179,7 +179,7 @@ def _used_network(project: Project, file: Path, scenario: m.Scenario) -> _Networ
     model = project.definition(path)
     if isinstance(model, m.Network):
         return model
-    raise InputError((Diagnostic(c.WRONG_KIND, f"'{used.path}' holds no network"),))
+    raise mistake(c.WRONG_KIND, f"'{used.path}' holds no network", "", "")
 
 
 def _used_models(project: Project, file: Path, scenario: m.Scenario) -> m.Catalogue:

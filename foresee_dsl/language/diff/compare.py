@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff import wording as w
 from foresee_dsl.language.diff.matching import match, means_nothing, renames
 from foresee_dsl.language.diff.parts import At, Difference, Edit, Group, kind_of
 from foresee_dsl.language.meaning import ORDERED, same_value
+from foresee_dsl.language.project.addresses import mistake
 from foresee_dsl.language.traversal import is_condition
 
 _UNORDERED_BODIES = (m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
@@ -42,12 +43,13 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
     if type(a) is not type(b):
         message = f"'{a.name}' is a {a.kind}, but '{b.name}' is a {b.kind}"
         help = "compare two files of one kind, or a child with its expanded parent"
-        raise InputError((Diagnostic(code=c.DIFFERENT_KINDS, message=message, help=help),))
+        raise mistake(c.DIFFERENT_KINDS, message, help, "")
     after, names = renames(a, b)
     place = _Place("", (), _group_of_file(a))
     renamings = (
-        Difference(*_renaming(after, new), "renamed", old, new, "", Edit("rename", (), (old, new)))
+        Difference(_group(place, after, item), w.label(item), "renamed", old, new, "", Edit("rename", (), (old, new)))
         for old, new in names
+        for item in (next(item for item in getattr(after, "body", ()) if w.name_of(item) == new),)
     )
     return (*renamings, *_settings(place, after, b))
 
@@ -58,13 +60,9 @@ def _group_of_file(model: m.Item) -> Group:
     return "environment" if isinstance(model, m.Catalogue) else "parent"
 
 
-def _renaming(model: m.Item, name: str) -> tuple[Group, str]:
-    item = next(found for found in getattr(model, "body", ()) if w.name_of(found) == name)
-    return (_group(model, item), w.label(item))
-
-
-def _group(owner: m.Item, item: m.Item) -> Group:
-    return _group_of_file(owner) if isinstance(owner, m.Network | m.Catalogue) else w.group_of(item)
+def _group(place: _Place, owner: m.Item, item: m.Item) -> Group:
+    """Return what a statement touches: inside another one, what that one does."""
+    return place.group if place.words or isinstance(owner, m.Network | m.Catalogue) else w.group_of(item)
 
 
 def _apart(a: m.Item, b: m.Item) -> list[str]:
@@ -116,30 +114,21 @@ def _statement(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
 def _settings(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two items of one class field by field."""
     for name in _apart(a, b):
-        if name not in _no_field(a):
-            yield from _field(place, a, b, name)
-
-
-def _field(place: _Place, a: m.Item, b: m.Item, name: str) -> Iterator[Difference]:
-    before, after = getattr(a, name), getattr(b, name)
-    inner = place.inside(name)
-    if _is_block(before, after):
-        yield from _block(inner, a, before, after)
-    elif isinstance(before, m.Item) and isinstance(after, m.Item) and (is_condition(before) or w.is_statement(before)):
-        yield from _item(inner, before, after)
-    else:
-        named = inner.inside(words=w.field_path(place.words, a, name))
-        if isinstance(before, m.Item) and type(before) is type(after) and isinstance(after, m.Item):
+        if name in _no_field(a):
+            continue
+        before, after = getattr(a, name), getattr(b, name)
+        inner, named = place.inside(name), place.inside(name, words=w.field_path(place.words, a, name))
+        items = isinstance(before, m.Item) and isinstance(after, m.Item)
+        if _all_parts(w.is_statement, before, after):
+            yield from _block(inner, a, before, after)
+        elif items and (is_condition(before) or w.is_statement(before)):
+            yield from _item(inner, before, after)
+        elif items and type(before) is type(after):
             yield from _item(named, before, after)
         else:
-            yield _field_change(named, a, b, name)
-
-
-def _field_change(place: _Place, a: m.Item, b: m.Item, name: str) -> Difference:
-    before, after = getattr(a, name), getattr(b, name)
-    was = None if _absent(before, after) else w.setting(a, name)
-    now = None if _absent(after, before) else w.setting(b, name)
-    return _changed(place, before, after, was, now)
+            was = None if _absent(before, after) else w.setting(a, name)
+            now = None if _absent(after, before) else w.setting(b, name)
+            yield _changed(named, before, after, was, now)
 
 
 def _absent(value: object, other: object) -> bool:
@@ -161,50 +150,38 @@ def _changed(place: _Place, a: object, b: object, was: str | None, now: str | No
 
 def _condition(place: _Place, a: m.Item, b: m.Item) -> Iterator[Difference]:
     """Compare two conditions of one class: down to the smallest part that prints alone."""
-    apart = _apart(a, b)
-    for name in apart:
-        before, after = getattr(a, name), getattr(b, name)
-        whole = not (is_condition(before) and is_condition(after)) and not _are_conditions(before, after)
-        if whole:
+    apart = [(name, getattr(a, name), getattr(b, name)) for name in _apart(a, b)]
+    for _, before, after in apart:
+        if not (is_condition(before) and is_condition(after)) and not _all_parts(is_condition, before, after):
             yield _changed(place, a, b, w.text(a), w.text(b))
             return
-    for name in apart:
-        before, after = getattr(a, name), getattr(b, name)
+    for name, before, after in apart:
         if isinstance(before, tuple):
             yield from _block(place.inside(name), a, before, after)
         else:
             yield from _item(place.inside(name), before, after)
 
 
-def _are_conditions(a: object, b: object) -> bool:
-    return isinstance(a, tuple) and isinstance(b, tuple) and all(is_condition(part) for part in (*a, *b))
+def _all_parts(test: Callable[[object], bool], a: object, b: object) -> bool:
+    """Return whether two values of a field are lists, and all their parts pass a test."""
+    return isinstance(a, tuple) and isinstance(b, tuple) and all(map(test, (*a, *b)))
 
 
 # ---- blocks --------------------------------------------------------------------------------------------------------
-
-
-def _is_block(a: object, b: object) -> bool:
-    """Return whether both hold statements, which are matched one by one."""
-    if not (isinstance(a, tuple) and isinstance(b, tuple)):
-        return False
-    parts = (*a, *b)
-    return bool(parts) and all(w.is_statement(part) for part in parts)
 
 
 def _block(place: _Place, owner: m.Item, a: Sequence[m.Item], b: Sequence[m.Item]) -> Iterator[Difference]:
     """Compare the statements of two blocks, or the parts of two conditions."""
     pairs = match(a, b)
     words = _labels(a)
-    top = not place.words
     for i, item in enumerate(a):
         if isinstance(item, w.NO_MEANING):
             continue
-        group = _group(owner, item) if top else place.group
-        there = _Place(_inside(place.words, item, words[i]), (*place.at, i), group)
+        there = _Place(_inside(place.words, item, words[i]), (*place.at, i), _group(place, owner, item))
         if i in pairs:
             yield from _item(there, item, b[pairs[i]])
         else:
-            yield Difference(group, there.words, "removed", _shown(item), None, "", Edit("remove", there.at))
+            yield Difference(there.group, there.words, "removed", _shown(item), None, "", Edit("remove", there.at))
     yield from _orders(place, owner, a, pairs)
     yield from _inserted(place, owner, b, pairs)
 
@@ -215,11 +192,10 @@ def _inside(owner: str, item: m.Item, words: str) -> str:
 
 def _labels(items: Sequence[m.Item]) -> list[str]:
     """Return every statement's label; equal labels get a number."""
-    seen: dict[str, int] = {}
+    seen: Counter[str] = Counter()
     labels = []
-    for item in items:
-        words = w.label(item) if w.is_statement(item) else ""
-        seen[words] = seen.get(words, 0) + 1
+    for words in (w.label(item) if w.is_statement(item) else "" for item in items):
+        seen[words] += 1
         labels.append(words if seen[words] == 1 else f"{words} ({seen[words]})")
     return labels
 
@@ -233,9 +209,9 @@ def _inserted(place: _Place, owner: m.Item, b: Sequence[m.Item], pairs: dict[int
         if j in back:
             last[family] = back[j]
         elif not isinstance(item, w.NO_MEANING):
-            group = _group(owner, item) if not place.words else place.group
             edit = Edit("insert", (*place.at, last.get(family, -1)), item, j)
-            yield Difference(group, _inside(place.words, item, words[j]), "added", None, _shown(item), "", edit)
+            where = _inside(place.words, item, words[j])
+            yield Difference(_group(place, owner, item), where, "added", None, _shown(item), "", edit)
 
 
 def _family(owner: m.Item, item: m.Item) -> object:
@@ -257,14 +233,11 @@ def _orders(place: _Place, owner: m.Item, a: Sequence[m.Item], pairs: dict[int, 
         after = sorted(numbers, key=lambda i: pairs[i])
         if family is None or before == after:
             continue
-        group = _group(owner, a[before[0]]) if not place.words else place.group
+        group = _group(place, owner, a[before[0]])
         was, now = (", ".join(_short(a[i]) for i in order) for order in (before, after))
-        yield Difference(
-            group, w.join(place.words, "order"), "moved", was, now, "", Edit("order", place.at, tuple(after))
-        )
+        edit = Edit("order", place.at, tuple(after))
+        yield Difference(group, w.join(place.words, "order"), "moved", was, now, "", edit)
 
 
 def _short(item: m.Item) -> str:
-    if not w.is_statement(item):
-        return w.text(item)
-    return w.name_of(item) or w.label(item)
+    return w.name_of(item) or w.label(item) if w.is_statement(item) else w.text(item)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Hashable, Iterable, Iterator, Sequence
-from typing import Annotated, Literal, TypeVar, get_args, get_origin
+from collections.abc import Hashable, Iterable, Sequence
+from typing import TypeVar
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.diff.parts import renamed
 from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, keyword, name_of, text
 from foresee_dsl.language.meaning import content_key, same_value
 from foresee_dsl.language.printer import print_item
@@ -26,7 +27,7 @@ def match(a: Sequence[m.Item], b: Sequence[m.Item]) -> dict[int, int]:
     meaning have no partner.
     """
     pairs: dict[int, int] = {}
-    for key_of in (_content, _name_key):
+    for key_of in (lambda item: None if isinstance(item, NO_MEANING) else content_key(item), _name_key):
         before = _places(map(key_of, a), pairs)
         after = _places(map(key_of, b), pairs.values())
         for key, places in before.items():
@@ -55,55 +56,12 @@ def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
     return a, tuple(found)
 
 
-def renamed(item: _T, old: str, new: str) -> _T:
-    """Return an item with another name in place of one, everywhere that a name may stand."""
-    fields = {name: _renamed_value(getattr(item, name), old, new) for name in type(item).model_fields}
-    changed = {
-        name: value
-        for name, value in fields.items()
-        if value is not getattr(item, name) and not _is_word(type(item).model_fields[name].annotation, value, new)
-    }
-    return item.model_copy(update=changed) if changed else item
-
-
-def _renamed_value(value: object, old: str, new: str) -> object:
-    if isinstance(value, m.Quantity):
-        return value
-    if isinstance(value, m.Item):
-        return renamed(value, old, new)
-    if isinstance(value, tuple):
-        parts = tuple(_renamed_value(part, old, new) for part in value)
-        return parts if any(x is not y for x, y in zip(parts, value, strict=True)) else value
-    return new if isinstance(value, str) and value == old else value
-
-
-def _is_word(annotation: object, value: object, new: str) -> bool:
-    """Return whether a field takes words of the language (`left`, `stop`), which are no names."""
-    return value == new and bool(list(_literals(annotation)))
-
-
-def _literals(annotation: object) -> Iterator[str]:
-    origin = get_origin(annotation)
-    if origin is Literal:
-        yield from get_args(annotation)
-    elif origin is Annotated:
-        yield from _literals(get_args(annotation)[0])
-    elif origin is not None:
-        for part in get_args(annotation):
-            yield from _literals(part)
-
-
 def _one_rename(a: m.Item, b: m.Item) -> tuple[str, str] | None:
     before, after = _named(a), _named(b)
     gone = [item for key, item in before.items() if key not in after]
     new = [item for key, item in after.items() if key not in before]
-    if not gone or not new:
-        return None
-    by_kind = defaultdict(list)
-    for item in new:
-        by_kind[type(item)].append(item)
     for item in gone:
-        for other in by_kind[type(item)]:
+        for other in (other for other in new if type(other) is type(item)):
             old_name, new_name = name_of(item) or "", name_of(other) or ""
             if not same_value(item, other) and same_value(renamed(item, old_name, new_name), other):
                 return old_name, new_name
@@ -126,10 +84,6 @@ def _name_key(item: m.Item) -> Hashable:
     held = getattr(item, "item", None)  # `add STATEMENT`
     key = _name_key(held) if isinstance(held, m.Item) else name_of(item)
     return None if key is None or isinstance(item, NO_MEANING) else (type(item).__name__, key)
-
-
-def _content(item: m.Item) -> Hashable:
-    return None if isinstance(item, NO_MEANING) else content_key(item)
 
 
 def _places(keys: Iterable[Hashable], taken: Iterable[int]) -> dict[Hashable, list[int]]:

@@ -1,12 +1,12 @@
-"""What a comparison finds: differences in words, each with the edit that makes it."""
+"""What a comparison finds: differences in words, each with the edit that makes it; and edits applied to a model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal, TypeVar, cast, get_args, get_origin
 
-from foresee_dsl.language.model import Item
+from foresee_dsl.language import model as m
 
 Group = Literal["parent", "stimulus", "ego", "environment", "network", "expectation"]
 GROUPS: Mapping[Group, str] = {
@@ -114,8 +114,113 @@ def edit_from_dict(data: Mapping[str, Any]) -> Edit:
 
 
 def _plain(value: object) -> object:
-    if isinstance(value, Item):
+    if isinstance(value, m.Item):
         return value.model_dump(mode="json")
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
     return value
+
+
+_T = TypeVar("_T", bound=m.Item)
+
+
+def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
+    """Return a model with differences made: `apply(a, diff_models(a, b))` means what `b` means.
+
+    Args:
+        model: the first of the two that were compared. It may also be another one with statements in the same places.
+        changes: what `diff_models` found, all or some, in any order; or their edits (`edit_from_dict`).
+
+    Raises:
+        ValueError: an edit's place is not in the model, or what comes out is no model (pydantic's `ValidationError`).
+    """
+    edits = [change.edit if isinstance(change, Difference) else change for change in changes]
+    for edit in edits:
+        if edit.op == "rename":
+            old, new = edit.value
+            model = renamed(model, old, new)
+    made = _item(model, [edit for edit in edits if edit.op != "rename"], ())
+    if not isinstance(made, type(model)):
+        raise ValueError(f"the edits make a {type(made).__name__} of a {type(model).__name__}")
+    return made
+
+
+def _item(item: m.Item, edits: Sequence[Edit], at: At) -> m.Item:
+    """Rebuild an item, validated, with the edits at or below its place."""
+    changed: dict[str, Any] = {}
+    for name, mine in _by_step(edits, at).items():
+        if not isinstance(name, str) or name not in type(item).model_fields:
+            raise ValueError(f"there is no {'.'.join(map(str, (*at, name)))}")
+        changed[name] = _value(getattr(item, name), mine, (*at, name))
+    given = {name: getattr(item, name) for name in type(item).model_fields if name in item.model_fields_set}
+    return type(item).model_validate(given | changed) if changed else item
+
+
+def _value(value: object, edits: Sequence[Edit], at: At) -> object:
+    whole = next((edit for edit in edits if edit.op == "set" and edit.at == at), None)
+    if whole is not None:
+        return whole.value
+    if isinstance(value, tuple):
+        return _elements(value, edits, at)
+    if isinstance(value, m.Item):
+        return _item(value, edits, at)
+    raise ValueError(f"there is nothing in {'.'.join(map(str, at))}")
+
+
+def _elements(parts: tuple[object, ...], edits: Sequence[Edit], at: At) -> tuple[object, ...]:
+    """Rebuild a tuple: elements edited or left out, in their new order, and what comes in behind each."""
+    order = list(range(len(parts)))
+    behind: dict[int, list[Edit]] = {}
+    own: list[Edit] = []
+    for edit in edits:
+        if edit.op == "insert" and edit.at[:-1] == at:
+            behind.setdefault(int(edit.at[-1]), []).append(edit)
+        elif edit.op == "order" and edit.at == at:  # into the places that its elements had
+            for place, number in zip(sorted(edit.value), edit.value, strict=True):
+                order[place] = number
+        else:
+            own.append(edit)
+    mine = _by_step(own, at)
+    outside = [step for step in (*mine, *behind) if not (isinstance(step, int) and -1 <= step < len(parts))]
+    if outside:
+        raise ValueError(f"there is no element {outside[0]} in {'.'.join(map(str, at))}")
+    made: list[object] = []
+    for number in (-1, *order):
+        edits_here = mine.get(number, [])
+        if number >= 0 and not any(edit.op == "remove" and edit.at == (*at, number) for edit in edits_here):
+            made.append(_value(parts[number], edits_here, (*at, number)) if edits_here else parts[number])
+        made += [edit.value for edit in sorted(behind.get(number, []), key=lambda edit: edit.rank)]
+    return tuple(made)
+
+
+def _by_step(edits: Sequence[Edit], at: At) -> Mapping[str | int, list[Edit]]:
+    """Group the edits below a place by the next step of their way."""
+    groups: dict[str | int, list[Edit]] = {}
+    for edit in edits:
+        groups.setdefault(edit.at[len(at)], []).append(edit)
+    return groups
+
+
+def renamed(item: _T, old: str, new: str) -> _T:
+    """Return an item with another name in place of one, everywhere that a name may stand."""
+    changed: dict[str, object] = {}
+    for name, field in type(item).model_fields.items():
+        before = getattr(item, name)
+        after = _renamed_value(before, old, new)
+        if after is not before and not (after == new and _takes_words(field.annotation)):
+            changed[name] = after
+    return item.model_copy(update=changed) if changed else item
+
+
+def _renamed_value(value: object, old: str, new: str) -> object:
+    if isinstance(value, m.Item) and not isinstance(value, m.Quantity):
+        return renamed(value, old, new)
+    if isinstance(value, tuple):
+        parts = tuple(_renamed_value(part, old, new) for part in value)
+        return parts if any(x is not y for x, y in zip(parts, value, strict=True)) else value
+    return new if isinstance(value, str) and value == old else value
+
+
+def _takes_words(annotation: object) -> bool:
+    """Return whether a field takes words of the language (`left`, `stop`), which are no names."""
+    return get_origin(annotation) is Literal or any(map(_takes_words, get_args(annotation)))

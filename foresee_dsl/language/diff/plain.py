@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from typing import Any, TypeVar, cast, get_args
 
@@ -35,7 +35,9 @@ def plain_text(model: m.Definition, *, people: bool = False) -> str:
 
 def texts(a: m.Item, b: m.Item) -> tuple[tuple[str, str | None, str | None], ...]:
     """Return what differs between two definitions without a change of meaning: label, as it was, as it is now."""
-    before, after = ({label(item): item for item in _body(model) if isinstance(item, NO_MEANING)} for model in (a, b))
+    before, after = (
+        {label(item): item for item in getattr(model, "body", ()) if isinstance(item, NO_MEANING)} for model in (a, b)
+    )
     labels = [*before, *(words for words in after if words not in before)]
     found = [(words, before.get(words), after.get(words)) for words in labels]
     return tuple(
@@ -43,10 +45,6 @@ def texts(a: m.Item, b: m.Item) -> tuple[tuple[str, str | None, str | None], ...
         for words, was, now in found
         if was is None or now is None or not same_value((was,), (now,)) or was != now
     )
-
-
-def _body(model: m.Item) -> Sequence[m.Item]:
-    return getattr(model, "body", ())
 
 
 def _plain(item: _T, people: bool) -> _T:
@@ -65,29 +63,26 @@ def _plain(item: _T, people: bool) -> _T:
 
 
 def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) -> tuple[object, ...]:
-    kept = [p for p in parts if people or not isinstance(p, NO_MEANING)]
-    made = [_plain(part, people) if isinstance(part, m.Item) else part for part in kept]
+    meant = [p for p in parts if people or not isinstance(p, NO_MEANING)]
+    made = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
     if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in made):
         return tuple(made)
-    rank = _ranks(type(owner), name)
-    items = [part for part in made if isinstance(part, m.Item)]
-    return tuple(sorted(items, key=lambda item: (rank.get(type(item), len(rank)), _among_like(item))))
+    rank = {kind: number for number, kind in enumerate(_classes(type(owner).model_fields[name].annotation))}
+
+    def place(item: m.Item) -> tuple[int, str, str]:
+        ordered = isinstance(item, tuple(ORDERED))
+        return rank.get(type(item), len(rank)), "" if ordered else label(item), "" if ordered else text(item)
+
+    return tuple(sorted((part for part in made if isinstance(part, m.Item)), key=place))
 
 
-def _among_like(item: m.Item) -> tuple[str, str]:
-    return ("", "") if isinstance(item, tuple(ORDERED)) else (label(item), text(item))
-
-
-def _ranks(owner: type[m.Item], name: str) -> dict[type, int]:
-    """Return the order of the statements of a block: that in which the model lists them."""
-    found: list[type] = []
-    todo = [owner.model_fields[name].annotation]
-    while todo:
-        annotation = todo.pop(0)
-        if isinstance(annotation, type) and not get_args(annotation):
-            found.append(annotation)
-        todo = [part for part in get_args(annotation) if part is not Ellipsis] + todo
-    return {kind: number for number, kind in enumerate(found)}
+def _classes(annotation: object) -> Iterator[type]:
+    """Yield the classes that a field may hold, in the order in which the model lists them."""
+    parts = get_args(annotation)
+    if not parts and isinstance(annotation, type):
+        yield annotation
+    for part in parts:
+        yield from _classes(part)
 
 
 def _one_unit(value: m.Quantity) -> m.Quantity:

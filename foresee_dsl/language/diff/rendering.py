@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import textwrap
 from collections.abc import Iterable, Sequence
 
@@ -48,7 +49,10 @@ def render_markdown(changes: Sequence[Difference], texts: _Texts = (), *, old: s
     """Return the differences for a pull request's comment: a heading a group, a table, long parts folded."""
     parts = [f"**`{old}`** → **`{new}`**"] if old else []
     for group, found in _grouped(changes):
-        parts += [f"### {GROUPS[group]}", _folded(_table(found), len(found))]
+        table = _table(found)
+        if len(found) >= _LONG_LIST:
+            table = f"<details><summary>{len(found)} differences</summary>\n\n{table}\n\n</details>"
+        parts += [f"### {GROUPS[group]}", table]
         parts += [_code_block(change) for change in found if _is_long(change)]
     if not changes:
         parts.append("No difference in meaning.")
@@ -66,13 +70,14 @@ def _grouped(changes: Sequence[Difference]) -> list[tuple[Group, list[Difference
 
 
 def _lines(change: Difference) -> list[str]:
-    mark = _MARKS[change.kind]
     if _is_long(change):
         return _statements(change)
-    line = f"  {mark} {_sentence(change)}"
+    line = f"  {_MARKS[change.kind]} {_sentence(change)}"
     if len(line) <= _WIDTH:
         return [line]
-    return [*_wrapped(f"  {mark} {change.path}{_brackets(change.note)}", "      "), *_was_and_now(change)]
+    shown = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
+    below = [f"      {word if len(shown) > 1 else ''}{text}" for word, text in shown]
+    return [*_wrapped(_heading(change), "      "), *(line for text in below for line in _wrapped(text, " " * 10))]
 
 
 def _sentence(change: Difference) -> str:
@@ -80,17 +85,15 @@ def _sentence(change: Difference) -> str:
         return f"{change.was} => {change.now} (renamed)"
     if change.kind in ("added", "removed"):
         return once(change.path, change.now if change.kind == "added" else change.was)
-    return f"{change.path}: {change.was} => {change.now}{_brackets(change.note)}"
+    return f"{change.path}: {change.was} => {change.now}{_note(change)}"
 
 
-def _brackets(note: str) -> str:
-    return f" ({note})" if note else ""
+def _heading(change: Difference) -> str:
+    return f"  {_MARKS[change.kind]} {change.path}{_note(change)}"
 
 
-def _was_and_now(change: Difference) -> list[str]:
-    one = change.was is None or change.now is None
-    shown = [(word, text) for word, text in (("was ", change.was), ("now ", change.now)) if text is not None]
-    return [line for word, text in shown for line in _wrapped(f"      {'' if one else word}{text}", " " * 10)]
+def _note(change: Difference) -> str:
+    return f" ({change.note})" if change.note else ""
 
 
 def _wrapped(line: str, indent: str) -> list[str]:
@@ -101,12 +104,11 @@ def _wrapped(line: str, indent: str) -> list[str]:
 
 def _statements(change: Difference) -> list[str]:
     """Return whole blocks: one that came or went stands for itself where its first line says its path."""
-    mark = _MARKS[change.kind]
     shown = [text for text in (change.was, change.now) if text is not None]
     first, *rest = shown[0].split("\n")
     if len(shown) == 1 and change.path in first:
-        return [f"  {mark} {first}", *(f"    {line}" for line in rest)]
-    lines = [f"  {mark} {change.path}{_brackets(change.note)}"]
+        return [f"  {_MARKS[change.kind]} {first}", *(f"    {line}" for line in rest)]
+    lines = [_heading(change)]
     for word, text in zip(("was", "now") if len(shown) > 1 else ("",), shown, strict=True):
         lines += [f"      {word}"] if word else []
         lines += [f"      {line}" for line in text.split("\n")]
@@ -144,12 +146,6 @@ def _code(shown: str) -> str:
     return f"{fence}{pad}{shown}{pad}{fence}".replace("|", "\\|") if shown else ""
 
 
-def _folded(table: str, rows: int) -> str:
-    if rows < _LONG_LIST:
-        return table
-    return f"<details><summary>{rows} differences</summary>\n\n{table}\n\n</details>"
-
-
 def _code_block(change: Difference) -> str:
     lines = [f"- {line}" for line in change.was.split("\n")] if change.was is not None else []
     lines += [f"+ {line}" for line in change.now.split("\n")] if change.now is not None else []
@@ -157,8 +153,5 @@ def _code_block(change: Difference) -> str:
     while any(fence in line for line in lines):  # a string in the file may hold one
         fence += "`"
     body = "\n".join(lines)
-    return f"<details><summary>{_html(change.path)}</summary>\n\n{fence}diff\n{body}\n{fence}\n\n</details>"
-
-
-def _html(shown: str) -> str:
-    return shown.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    summary = html.escape(change.path, quote=False)
+    return f"<details><summary>{summary}</summary>\n\n{fence}diff\n{body}\n{fence}\n\n</details>"

@@ -15,7 +15,6 @@ from foresee_dsl.language.units import UNITS
 NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Origin)
 """Statements for people; the same that `language.meaning` leaves out of a hash."""
 
-_NONE: frozenset[str] = frozenset()
 _WORD = re.compile(r"[a-z_]+")
 _KEYWORDS: dict[type[m.Item], str] = {
     m.Route: "route",
@@ -26,7 +25,9 @@ _KEYWORDS: dict[type[m.Item], str] = {
 }
 """Keywords that cannot be told from the printed text: their first words go on after the keyword."""
 
-_FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width", "default": "default"}
+_FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
+_WRITTEN = (m.Quantity, m.Ref, m.Range, m.Measure, m.Point, m.AlongEdge, m.AlongRoute, m.PastJunction)
+"""Values and places that are shown as they are written; other parts of statements field by field."""
 _FIELDWISE = (m.Weather, m.SignalState, m.Change)
 """Statements of one line, without a name, that are compared setting by setting."""
 
@@ -56,28 +57,22 @@ def by_settings(item: m.Item) -> bool:
 
 def label(item: m.Item) -> str:
     """Return the words that address a statement in its block: `runner`, `param gap`, `start at`, `when time > 1 s`."""
-    own = _own_label(item)
-    if own is not None:
-        return own
-    name = name_of(item)
-    if name is not None:
-        return f"{_head(item).split(maxsplit=1)[0]} {name}"
-    if any(is_condition(getattr(item, field)) for field in type(item).model_fields):
-        return _head(item)
-    return keyword(item)
-
-
-def _own_label(item: m.Item) -> str | None:
     match item:
         case m.Change():
-            return f"change {item.actor}.{item.property}"
+            words = f"change {item.actor}.{item.property}"
         case m.SignalState():
-            return f"signal {text(item.junction)}"
+            words = f"signal {text(item.junction)}"
         case m.Network():
-            return "network"
+            words = "network"
         case m.Ego() | m.Actor() | m.Traffic() | m.Assignment():
-            return item.name
-    return None
+            words = item.name
+        case _ if (name := name_of(item)) is not None:
+            words = f"{_head(item).split(maxsplit=1)[0]} {name}"
+        case _ if any(is_condition(getattr(item, field)) for field in type(item).model_fields):
+            words = _head(item)
+        case _:
+            words = keyword(item)
+    return words
 
 
 def keyword(item: m.Item) -> str:
@@ -112,30 +107,19 @@ def is_value(item: m.Item) -> bool:
 
 def text(value: object) -> str:
     """Return any value as the language prints it."""
-    match value:
-        case bool():
-            found = "yes" if value else "no"
-        case tuple():
-            found = listing(text(part) for part in value)
-        case (m.Quantity() | m.Ref() | m.Range() | m.Measure()) | (
-            m.Point() | m.AlongEdge() | m.AlongRoute() | m.PastJunction()
-        ):
-            found = written(value)
-        case m.Item():
-            found = _item_text(value)
-        case _:
-            found = str(value)
-    return found
-
-
-def _item_text(item: m.Item) -> str:
-    if is_statement(item):
-        return print_item(item)
-    if is_condition(item):
-        return written(item)
-    given = [(n, getattr(item, n)) for n in type(item).model_fields if n != "kind"]
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return listing(text(part) for part in value)
+    if not isinstance(value, m.Item):
+        return str(value)
+    if is_statement(value):
+        return print_item(value)
+    if is_condition(value) or isinstance(value, _WRITTEN):
+        return written(value)
+    given = [(n, getattr(value, n)) for n in type(value).model_fields if n != "kind"]
     words = " ".join(f"{n} {text(v)}" for n, v in given if v is not None)
-    return " ".join(filter(None, (str(getattr(item, "kind", "")), words)))
+    return " ".join(filter(None, (str(getattr(value, "kind", "")), words)))
 
 
 def setting(item: m.Item, field: str) -> str:
@@ -149,10 +133,8 @@ def setting(item: m.Item, field: str) -> str:
 
 def field_path(owner: str, item: m.Item, field: str) -> str:
     """Return the path of a statement's field; that of its only value is the statement's own."""
-    others = [n for n in type(item).model_fields if n not in ("kind", "name", field)]
-    if not others:
-        return owner
-    return join(owner, _FIELD_WORDS.get(field, field))
+    alone = not set(type(item).model_fields) - {"kind", "name", field}
+    return owner if alone else join(owner, _FIELD_WORDS.get(field, field))
 
 
 def join(owner: str, words: str) -> str:
@@ -169,7 +151,16 @@ def note(was: object, now: object) -> str:
     apart = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
     if len(before) == len(after) and len(apart) == 1:
         return _delta(*apart[0])
-    return _list_note(was, now)
+    if not (isinstance(was, tuple) and isinstance(now, tuple) and len(was) + len(now) > _READ_AT_A_GLANCE):
+        return ""
+    old, new = [text(part) for part in was], [text(part) for part in now]
+    came = [f"+{part}" for part in new if part not in old]
+    went = [f"-{part}" for part in old if part not in new]
+    return ", ".join((*came, *went)) or "another order"
+
+
+_READ_AT_A_GLANCE = 6
+"""Elements of two lists together whose difference is seen without help; of longer ones `+c, -a` is shown (ours)."""
 
 
 def _delta(was: object, now: object) -> str:
@@ -181,20 +172,6 @@ def _delta(was: object, now: object) -> str:
         factor = UNITS[now.unit].to_si if now.unit else 1.0
         change = Decimal(f"{(now.si - was.si) / factor:.6g}")
     return f"{change:+f} {now.unit}".rstrip()
-
-
-def _list_note(was: object, now: object) -> str:
-    """Return `+c, -a` for two lists of words, where that is shorter than to read both."""
-    if not (isinstance(was, tuple) and isinstance(now, tuple) and len(was) + len(now) > _READ_AT_A_GLANCE):
-        return ""
-    before, after = [text(part) for part in was], [text(part) for part in now]
-    came = [f"+{part}" for part in after if part not in before]
-    went = [f"-{part}" for part in before if part not in after]
-    return ", ".join((*came, *went)) or "another order"
-
-
-_READ_AT_A_GLANCE = 6
-"""Elements of two lists together whose difference is seen without help (ours)."""
 
 
 def _leaves(value: object) -> Iterator[object]:

@@ -44,7 +44,7 @@ def without_allowed(document: Document, diagnostics: Sequence[Diagnostic]) -> tu
             reported.append(
                 Diagnostic(c.NEEDLESS_ALLOW, message, "remove the comment", document.path, span, source, "warning")
             )
-    return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column) if d.span is not None else (0, 0)))
+    return tuple(sorted(reported, key=lambda d: (d.span.line, d.span.column, d.code) if d.span else (0, 0, d.code)))
 
 
 def _allowed(found: Diagnostic, allowances: Sequence[_Allowance]) -> bool:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.language.lints.actors import Found, actor_lints
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.logic import Limits, always, never
-from foresee_dsl.language.lints.routes import route_lints
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
@@ -33,15 +32,16 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
             Children are not looked at: what is odd about them is their parents'.
     """
     found: dict[tuple[Span | None, str], Diagnostic] = {}
-    for lint_ in _of_text(document.model):
-        _add(found, document, lint_)
+    if isinstance(document.model, m.Scenario):
+        for lint_ in (*_unused_parameters(document.model), *_dead_cases(document.model)):
+            _add(found, document, lint_)
     for case in cases:
         if case.clip is None and case.mutant is None:
             places = _places(case, document.model)
             for lint_ in _of_case(case):
                 item = places.get(id(lint_.item), lint_.item)
                 _add(found, document, replace(lint_, item=item))
-    return without_allowed(document, sorted(found.values(), key=_order))
+    return without_allowed(document, list(found.values()))
 
 
 def without_repeated(found: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:
@@ -68,18 +68,7 @@ def _add(found: dict[tuple[Span | None, str], Diagnostic], document: Document, l
     found.setdefault((span, lint_.code), replace(diagnostic, span=span, severity=every_code()[lint_.code].severity))
 
 
-def _order(diagnostic: Diagnostic) -> tuple[int, int, str]:
-    span = diagnostic.span or Span(0, 0, 0, 0)
-    return span.line, span.column, diagnostic.code
-
-
 # ---- what the text shows --------------------------------------------------------------------------------------------
-
-
-def _of_text(model: m.Definition) -> Iterator[Found]:
-    if isinstance(model, m.Scenario):
-        yield from _unused_parameters(model)
-        yield from _dead_cases(model)
 
 
 def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
@@ -112,7 +101,9 @@ def _comparable(value: m.ParamValue) -> object:
 
 def _of_case(case: TestCase) -> Iterator[Found]:
     scenario = case.scenario
-    limits = Limits(_end_s(scenario), frozenset(actor.name for actor in scenario.actors))
+    end = scenario.one(m.End)
+    end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
+    limits = Limits(end_s, frozenset(actor.name for actor in scenario.actors))
     for when in scenario.all(m.When):
         yield from _triggers(when, limits)
     for expect in scenario.all(m.Expect):
@@ -122,20 +113,13 @@ def _of_case(case: TestCase) -> Iterator[Found]:
     yield from route_lints(case)
 
 
-def _end_s(scenario: m.Scenario) -> float:
-    end = scenario.one(m.End)
-    return end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
-
-
 def _triggers(when: m.When, limits: Limits) -> Iterator[Found]:
     for part in walk(when):
         if isinstance(part, m.When | m.Then) and part.condition is not None:
             reason = never(part.condition, limits)
             if reason:
-                message = f"this can never happen: {reason}"
-                yield Found(
-                    part, "condition", c.NEVER_FIRES, message, "change the condition, or remove what it sets off"
-                )
+                help = "change the condition, or remove what it sets off"
+                yield Found(part, "condition", c.NEVER_FIRES, f"this can never happen: {reason}", help)
                 return  # what comes after it is as dead
 
 
@@ -155,15 +139,12 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
 
 
 def _nothing_expected(scenario: m.Scenario) -> Iterator[Found]:
-    expects = scenario.all(m.Expect)
-    if any("ego" in _names(part) for expect in expects for part in walk(expect)):
+    named = {getattr(part, field, None) for expect in scenario.all(m.Expect) for part in walk(expect)
+             for field in ("actor", "other", "name")}  # fmt: skip
+    if "ego" in named:
         return
     message = f"scenario '{scenario.name}' expects nothing of the ego"
     yield Found(scenario, "name", c.NOTHING_EXPECTED, message, "add `expect never collision(ego)`, for example")
-
-
-def _names(item: m.Item) -> set[object]:
-    return {getattr(item, field, None) for field in ("actor", "other", "name")}
 
 
 # ---- places ---------------------------------------------------------------------------------------------------------
@@ -199,3 +180,173 @@ def _pair(item: m.Item, line: m.Item, found: dict[int, m.Item]) -> None:
         for name, part in fields_of(item):
             if name in inner:
                 _pair(part, inner[name], found)
+
+
+_ACTIONS: tuple[type[m.Item], ...] = get_args(get_args(m.Action)[0])
+_SLACK = 1.01
+"""Speeds that much over the model's are rounding (ours; the compiler's check takes the same)."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A lint before it has its place: the item and its field, the code, what is odd, what to write instead."""
+
+    item: m.Item
+    field: str
+    code: str
+    message: str
+    help: str = ""
+
+
+def actor_lints(case: TestCase) -> Iterator[Found]:
+    """Return the lints about one concrete scenario's actors and their actions."""
+    actors: dict[str, m.Ego | m.Actor] = {actor.name: actor for actor in case.scenario.actors}
+    for actor in actors.values():
+        for item in actor.body:
+            if isinstance(item, m.StartSpeed | m.CruiseSpeed):
+                yield from _too_fast(item, "speed", item.speed, actor, case.models)
+    for when in case.scenario.all(m.When):
+        for action in walk(when):
+            actor_ = actors.get(getattr(action, "actor", ""))
+            if actor_ is None or not isinstance(action, _ACTIONS):
+                continue
+            reason = _cannot(action, actor_)
+            if reason:
+                yield Found(action, "", c.CANNOT_DO, *reason)
+            elif isinstance(action, m.ChangesSpeed):
+                yield from _too_fast(action, "to", action.to, actor_, case.models)
+
+
+def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
+    """Return why an actor cannot do something, and what would help; None when it can."""
+    if isinstance(actor, m.Ego):
+        return "the ego cannot be told what to do: the driver under test drives it", "name another actor"
+    if actor.kind == "obstacle":
+        return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or remove this"
+    ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path}
+    if not ways and actor.state is None:
+        help = f"give '{actor.name}' a `path [PLACE, PLACE]`"
+        return f"'{actor.name}' has no way to go, so it stands where it is", help
+    if isinstance(action, m.ChangesLane) and (actor.kind == "pedestrian" or m.Path in ways):
+        return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead"
+    return None
+
+
+def _too_fast(
+    item: m.Item, field: str, speed: m.Value, actor: m.Ego | m.Actor, models: Mapping[str, m.VehicleModel]
+) -> Iterator[Found]:
+    model = models.get(actor.model) if isinstance(actor.model, str) else None
+    top = model.max_speed if model is not None else None
+    if model is None or not isinstance(top, m.Quantity) or not isinstance(speed, m.Quantity):
+        return
+    if speed.si > top.si * _SLACK:
+        message = f"'{actor.name}' is to go {written(speed)}, but {model.name} reaches {written(top)}"
+        help = f"use at most `{written(top)}`, or a faster model"
+        yield Found(item, field, c.OVER_TOP_SPEED, message, help)
+
+
+class _Roads:
+    """The directed edges of a network: `west` and, where the road has two directions, `west_back`."""
+
+    def __init__(self, network: m.Network) -> None:
+        self.edges: dict[str, tuple[str, str]] = {}
+        self.junctions = {item.name for item in network.body if isinstance(item, m.Junction)}
+        for road in network.body:
+            if isinstance(road, m.Road):
+                self.edges[road.name] = (road.start, road.end)
+                if not (isinstance(road.back, m.Quantity) and road.back.value == 0):
+                    self.edges[f"{road.name}_back"] = (road.end, road.start)
+
+    def reached(self, edges: Iterable[str]) -> set[str]:
+        """Return the junctions that come first along some edges: one only drives on where there is one way on."""
+        found: set[str] = set()
+        open_ = list(edges)
+        seen = set(open_)
+        while open_:
+            edge = open_.pop()
+            junction = self.edges[edge][1]
+            found.add(junction)
+            onward = self.leaving(junction, but=self.edges[edge])
+            if len(onward) == 1 and onward[0] not in seen:
+                seen.add(onward[0])
+                open_ += onward
+        return found
+
+    def leaving(self, junction: str, but: tuple[str, str] | None = None) -> list[str]:
+        """Return the edges that leave a junction, without the way back to where one comes from."""
+        back = but[::-1] if but is not None else None
+        return [edge for edge, ends in self.edges.items() if ends[0] == junction and ends != back]
+
+
+def route_lints(case: TestCase) -> Iterator[Found]:
+    """Return the lints about one concrete scenario's routes; none where the network is a foreign file."""
+    if not isinstance(case.network, m.Network):
+        return
+    roads = _Roads(case.network)
+    passed: dict[str, set[str]] = {}
+    for actor in case.scenario.actors:
+        for item in actor.body:
+            gap = _gap(item, roads)
+            if gap is not None:
+                yield gap
+            elif (junctions := _passed(item, roads)) is not None:
+                passed[actor.name] = junctions
+    for statement in case.scenario.body:
+        if isinstance(statement, m.When | m.Expect):
+            yield from _off_the_way(statement, roads, passed)
+
+
+def _gap(item: m.Item, roads: _Roads) -> Found | None:
+    if isinstance(item, m.EdgeRoute) and not item.shortest:
+        for one, other in zip(item.edges, item.edges[1:], strict=False):
+            if one in roads.edges and other in roads.edges and roads.edges[one][1] != roads.edges[other][0]:
+                message = f"'{one}' ends at {roads.edges[one][1]}, but '{other}' begins at {roads.edges[other][0]}"
+                help = f"write `[{one}, ..., {other}]` for the shortest way between them"
+                return Found(item, "edges", c.BROKEN_ROUTE, message, help)
+    if isinstance(item, m.Route) and isinstance(item.start, str):
+        return _gap_between_legs(item, roads)
+    return None
+
+
+def _gap_between_legs(route: m.Route, roads: _Roads) -> Found | None:
+    edges = [edge for edge in (str(route.start), f"{route.start}_back") if edge in roads.edges]
+    before = f"road '{route.start}'"
+    for leg in route.legs:
+        junction = leg.junction
+        if not edges or junction not in roads.junctions or not isinstance(junction, str):
+            return None  # an unknown name, which is reported as such
+        reached = roads.reached(edges)
+        if junction not in reached:
+            help = f"say first where to go over {' or '.join(sorted(reached))}"
+            return Found(leg, "junction", c.BROKEN_ROUTE, f"{before} does not lead to '{junction}'", help)
+        edges = roads.leaving(junction)
+        before = f"the way over '{junction}'"
+    return None
+
+
+def _passed(item: m.Item, roads: _Roads) -> set[str] | None:
+    """Return every junction that a route may come to; None where that is unknown."""
+    if isinstance(item, m.EdgeRoute) and not item.shortest:
+        named = [edge for edge in item.edges if isinstance(edge, str) and edge in roads.edges]
+        return {roads.edges[edge][1] for edge in named} if len(named) == len(item.edges) else None
+    if not isinstance(item, m.Route) or not isinstance(item.start, str):
+        return None
+    edges = [edge for edge in (item.start, f"{item.start}_back") if edge in roads.edges]
+    found = roads.reached(edges)
+    for leg in item.legs:
+        if not isinstance(leg.junction, str):
+            return None
+        found |= {leg.junction} | roads.reached(roads.leaving(leg.junction))
+    return found
+
+
+def _off_the_way(statement: m.When | m.Expect, roads: _Roads, passed: dict[str, set[str]]) -> Iterator[Found]:
+    for part in walk(statement):
+        if not isinstance(part, m.Measure) or part.what not in ("eta", "distance") or part.actor not in passed:
+            continue
+        if part.other in roads.junctions and part.other not in passed[part.actor]:
+            message = (
+                f"the route of '{part.actor}' does not go over '{part.other}', so `{written(part)}` is never known"
+            )
+            help = f"it comes to {', '.join(sorted(passed[part.actor])) or 'no junction'}"
+            yield Found(part, "other", c.NOT_ON_ROUTE, message, help)

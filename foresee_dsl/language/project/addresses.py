@@ -33,11 +33,11 @@ def parse_address(address: str) -> tuple[Path, str | None]:
     if not mark:
         file, case = address, ""
     if not file:
-        raise _error(
+        raise mistake(
             c.BAD_ADDRESS, f"'{address}' names no file", "write `file.foresee` or `file.foresee::case`", address
         )
     if mark and not re.fullmatch(NAME_PATTERN, case):
-        raise _error(c.BAD_ADDRESS, f"'{case}' is no name of a case", "write `file.foresee::case`", file)
+        raise mistake(c.BAD_ADDRESS, f"'{case}' is no name of a case", "write `file.foresee::case`", file)
     return Path(file), case or None
 
 
@@ -108,7 +108,7 @@ def recorded_children(paths: Iterable[str | Path]) -> tuple[Path, ...]:
             children.append(file)
         elif file in named:
             message = f"this holds {f'a {kind}' if kind else 'no definition'}, not a mutant"
-            raise _error(c.WRONG_KIND, message, "name a mutant's file, or a folder of them", shown(file))
+            raise mistake(c.WRONG_KIND, message, "name a mutant's file, or a folder of them", shown(file))
     return tuple(children)
 
 
@@ -116,8 +116,8 @@ def missing(path: Path) -> InputError:
     """Return the error for a file or folder that does not exist, with the nearest name beside it."""
     if is_folder(path):
         example = f"write `{shown(path)}/NAME{SUFFIX}`"
-        return _error(c.BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
-    return _error(c.MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
+        return mistake(c.BAD_ADDRESS, f"'{shown(path)}' is a folder, but one file is needed", example, shown(path))
+    return mistake(c.MISSING_FILE, f"no file or folder '{shown(path)}'", near_files(path), shown(path))
 
 
 def near_files(path: Path) -> str:
@@ -126,9 +126,7 @@ def near_files(path: Path) -> str:
     if not is_folder(path.parent):
         return f"there is no folder '{folder}'"
     try:
-        names = sorted(
-            entry.name for entry in path.parent.iterdir() if entry.name.endswith((SUFFIX, *FOREIGN_NETWORKS))
-        )
+        names = sorted(e.name for e in path.parent.iterdir() if e.name.endswith((SUFFIX, *FOREIGN_NETWORKS)))
     except OSError:
         return ""
     stems = {name.partition(".")[0]: name for name in names}
@@ -172,5 +170,6 @@ def _under(folder: Path) -> list[Path]:
     return sorted(files, key=lambda file: file.as_posix())
 
 
-def _error(code: str, message: str, help: str, path: str) -> InputError:
+def mistake(code: str, message: str, help: str, path: str) -> InputError:
+    """Return the error for one mistake that is about a file as a whole."""
     return InputError((Diagnostic(code=code, message=message, help=help, path=path),))

@@ -8,14 +8,7 @@ from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.lints.lint import lint
-from foresee_dsl.language.project.addresses import (
-    absolute,
-    kind_of,
-    kind_of_text,
-    missing,
-    parse_address,
-    scenario_files,
-)
+from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
 
@@ -57,8 +50,8 @@ def check_paths(
     found: dict[Diagnostic, None] = {}
     for address, file in addresses:
         try:
-            text = texts.get(absolute(file))
-            kind = kind_of(file) if text is None else kind_of_text(text)
+            text = texts.get(a.absolute(file))
+            kind = a.kind_of(file) if text is None else a.kind_of_text(text)
             if kind == "campaign":
                 campaigns.append(project.document(file))
             elif kind in ("network", "models"):
@@ -85,11 +78,11 @@ def _lints(cases: Iterable[TestCase], broken: Container[str]) -> Iterator[Diagno
 
 
 def _addresses(path: str, overlay: Mapping[Path, str]) -> list[tuple[str, Path]]:
-    file, _ = parse_address(path)
-    if absolute(file) in overlay:
+    file, _ = a.parse_address(path)
+    if a.absolute(file) in overlay:
         return [(path, file)]
     if file.is_dir():
-        return [(str(f), f) for f in scenario_files([file])]
+        return [(str(f), f) for f in a.scenario_files([file])]
     if not file.is_file():
-        raise missing(file)
+        raise a.missing(file)
     return [(path, file)]

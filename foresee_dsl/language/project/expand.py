@@ -30,8 +30,7 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
     (which begins elsewhere in the clip).
 
     Args:
-        clip: as written.
-        parent: what it was cut from.
+        clip: as written. parent: what it was cut from.
         source: the clip's file (it need not exist yet); paths in the result are relative to its folder.
         document: gives the errors their places, and the test case its document.
 
@@ -88,12 +87,8 @@ def expand_mutant(mutant: m.Mutant, clip_case: TestCase, *, source: Path, docume
             message = f"this makes '{softer}' easier to meet than in the clip, so that a failure would not show"
             findings.add(change, "now", c.WEAKENED, message, "leave the expectation as it is, or make it stricter")
     findings.raise_if_any()
-    body: list[m.ScenarioItem] = [
-        item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.Network)
-    ]
-    at = sum(isinstance(item, m.Tags) for item in body)
-    body[at:at] = surroundings(clip_case, source.parent)
-    scenario = m.Scenario(name=mutant.name, body=tuple(body))
+    body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.Network))
+    scenario = _behind_tags(mutant.name, body, *surroundings(clip_case, source.parent))
     meaning = meaning_hash(scenario, clip_case.network, clip_case.models)
     return replace(
         clip_case, id=name, scenario=scenario, meaning=meaning, source=source, document=document, mutant=mutant
@@ -105,21 +100,21 @@ def expanded_model(case: TestCase) -> m.Scenario:
     body = case.scenario.body
     if any(isinstance(item, m.UseNetwork | m.Network) for item in body):
         return case.scenario
+    return _behind_tags(case.scenario.name, body, _network_of(case, case.source.parent))
+
+
+def _behind_tags(name: str, body: tuple[m.ScenarioItem, ...], *items: m.ScenarioItem) -> m.Scenario:
     at = sum(isinstance(item, m.Tags) for item in body)
-    network = _network_of(case, case.source.parent)
-    return m.Scenario(name=case.scenario.name, body=(*body[:at], network, *body[at:]))
+    return m.Scenario(name=name, body=(*body[:at], *items, *body[at:]))
 
 
 def _essentials(clip: m.Clip, findings: Findings) -> tuple[m.Ego, m.Quantity]:
     """Return the ego and the window's length, or raise what is missing."""
     ego, window = _first(clip, m.Ego), _first(clip, m.Window)
-    if ego is None:
-        example = "write `ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }`"
-        findings.add(clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no ego", example)
-    if window is None:
-        findings.add(
-            clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no window", "write `window 12.40 s..22.40 s`"
-        )
+    ego_usage = "ego: car.sedan at (0 m, 0 m) heading 0 deg speed 8 m/s { ... }"
+    for word, usage, item in (("ego", ego_usage, ego), ("window", "window 12.40 s..22.40 s", window)):
+        if item is None:
+            findings.add(clip, "", c.INCOMPLETE_CLIP, f"clip '{clip.name}' has no {word}", f"write `{usage}`")
     length = _window_length(window, findings) if window is not None else None
     findings.raise_if_any()
     assert ego is not None and length is not None  # noqa: S101  (whatever is missing has just been raised)
@@ -132,23 +127,23 @@ def _first(clip: m.Clip, kind: type[_T]) -> _T | None:
 
 def _window_length(window: m.Window, findings: Findings) -> m.Quantity | None:
     start, end = window.start, window.end
-    if isinstance(start, m.Quantity) and isinstance(end, m.Quantity):
-        if end.si > start.si:
-            if start.unit == end.unit:  # exact, in the author's unit
-                return m.Quantity(value=end.value - start.value, unit=end.unit)
-            return m.Quantity.of(end.si - start.si, "time", 6)
+    if not (isinstance(start, m.Quantity) and isinstance(end, m.Quantity)):
+        findings.add(window, "", c.EMPTY_WINDOW, "the window's times must be values; a clip has no parameters")
+    elif end.si <= start.si:
         message = f"the window ends ({value_text(end)}) before it begins ({value_text(start)})"
         findings.add(window, "", c.EMPTY_WINDOW, message, "write the earlier time first")
+    elif start.unit == end.unit:  # exact, in the author's unit
+        return m.Quantity(value=end.value - start.value, unit=end.unit)
     else:
-        findings.add(window, "", c.EMPTY_WINDOW, "the window's times must be values; a clip has no parameters")
+        return m.Quantity.of(end.si - start.si, "time", 6)
     return None
 
 
 def _with_goal(ego: m.Ego, goal: m.Goal | None) -> m.Ego:
     if goal is None:
         return ego
-    kept = tuple(item for item in ego.body if not isinstance(item, m.GoalAt))
-    return ego.model_copy(update={"body": (*kept, m.GoalAt(place=goal.at))})
+    others = tuple(item for item in ego.body if not isinstance(item, m.GoalAt))
+    return ego.model_copy(update={"body": (*others, m.GoalAt(place=goal.at))})
 
 
 def surroundings(parent: TestCase, folder: Path) -> tuple[m.ScenarioItem, ...]:
@@ -172,19 +167,12 @@ def _network_of(case: TestCase, folder: Path) -> m.UseNetwork | m.Network:
 
 
 def _expectations(scenario: m.Scenario, actors: frozenset[str]) -> tuple[m.Expect, ...]:
-    known = actors | {"ego"}
-    gone = frozenset(actor.name for actor in scenario.actors) - known
-    return tuple(
-        expect
-        for expect in scenario.all(m.Expect)
-        if expect.mode != "eventually"
-        and not mentioned(expect.condition) & gone
-        and not _along_a_route(expect.condition)
-    )
+    gone = frozenset(actor.name for actor in scenario.actors) - actors - {"ego"}
+    lasting = (expect for expect in scenario.all(m.Expect) if expect.mode != "eventually")
+    return tuple(e for e in lasting if not mentioned(e.condition) & gone and not _along_a_route(e.condition))
 
 
 def _along_a_route(condition: m.Condition) -> bool:
-    """Whether a place in it is counted along a route, which begins elsewhere in a clip."""
-    return any(
-        isinstance(part, m.Within) and isinstance(part.of, m.AlongRoute | m.PastJunction) for part in parts(condition)
-    )
+    """Return whether a place in it is counted along a route, which begins elsewhere in a clip."""
+    places = (part.of for part in parts(condition) if isinstance(part, m.Within))
+    return any(isinstance(place, m.AlongRoute | m.PastJunction) for place in places)

@@ -15,20 +15,8 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash, pin_of
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.project.addresses import (
-    FOREIGN_NETWORKS,
-    absolute,
-    is_file,
-    is_folder,
-    is_inside,
-    kind_of,
-    missing,
-    near_files,
-    parse_address,
-    project_folder,
-    scenario_files,
-    shown,
-)
+from foresee_dsl.language.project import addresses as a
+from foresee_dsl.language.project.addresses import absolute, is_folder, mistake, shown
 from foresee_dsl.language.project.catalogues import check_models, entries
 from foresee_dsl.language.project.concretise import cases, concretise
 from foresee_dsl.language.project.document import Document, TestCase
@@ -152,9 +140,9 @@ class Project:
 
     def test_case(self, address: str | Path) -> TestCase:
         """Load one test case; see `load_test_case`."""
-        path, case = parse_address(str(address))
+        path, case = a.parse_address(str(address))
         if not self._is_file(path):
-            raise missing(path)
+            raise a.missing(path)
         self._allow_near(path)
         return self._load(absolute(path), shown(path), case, None, ())
 
@@ -179,30 +167,25 @@ class Project:
 
     def document(self, file: str | Path) -> Document:
         """The same, with the places of everything in it."""
-        path = Path(file)
-        if not self._is_file(path):
-            raise missing(path)
-        return self._read(absolute(path), shown(path)).document
+        return self._named(Path(file)).document
 
     def catalogue(self, file: str | Path) -> dict[str, m.VehicleModel]:
         """Load the models of a catalogue's file, by name."""
         model = self.definition(file)
         if isinstance(model, m.Catalogue):
             return entries(model)
-        message = f"this holds {_a(model)}, not models"
-        raise InputError((Diagnostic(code=c.WRONG_KIND, message=message, path=shown(file)),))
+        raise mistake(c.WRONG_KIND, f"this holds {_a(model)}, not models", "", shown(file))
 
     def _addresses(self, paths: Iterable[str | Path]) -> Iterable[tuple[Path, str | None]]:
         for address in map(str, paths):
-            path, case = parse_address(address)
+            path, case = a.parse_address(address)
             self._allow_near(path)
             if not is_folder(path):
                 yield path, case
                 continue
-            scenarios = [file for file in scenario_files([path]) if kind_of(file) in ("scenario", "")]
+            scenarios = [file for file in a.scenario_files([path]) if a.kind_of(file) in ("scenario", "")]
             if not scenarios:
-                message = f"no scenario in folder '{shown(path)}'"
-                raise InputError((Diagnostic(code=c.MISSING_FILE, message=message, path=shown(path)),))
+                raise mistake(c.MISSING_FILE, f"no scenario in folder '{shown(path)}'", "", shown(path))
             yield from ((file, None) for file in scenarios)
 
     def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
@@ -215,20 +198,21 @@ class Project:
             InputError: a mistake in one of the files, or it holds something else.
         """
         path = Path(file)
-        if not self._is_file(path):
-            raise missing(path)
         self._allow_near(path)
-        found = self._whole(self._read(absolute(path), shown(path)), ())
+        found = self._whole(self._named(path), ())
         document = found.document if drawn else self._undrawn.get(absolute(path), found.document)
         if isinstance(document.model, m.Scenario):
             return document.model
-        message = f"this holds {_a(found.document.model)}, not a scenario"
-        raise InputError((Diagnostic(code=c.WRONG_KIND, message=message, path=shown(path)),))
+        raise mistake(c.WRONG_KIND, f"this holds {_a(found.document.model)}, not a scenario", "", shown(path))
 
     def _case_names(self, file: Path) -> tuple[str | None, ...]:
+        return cases(self._whole(self._named(file), ()).document) or (None,)
+
+    def _named(self, file: Path) -> _File:
+        """Read a file that the user named."""
         if not self._is_file(file):
-            raise missing(file)
-        return cases(self._whole(self._read(absolute(file), shown(file)), ()).document) or (None,)
+            raise a.missing(file)
+        return self._read(absolute(file), shown(file))
 
     def _whole(self, file: _File, chain: tuple[_File, ...]) -> _File:
         """Return a scenario's file with what it extends and its drawn cases; every other file as it is."""
@@ -254,10 +238,10 @@ class Project:
         # The other's drawn cases are drawn anew: parameters and requirements may be others here.
         base = self._undrawn[parent.path]
         joined = extended(file.document, base, folder=file.path.parent, parent_folder=parent.path.parent)
-        found = check_document(joined)
-        self._raise_mistakes(found)
+        if mistakes := check_document(joined):
+            raise InputError(mistakes)
         place = joined.span(extension, "parent")  # warnings about the other file: it has them itself
-        self.warnings.extend(d for d in (*found, *softened(joined)) if d.severity != "error" and d.span != place)
+        self.warnings.extend(d for d in softened(joined) if d.span != place)
         return joined
 
     def _check_parent(self, use: _Use, chain: tuple[_File, ...]) -> None:
@@ -266,12 +250,6 @@ class Project:
             use.fail(c.TOO_DEEP, f"more than {DEPTH_LIMIT} parents, one above the other")
         self._check_reachable(use, chain)
 
-    @staticmethod
-    def _raise_mistakes(found: Iterable[Diagnostic]) -> None:
-        mistakes = tuple(d for d in found if d.severity == "error")
-        if mistakes:
-            raise InputError(mistakes)
-
     def _read(self, path: Path, shown_as: str) -> _File:
         if path not in self._files:
             from foresee_dsl.language.checks.documents import check_document
@@ -279,29 +257,28 @@ class Project:
 
             text = self._overlay.get(path)
             document = load(path, shown_as=shown_as) if text is None else parse(text, shown_as)
-            found = check_document(document)
-            self.warnings.extend(d for d in found if d.severity != "error")
-            self._raise_mistakes(found)
+            if mistakes := check_document(document):
+                raise InputError(mistakes)
             self._files[path] = _File(path, document)
         return self._files[path]
 
     def _check_reachable(self, use: _Use, chain: tuple[_File, ...]) -> None:
-        if not self._allow_outside and not is_inside(use.path, self._roots or (chain[0].path.parent,)):
-            root = project_folder(absolute(Path()))
+        if not self._allow_outside and not a.is_inside(use.path, self._roots or (chain[0].path.parent,)):
+            root = a.project_folder(absolute(Path()))
             message = f"'{use.written}' lies outside the project folder '{root.as_posix()}'"
             use.fail(c.OUTSIDE, message, "move the file there, or allow it with `--allow-outside`")
         if not self._is_file(use.path):
-            use.fail(c.MISSING_FILE, f"no file '{use.written}'", near_files(use.path))
+            use.fail(c.MISSING_FILE, f"no file '{use.written}'", a.near_files(use.path))
 
     def _allow_near(self, path: Path) -> None:
         """Let what the user names use files of its own project folder, and of the working folder's."""
         if not self._allow_outside:
             here = absolute(path) if is_folder(path) else absolute(path).parent
-            roots = (*self._roots, project_folder(absolute(Path())), project_folder(here))
+            roots = (*self._roots, a.project_folder(absolute(Path())), a.project_folder(here))
             self._roots = tuple(dict.fromkeys(roots))
 
     def _is_file(self, path: Path) -> bool:
-        return absolute(path) in self._overlay or is_file(path)
+        return absolute(path) in self._overlay or a.is_file(path)
 
     def _load(
         self, path: Path, shown_as: str, case: str | None, use: _Use | None, chain: tuple[_File, ...]
@@ -339,9 +316,8 @@ class Project:
         known = cases(file.document)
         if case is not None and case not in known:
             message = f"no case '{case}' in '{file.document.path}'"
-            _fail_case(
-                file, use, c.UNKNOWN_CASE, message, did_you_mean(case, known) or "it has no cases: leave out the case"
-            )
+            help = did_you_mean(case, known) or "it has no cases: leave out the case"
+            _fail_case(file, use, c.UNKNOWN_CASE, message, help)
         if case is None and known:
             message = f"'{file.document.path}' has {len(known)} cases: say which one"
             written = f"case {known[0]}" if use else f"{file.document.path}::{known[0]}"
@@ -366,12 +342,8 @@ class Project:
         now = pin_of(parent)
         if self._check_pin and now != pin:
             message = f"the parent '{parent.id}' is {now} now, but {pin} is pinned"
-            use.fail(
-                c.STALE_PIN,
-                message,
-                "the parent changed since: `foresee repin` shows what that does to this child",
-                field="pin",
-            )
+            help = "the parent changed since: `foresee repin` shows what that does to this child"
+            use.fail(c.STALE_PIN, message, help, field="pin")
         return parent
 
     def _network(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> m.Network | Path:
@@ -383,7 +355,7 @@ class Project:
             message = f"scenario '{scenario.name}' has no network"
             raise InputError((file.document.diagnostic(file.document.model, "name", c.NO_NETWORK, message, help),))
         use = _Use(file, used, "path", used.path)
-        if used.path.endswith(FOREIGN_NETWORKS):
+        if used.path.endswith(a.FOREIGN_NETWORKS):
             self._check_reachable(use, chain)
             if not os.access(use.path, os.R_OK):
                 use.fail(c.MISSING_FILE, f"'{used.path}' cannot be read", "check its permissions")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 import shutil
 import subprocess
 import tempfile
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.meaning import pin_of
@@ -70,9 +71,13 @@ class History:
 
     def _all(self, file: Path) -> tuple[_Version, ...]:
         if file not in self._versions:
-            root = _git_root(file.parent)
+            answer = _git(file.parent, "rev-parse", "--show-toplevel")
+            root = Path(answer.decode().strip()) if answer else None
             name = _within(root, file) if root is not None else None
-            commits = _commits(root, _files_used(root, file)) if root is not None and name is not None else ()
+            commits: list[str] = []
+            if root is not None and name is not None:
+                log = ("log", f"--max-count={COMMITS}", "--format=%H", "--", *_files_used(root, file))
+                commits = (_git(root, *log) or b"").decode().split()
             base = Path(self._folder.name) / str(len(self._versions))
             self._versions[file] = tuple(_Version(root or file.parent, c, name or "", base / c) for c in commits)
         return self._versions[file]
@@ -105,11 +110,6 @@ class _Version:
         return self._project.test_case(f"{there}::{case}" if case else there)
 
 
-def _git_root(folder: Path) -> Path | None:
-    answer = _git(folder, "rev-parse", "--show-toplevel")
-    return Path(answer.decode().strip()) if answer else None
-
-
 def _within(root: Path, file: Path) -> str | None:
     """Return a file's name in the repository; links on the way to it are followed, as git does."""
     try:
@@ -118,23 +118,16 @@ def _within(root: Path, file: Path) -> str | None:
         return None
 
 
-def _commits(root: Path, names: tuple[str, ...]) -> tuple[str, ...]:
-    answer = _git(root, "log", f"--max-count={COMMITS}", "--format=%H", "--", *names)
-    return tuple((answer or b"").decode().split())
-
-
 def _files_used(root: Path, parent: Path) -> tuple[str, ...]:
     """Return a file and all that it uses now, as git names them."""
     found: dict[Path, None] = {}
     todo = [parent]
     while todo:
         file = todo.pop()
-        if file in found:
-            continue
-        found[file] = None
-        if file.suffix == ".foresee" and file.is_file():
+        if file not in found and file.suffix == ".foresee" and file.is_file():
             text = file.read_bytes().decode("utf-8", errors="replace")
             todo += [absolute(file.parent / used) for used in _USED.findall(text)]
+        found[file] = None
     return tuple(name for file in found if (name := _within(root, file)) is not None)
 
 
@@ -144,25 +137,14 @@ def _files_then(root: Path, commit: str, name: str) -> dict[str, bytes]:
     todo = [name]
     while todo:
         file = todo.pop()
-        content = None if file in found or file.startswith("..") else _git(root, "show", f"{commit}:{file}")
+        content = None if file in found or file.startswith(("..", "/")) else _git(root, "show", f"{commit}:{file}")
         if content is None:
             continue
         found[file] = content
         if file.endswith(".foresee"):
             text = content.decode("utf-8", errors="replace")
-            todo += [_joined(PurePosixPath(file).parent, used) for used in _USED.findall(text)]
+            todo += [posixpath.normpath(posixpath.join(posixpath.dirname(file), used)) for used in _USED.findall(text)]
     return found if name in found else {}
-
-
-def _joined(folder: PurePosixPath, used: str) -> str:
-    """Return a path inside the repository, without `..`; one that leads out of it begins with `..`."""
-    parts: list[str] = []
-    for part in (folder / used).parts:
-        if part == ".." and parts and parts[-1] != "..":
-            parts.pop()
-        elif part != ".":
-            parts.append(part)
-    return "/".join(parts)
 
 
 def _git(folder: Path, *arguments: str) -> bytes | None:

@@ -1,9 +1,10 @@
-"""Stale children: what their parent's edit does to each, and the new pin where nothing speaks against it."""
+"""Stale children: what a parent's edit does to each, in words too, and the new pin where nothing speaks against it."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
@@ -15,9 +16,11 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.names import STALE_PIN, WRONG_KIND
 from foresee_dsl.language.diff.addresses import diff_cases
 from foresee_dsl.language.diff.parts import Difference, to_dict
+from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.language.meaning import clip_pin, pin_of
+from foresee_dsl.language.messages.diagnostics import render_all
 from foresee_dsl.language.parser import load
-from foresee_dsl.language.project.addresses import absolute, is_folder, kind_of, scenario_files, shown
+from foresee_dsl.language.project.addresses import absolute, is_folder, kind_of, mistake, scenario_files, shown
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.loading import Project
@@ -125,10 +128,7 @@ def write(children: Iterable[Child]) -> tuple[Path, ...]:
 def with_pin(text: str, document: Document, pin: str) -> str:
     """Return a child's text with another pin; all else stays, byte for byte (line ends too).
 
-    Args:
-        text: as it stands in the file.
-        document: the same text, parsed.
-        pin: the new one.
+    `document` is the same text, parsed.
     """
     model = document.model
     span = document.span(model, "pin")
@@ -152,7 +152,7 @@ def _children(paths: Iterable[str | Path]) -> dict[Path, Path]:
         elif file in named and not is_folder(file):
             message = f"this holds {f'a {kind}' if kind else 'no definition'}, which pins nothing"
             help = "name clips and mutants, or a folder of them"
-            raise InputError((Diagnostic(WRONG_KIND, message, help, shown(file)),))
+            raise mistake(WRONG_KIND, message, help, shown(file))
     return found
 
 
@@ -198,10 +198,9 @@ class _Planner:
         self, path: Path, document: Document, model: m.Clip | m.Mutant, parent: Path, before: Child | None
     ) -> Child:
         case = model.case if isinstance(model, m.Clip) else None
-        address = _address((self._files[path].parent / model.parent), case)
+        address = shown(self._files[path].parent / model.parent) + (f"::{case}" if case else "")
         child = Child(self._files[path], State.FRESH, address, model.pin)
-        blocked = before is not None and before.state in (State.CONFLICT, State.BLOCKED)
-        if blocked:
+        if before is not None and before.state in (State.CONFLICT, State.BLOCKED):
             return replace(child, state=State.BLOCKED, mistakes=(_because(document, model, "cannot be re-pinned"),))
         try:
             now = self._parent(address, before)
@@ -213,7 +212,12 @@ class _Planner:
         child = replace(child, new_pin=pin_of(now))
         if child.new_pin == model.pin:
             return child
-        return self._stale(child, document, parent, case, now, before)
+        child = replace(child, state=State.STALE)
+        if before is not None and _pin_before(before) == child.pin:
+            return self._compared(replace(child, follows=True), document, before.old, now)
+        found = self._history.parent(parent, case, child.pin)
+        child = replace(child, commit=found.commit if found is not None else "")
+        return self._compared(child, document, found.case if found is not None else None, now)
 
     def _parent(self, address: str, before: Child | None) -> TestCase:
         """Return the parent as it will be: with the pin that it gets in this very call."""
@@ -224,32 +228,22 @@ class _Planner:
             return now
         return replace(now, clip=now.clip.model_copy(update={"pin": before.new_pin}))
 
-    def _stale(
-        self, child: Child, document: Document, parent: Path, case: str | None, now: TestCase, before: Child | None
-    ) -> Child:
-        child = replace(child, state=State.STALE)
-        if before is not None and _pin_before(before) == child.pin:
-            return self._compared(replace(child, follows=True), document, before.old, now)
-        found = self._history.parent(parent, case, child.pin)
-        if found is None:
-            return self._compared(child, document, None, now)
-        return self._compared(replace(child, commit=found.commit), document, found.case, now)
-
     def _compared(self, child: Child, document: Document, was: TestCase | None, now: TestCase) -> Child:
         try:
             new = _expanded(document, child.file, now)
             mistakes = tuple(found for found in self._validate(new) if found.severity == "error")
         except InputError as error:
             new, mistakes = None, error.diagnostics
-        old = _expanded_before(document, child.file, was)
+        old = None  # where the old parent is unknown, or the child did not fit it either
+        if was is not None:
+            with suppress(InputError):
+                old = _expanded(document, child.file, was)
         edit = diff_cases(was, now) if was is not None else ()
         reaching = diff_cases(old, new) if old is not None and new is not None else ()
         known = {(change.path, change.was, change.now) for change in reaching}
         overridden = tuple(c for c in edit if (c.path, c.was, c.now) not in known) if new is not None else edit
-        state = State.CONFLICT if mistakes else child.state
-        return replace(
-            child, state=state, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes
-        )
+        child = replace(child, state=State.CONFLICT) if mistakes else child
+        return replace(child, old=old, new=new, reaching=reaching, overridden=overridden, mistakes=mistakes)
 
 
 def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
@@ -258,14 +252,6 @@ def _expanded(document: Document, file: Path, parent: TestCase) -> TestCase:
     if isinstance(document.model, m.Mutant):
         return expand_mutant(document.model, parent, source=file, document=document)
     raise TypeError("only clips and mutants can be expanded")
-
-
-def _expanded_before(document: Document, file: Path, parent: TestCase | None) -> TestCase | None:
-    """Return the child under its old parent; None where that is unknown, or it did not fit then either."""
-    try:
-        return _expanded(document, file, parent) if parent is not None else None
-    except InputError:
-        return None
 
 
 def _pin_before(parent: Child) -> str:
@@ -293,5 +279,64 @@ def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnost
     return document.diagnostic(model, "parent", STALE_PIN, message, "name it too, or correct it first")
 
 
-def _address(file: Path, case: str | None) -> str:
-    return f"{shown(file)}::{case}" if case else shown(file)
+def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
+    """Return the report about one child; empty for one that is up to date.
+
+    Args:
+        child: as planned.
+        verdict: what its runs ended with under the old parent ("" where that is unknown) and the new one.
+        written: the new pins have been written.
+    """
+    if child.state is State.FRESH:
+        return ""
+    lines = [_first_line(child, written)]
+    if child.mistakes:
+        lines.append(_indented(render_all(child.mistakes)))
+    if child.state is not State.BLOCKED and not child.follows:
+        lines += _edit(child)
+    if verdict is not None:
+        was, now = verdict
+        same = f"the same, {now}" if was == now else f"{was} => {now}"
+        lines.append(f"  run: {same}" if was else f"  run: {now} (the old run is unknown)")
+    return "\n".join(lines) + "\n\n"
+
+
+def summary(children: Sequence[Child], *, written: bool = False) -> str:
+    """Return the last line: how many of each."""
+    count = {state: sum(child.state is state for child in children) for state in State}
+    done = "re-pinned" if written else "to re-pin (`--write` does it)"
+    parts = [
+        f"{count[State.FRESH]} up to date",
+        f"{count[State.STALE]} {done}",
+        f"{count[State.CONFLICT]} in conflict",
+        f"{count[State.BLOCKED]} blocked",
+    ]
+    return ", ".join(part for part in parts if not part.startswith("0 ")) or "no children"
+
+
+def _first_line(child: Child, written: bool) -> str:
+    if child.state is State.CONFLICT:
+        return f"{child.file}: conflict with {child.parent}, not re-pinned"
+    if child.state is State.BLOCKED:
+        return f"{child.file}: blocked, not re-pinned"
+    why = f"follows {child.parent}" if child.follows else f"{child.parent} changed"
+    return f"{child.file}: {why}\n  pin {child.pin} => {child.new_pin}{' (written)' if written else ''}"
+
+
+def _edit(child: Child) -> list[str]:
+    if not child.known:
+        unknown = "  what changed is unknown: git has no version of the parent with this pin"
+        return [unknown] if child.new_pin else []
+    lines = [f"  the parent as pinned is in commit {child.commit}"]
+    for title, changes in (
+        ("reaches this child", child.reaching),
+        ("does not reach it: the child has its own, or has no part in it", child.overridden),
+    ):
+        lines += [f"  {title}:\n{_indented(render_groups(changes).rstrip())}"] if changes else []
+    if not child.reaching and not child.overridden:
+        lines.append("  the edit changes nothing in this child")
+    return lines
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"    {line}" if line else "" for line in text.split("\n"))

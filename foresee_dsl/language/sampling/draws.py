@@ -1,27 +1,24 @@
-"""Drawn cases: `cases 20 from seed 7` becomes twenty cases, the same ones on every machine.
-
-A number is drawn for one parameter of one case by hashing: the first 64 bits of SHA-256 over the seed, the parameter's
-name, the case's position and the number of the try. So a draw depends on nothing else: neither on the other parameters
-(adding one leaves the rest as they were) nor on how many cases there are (of 30 cases, the first 20 are those of
-`cases 20`). A generator with a state, such as `random.Random`, would need an instance of its own for every draw to give
-the same. Everything but the normal distribution is exact arithmetic on whole numbers; that one is rounded to the step,
-which hides how the last bit of a logarithm differs from machine to machine.
-"""
+"""Drawn cases: `cases 20 from seed 7` becomes twenty cases, the same ones on every machine; what they must satisfy."""
 
 from __future__ import annotations
 
 import hashlib
+import operator
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
+from itertools import combinations
+from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.sampling.requirements import holds, requirement_text
+from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import UNITS
 
 MAX_CASES = 10_000
@@ -106,12 +103,11 @@ def draw(scenario: m.Scenario, cases: m.Cases) -> tuple[m.Case, ...]:
     Raises:
         TooFewError: not enough draws satisfy every `require`.
     """
-    drawer = _Drawer(scenario, int(cases.seed.value))
-    found = []
-    for k, name in enumerate(case_names(cases)):
+    drawer, names, found = _Drawer(scenario, int(cases.seed.value)), case_names(cases), []
+    for k, name in enumerate(names):
         values = drawer.values_of(k)
         if values is None:
-            raise TooFewError(drawer.complaint(k, len(case_names(cases))))
+            raise TooFewError(drawer.complaint(k, len(names)))
         given = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in drawer.drawn)
         found.append(m.Case(name=name, values=given))
     return tuple(found)
@@ -182,18 +178,22 @@ class _Drawer:
         attempt = 0
         while attempt < MAX_TRIES:
             known = self._fixed | self._gridded()
-            tries = (
-                1 if not self._free or self._fails(known) else (_TRIES_OF_A_COMBINATION if self._grid else MAX_TRIES)
-            )
+            tries = _TRIES_OF_A_COMBINATION if self._grid else MAX_TRIES
+            if not self._free or self._violated(known):  # the grids' values alone decide it, whatever the rest will be
+                tries = 1
             for _ in range(min(tries, MAX_TRIES - attempt)):
                 values = known | {p.name: _drawn(p, a, self._seed, case, attempt) for p, a in self._free}
                 attempt += 1
                 self._tried += 1
-                failed = [k for k, require in enumerate(self._requires) if holds(require.condition, values) is False]
-                if not failed:
+                violated = self._violated(values)
+                if not violated:
                     return {name: values[name] for name in self._order}
-                self._failed.update(failed)
+                self._failed.update(violated)
         return None
+
+    def _violated(self, values: Mapping[str, m.ParamValue]) -> list[int]:
+        """Return the numbers of the requirements that some values violate, whatever the others will be."""
+        return [k for k, require in enumerate(self._requires) if holds(require.condition, values) is False]
 
     def complaint(self, found: int, wanted: int) -> str:
         """Return in words how many draws were good, and which requirement was violated most."""
@@ -203,10 +203,6 @@ class _Drawer:
             f"of {self._tried} draws {only} satisfied every `require`, but {wanted} cases are asked for; "
             f"`{requirement_text(self._requires[worst])}` failed most, {times} times"
         )
-
-    def _fails(self, values: Mapping[str, m.ParamValue]) -> bool:
-        """Return whether the grids' values alone violate a requirement, whatever the rest will be."""
-        return any(holds(require.condition, values) is False for require in self._requires)
 
     def _gridded(self) -> dict[str, m.ParamValue]:
         """Return the next combination of the grids: mixed radix, the first parameter of the file changes fastest."""
@@ -219,7 +215,8 @@ class _Drawer:
 
 
 def _drawn(param: m.Param, axis: Axis, seed: int, case: int, attempt: int) -> m.ParamValue:
-    bits = _random_bits(seed, param.name, case, attempt)
+    digest = hashlib.sha256(f"foresee 1 draw\n{seed}\n{param.name}\n{case}\n{attempt}".encode()).digest()
+    bits = int.from_bytes(digest[: _BITS // 8], "big")
     match param.distribution:
         case m.Choice(weights=weights):
             return axis.value(_chosen(bits, [weight.value for weight in weights]))
@@ -227,12 +224,6 @@ def _drawn(param: m.Param, axis: Axis, seed: int, case: int, attempt: int) -> m.
             return axis.value(_normal(bits, axis, normal))
         case _:
             return axis.value(bits * axis.size >> _BITS)
-
-
-def _random_bits(seed: int, name: str, case: int, attempt: int) -> int:
-    """Return a whole number from 0 to 2**64 - 1 that depends on nothing but the arguments."""
-    digest = hashlib.sha256(f"foresee 1 draw\n{seed}\n{name}\n{case}\n{attempt}".encode()).digest()
-    return int.from_bytes(digest[: _BITS // 8], "big")
 
 
 def _chosen(bits: int, weights: Sequence[Decimal]) -> int:
@@ -270,3 +261,142 @@ def _in_unit(value: m.Quantity, unit: str) -> Decimal:
     ratio = Fraction(UNITS[value.unit].to_si if value.unit else 1) / Fraction(UNITS[unit].to_si if unit else 1)
     exact = Fraction(value.value) * ratio
     return Decimal(f"{float(exact):.{_EXACT}g}")
+
+
+_COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyType(
+    {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+)
+
+
+def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | None:
+    """Return whether a condition over parameters holds; None where the values that are given do not decide it.
+
+    Quantities are compared by their SI value, to as many digits as the hash of a meaning has: `7.2 km/h` is `2 m/s`.
+
+    Args:
+        condition: of a `require`.
+        values: of the parameters, by name; any may be absent.
+    """
+    match condition:
+        case m.Comparison(left=m.Ref(name=name), op=op, right=right):
+            one, other = _si(values.get(name)), _si(right, values)
+            return None if one is None or other is None else _COMPARED[op](one, other)
+        case m.Equals(left=left, right=word):
+            value = values.get(left.name)
+            return value == word if isinstance(value, str) else None
+        case m.Not(condition=inner):
+            found = holds(inner, values)
+            return None if found is None else not found
+        case m.Both(conditions=several):
+            parts_ = [holds(part, values) for part in several]
+            return False if False in parts_ else None if None in parts_ else True
+        case m.Either(conditions=several):
+            parts_ = [holds(part, values) for part in several]
+            return True if True in parts_ else None if None in parts_ else False
+    return None  # about the world: the checks report it
+
+
+def requirement_text(require: m.Require) -> str:
+    """Return a requirement as it is written."""
+    return f"require {written(require.condition)}"
+
+
+def violation(require: m.Require, values: Mapping[str, m.ParamValue]) -> str:
+    """Return in words why values do not satisfy a requirement: `gap is 3 s, but `require gap < 2 s``."""
+    names = dict.fromkeys(name for name in parameters_of(require.condition) if name in values)
+    shown = {name: written(v) if isinstance(v := values[name], m.Quantity) else v for name in names}
+    described = " and ".join(f"{name} is {value}" for name, value in shown.items())
+    return f"{described or 'this'}, but `{requirement_text(require)}`"
+
+
+def parameters_of(condition: m.Condition) -> Iterator[str]:
+    """Yield the parameters that a condition of a `require` is about, in the order in which they are written."""
+    for part in parts(condition):
+        if isinstance(part, m.Comparison | m.Equals):
+            sides = (part.left, part.right)
+            yield from (side.name for side in sides if isinstance(side, m.Ref))
+
+
+def _si(value: object, values: Mapping[str, m.ParamValue] = MappingProxyType({})) -> float | None:
+    if isinstance(value, m.Ref):
+        value = values.get(value.name)
+    return float(f"{value.si:.{SIGNIFICANT_DIGITS}g}") if isinstance(value, m.Quantity) else None
+
+
+BINS = 10
+"""A range without steps is looked at in so many equal parts, and in pairs every range (ours: a tenth of a range is
+what people mean by low, middle and high, and a hundred pairs can be covered by a few hundred cases)."""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What the cases reach of one parameter.
+
+    Attributes:
+        name: of the parameter.
+        smallest, largest: the values that occur; for options, the first and the last of them that occur.
+        reached, bins: how many of the steps, options or tenths occur, and how many there are.
+        of: what the bins are: `steps`, `options` or `tenths`.
+    """
+
+    name: str
+    smallest: m.ParamValue
+    largest: m.ParamValue
+    reached: int
+    bins: int
+    of: str
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What some cases reach of all ranges.
+
+    Attributes:
+        cases: how many there are. distinct: how many of them differ in their values.
+        reaches: one for each parameter with a range or options.
+        pairs_reached, pairs: of the pairs of bins of two parameters (ranges in ten parts at most), how many occur
+            together in some case, and how many there are. Also counted are pairs that a `require` rules out.
+    """
+
+    cases: int
+    distinct: int
+    reaches: tuple[Reach, ...]
+    pairs_reached: int
+    pairs: int
+
+
+def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
+    """Return how much of the ranges some cases reach; a case has the defaults where it gives no value."""
+    values = [values_of(scenario, case) for case in cases]
+    axes = [axis for param in scenario.all(m.Param) if (axis := axis_of(param)) is not None]
+    taken = {axis.name: [axis.position(each[axis.name]) for each in values] for axis in axes}
+    reaches = tuple(_reach(axis, [k for k in taken[axis.name] if k is not None]) for axis in axes if cases)
+    reached = total = 0
+    for one, other in combinations(axes, 2):
+        total += _parts(one) * _parts(other)
+        both = zip(taken[one.name], taken[other.name], strict=True)
+        reached += len({(_part(one, a), _part(other, b)) for a, b in both if a is not None and b is not None})
+    return Coverage(len(cases), len({repr(each) for each in values}), reaches, reached, total)
+
+
+def values_of(scenario: m.Scenario, case: m.Case) -> Mapping[str, m.ParamValue]:
+    """Return the value of every parameter in a case, in the order of the file."""
+    given = {assignment.name: assignment.value for assignment in case.values}
+    return {param.name: given.get(param.name, param.default) for param in scenario.all(m.Param)}
+
+
+def _reach(axis: Axis, taken: list[int]) -> Reach:
+    reached, bins = len(set(taken)), axis.size
+    of = "options" if axis.options is not None else "steps"
+    if not axis.stepped:
+        reached, bins, of = len({_part(axis, k) for k in taken}), _parts(axis), "tenths"
+    return Reach(axis.name, axis.value(min(taken, default=0)), axis.value(max(taken, default=0)), reached, bins, of)
+
+
+def _parts(axis: Axis) -> int:
+    return axis.size if axis.options is not None else min(axis.size, BINS)
+
+
+def _part(axis: Axis, k: int) -> int:
+    """Return in which of the equal parts of a range its value number `k` is."""
+    return k * _parts(axis) // axis.size

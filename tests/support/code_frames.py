@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from foresee_dsl.language.codes.code import Code
 
@@ -77,39 +76,25 @@ clip example of "parent.foresee" pin PIN {
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """What stands around an example: a sentence for people, and the text, `@` where the example comes."""
-
-    within: str
-    text: str
-
-
-FRAMES = MappingProxyType(
-    {
-        "file": Frame("", "@"),
-        "scenario": Frame("in a scenario", _SCENARIO),
-        "actor": Frame(
-            "in an actor's block",
-            _SCENARIO.replace("    route from south straight over j4\n    start at 30 m along runner.route\n", "@\n")
-            .replace("collision(ego)\n@", "collision(ego)"),
-        ),
-        "trigger": Frame("in a trigger's block", _SCENARIO.replace("@", "  when time > 1 s {\n@\n  }")),
-        "network": Frame("in a network", _TOWN.removesuffix("}\n") + "@\n}\n"),
-        "clip": Frame("in a clip", _CLIP),
-        "mutant": Frame(
-            "in a mutant", 'foresee 1\n\nmutant example of "clip.foresee" pin PIN {\n@\n}\n'
-        ),
-    }
-)  # fmt: skip
-"""The frames, by name."""
+FRAMES = {
+    "file": "@",
+    "scenario": _SCENARIO,
+    "actor": _SCENARIO.replace(
+        "    route from south straight over j4\n    start at 30 m along runner.route\n", "@\n"
+    ).replace("collision(ego)\n@", "collision(ego)"),
+    "trigger": _SCENARIO.replace("@", "  when time > 1 s {\n@\n  }"),
+    "network": _TOWN.removesuffix("}\n") + "@\n}\n",
+    "clip": _CLIP,
+    "mutant": 'foresee 1\n\nmutant example of "clip.foresee" pin PIN {\n@\n}\n',
+}
+"""What stands around an example, by the frame's name; `@` where the example comes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Example:
     """An example that is ready to run: files by name, and the command (words after `foresee`)."""
 
-    files: MappingProxyType[str, str]
+    files: dict[str, str]
     command: tuple[str, ...] = ("check", MAIN)
 
 
@@ -129,7 +114,7 @@ def example(code: Code, text: str) -> Example:
         frame = FRAMES[code.frame]
         lines = first.rstrip("\n")
         inside = lines if code.frame == "file" else "\n".join(f"  {line}".rstrip() for line in lines.split("\n"))
-        files[MAIN] = frame.text.replace("@", inside)
+        files[MAIN] = frame.replace("@", inside)
     for name, content in zip(more[::2], more[1::2], strict=True):
         files[name.removesuffix("(empty)").strip()] = content
-    return Example(MappingProxyType(files), command)
+    return Example(files, command)
