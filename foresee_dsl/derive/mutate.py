@@ -10,9 +10,8 @@ import numpy as np
 from foresee_dsl import __version__
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive import presets
-from foresee_dsl.derive.operators import Operator, Situation, operators
+from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.derive.rollout import predicted_gap_m
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.model import Change, Clip, Mutant, Origin, Quantity
 from foresee_dsl.language.project.document import TestCase
@@ -159,7 +158,7 @@ def _ranked_target(situation: Situation, preset: Preset, known: dict[str, Operat
 
 def _is_target(situation: Situation, preset: Preset, actor: str) -> bool:
     too_far = preset.farthest_m is not None and situation.gaps[actor][situation.frame] > preset.farthest_m
-    return not too_far and situation.way_m(actor) >= preset.timing.least_way_m
+    return not too_far and situation.driven_m(actor) >= preset.timing.least_way_m
 
 
 def _gap_m(situation: Situation, changes: tuple[Change, ...]) -> tuple[float, float]:

@@ -117,7 +117,7 @@ class Preset:
         targets: `letter`: model swap on the closest of the relevant actors, steering on the vehicle closest to the
             ego at the clip's beginning (paper, section 3.4). `ranked`: everything on the actor that the point is
             about, or where there is none (or one that nothing can act on) on the closest to the ego at the point.
-        draws: of so many draws a child is the one whose roll-out (`rollout`) comes nearest to the recorded ego; 1 for
+        draws: of so many draws a child is the one whose roll-out comes nearest to the recorded ego; 1 for
             the first, whatever it does.
         reach_m: the ranked actor is left for the closest one that can where no draw brings it nearer than this to the
             ego (somebody on the far side of a fence can be timed as one likes); None: it is not.

@@ -8,8 +8,8 @@ from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.operators import Operator, operators
+from foresee_dsl.derive.operators.model_swap import fits
 from foresee_dsl.derive.presets import FOCUSED, PAPER, UnknownPresetError
-from foresee_dsl.derive.validity import fits
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model

@@ -8,9 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from foresee_dsl.derive.preventability.path import RecordedPath
-from foresee_dsl.derive.preventability.risk import Perception, critical_time_s, perceive, predicted
-from foresee_dsl.derive.preventability.sight import in_view, sight_of
+from foresee_dsl.derive.preventability.risk import (
+    Perception,
+    RecordedPath,
+    critical_time_s,
+    in_view,
+    perceive,
+    predicted,
+    sight_of,
+)
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import Mover, box_overlap
 from foresee_dsl.simulate.results.outcome import who_struck

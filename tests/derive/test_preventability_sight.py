@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from foresee_dsl.derive.preventability.sight import in_view, sight_of
+from foresee_dsl.derive.preventability.risk import in_view, sight_of
 from foresee_dsl.simulate.runner import run
 from tests.support.nets import VAN, build_grid
 from tests.support.scenes import Cruise, Town

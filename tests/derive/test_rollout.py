@@ -3,7 +3,7 @@ import math
 import pytest
 
 from foresee_dsl.compile.catalogue import spec_of
-from foresee_dsl.derive.rollout import predicted_gap_m
+from foresee_dsl.derive.operators import predicted_gap_m
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import pairwise_box_distance
 from foresee_dsl.language.model import Change

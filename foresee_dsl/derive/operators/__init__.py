@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
-from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
-from foresee_dsl.derive.operators.paper import ModelSwap, Steer
-from foresee_dsl.derive.operators.situation import Operator, Situation
-from foresee_dsl.errors import ForeseeError
-from foresee_dsl.plugins import PluginGroup
+import numpy as np
 
-__all__ = ["OPERATORS", "Operator", "Situation", "operators"]
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.derive.operators.model_swap import ModelSwap
+from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
+from foresee_dsl.derive.operators.situation import BuiltIn, Operator, Situation
+from foresee_dsl.derive.operators.steer import Steer
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.forecast.geometry import footprints
+from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.language.model import Change
+from foresee_dsl.plugins import PluginGroup
+from foresee_dsl.simulate.trace import Trace
+
+__all__ = ["OPERATORS", "Operator", "Situation", "operators", "predicted_gap_m"]
 
 OPERATORS = PluginGroup("foresee_dsl.operators", "operator", ForeseeError)
 """A package adds its own with `[project.entry-points."foresee_dsl.operators"]` and `mine = "package.module:MINE"`,
 an object with a `name` and `changes`."""
 
-_OURS: tuple[Operator, ...] = (ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift())
+_OURS: tuple[BuiltIn, ...] = (ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift())
+_BY_PROPERTY = {operator.property: operator for operator in _OURS}
 
 
 def operators() -> dict[str, Operator]:
@@ -29,3 +40,28 @@ def operators() -> dict[str, Operator]:
 def _added(path: tuple[str, ...]) -> dict[str, Operator]:  # noqa: ARG001  (it keys the cache)
     """Return the operators of installed packages; looking through them takes 5 ms, and a worker mutates many clips."""
     return {name: OPERATORS.load(name) for name in OPERATORS.names()}
+
+
+def predicted_gap_m(
+    trace: Trace, actor: int, changes: Iterable[Change], models: Mapping[str, ModelSpec]
+) -> tuple[float, float]:
+    """Return how near an actor to which changes are made comes to the recorded ego: footprints, and centres, m.
+
+    This is the roll-out: each operator changes the actor's recorded track as the simulation would. The ego's reaction
+    is left out: it says which of many drawn mutations are worth a simulation, not how they end.
+
+    Args:
+        trace: the clip's run, unmutated.
+        actor: the column of the actor. changes: of it; one of a property that none of our operators changes is left
+            out. models: by name.
+    """
+    boxes = footprints(trace, actor)
+    for change in changes:
+        if change.property in _BY_PROPERTY:
+            boxes = _BY_PROPERTY[change.property].rolled_out(boxes, change, trace, actor, models)
+    ego = footprints(trace, 0)
+    present = ~np.isnan(boxes[:, 0]) & ~np.isnan(ego[:, 0])
+    if not present.any():
+        return math.inf, math.inf
+    gaps = pairwise_box_distance(ego[present], boxes[present])
+    return float(gaps.min()), float(np.hypot(*(ego[present, :2] - boxes[present, :2]).T).min())

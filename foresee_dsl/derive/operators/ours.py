@@ -2,118 +2,166 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.random import Generator
 
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.placement.lateral_offset import LINE_OVER_M
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.derive.operators.situation import OwnOperator, Situation, drawn
+from foresee_dsl.derive.operators.situation import BuiltIn, Situation, added_si, drawn, touches_nobody
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
-from foresee_dsl.derive.validity import touches_nobody
-from foresee_dsl.language.model import Change, Delay, Line, Quantity, Timing, Walked
+from foresee_dsl.forecast.geometry import FloatArray
+from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
+from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
-from foresee_dsl.simulate.trace import SPEED, STEP_S
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 
 
-class TimingShift(OwnOperator):
-    """Ours: the speed along one's own path, scaled; the actor still stops where it must."""
+class TimingShift(BuiltIn):
+    """The speed along one's own path, scaled; the actor still stops where it must."""
 
-    name = "timing"
+    name = property = "timing"
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw a factor, within what the model can drive."""
         settings = preset.timing
-        if situation.way_m(target) < settings.least_way_m:
+        if situation.driven_m(target) < settings.least_way_m:
             return ()
-        column = situation.columns[target]
-        fastest = float(np.nanmax(situation.trace.states[:, column, SPEED]))
+        fastest = float(np.nanmax(situation.trace.states[:, situation.columns[target], SPEED]))
         high = min(settings.high, situation.spec(target).max_speed_mps / max(fastest, STANDS_MPS))
         value = drawn(rng, settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
-        if value is None:
-            return ()
-        timing = situation.stated(target, Timing)
-        was = timing.factor if timing and isinstance(timing.factor, Quantity) else Quantity.of(1.0, "ratio", 2)
-        return (Change(actor=target, property="timing", was=was, now=Quantity.of(value, "ratio", 2)),)
+        return self.changed(situation, target, value)
+
+    def rolled_out(
+        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
+    ) -> FloatArray:
+        """Follow the recorded track faster or slower."""
+        del trace, actor, models
+        return _retimed(boxes, factor=change.now.si) if isinstance(change.now, Quantity) else boxes
 
 
-class DelayShift(OwnOperator):
-    """Ours: a path-follower stands longer before it moves, or less long where it was to stand.
+class DelayShift(BuiltIn):
+    """A path-follower stands longer before it moves, or less long where it was to stand.
 
     Only for those that can stop on the spot: pedestrians, and cyclists that stand at the clip's beginning.
     """
 
-    name = "delay"
+    name = property = "delay"
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw a change of the delay that it has."""
-        settings = preset.delay
-        stands = situation.speed_mps(target, 0) <= STANDS_MPS
-        walks = situation.kind(target) == "pedestrian"
-        if not situation.follows_path(target) or not (stands or walks):
+        settings, was = preset.delay, situation.present_value(target, self.property)
+        stops = situation.speed_mps(target, 0) <= STANDS_MPS or situation.kind(target) == "pedestrian"
+        if was is None or not stops or not _moves_on_path(situation, target, preset):
             return ()
-        if situation.way_m(target) < preset.timing.least_way_m:
-            return ()
-        delay = situation.stated(target, Delay)
-        was = delay.time if delay and isinstance(delay.time, Quantity) else Quantity.of(0.0, "time", 2)
         value = drawn(rng, -was.si, settings.high_s, settings.step_s, centre=0.0, dead=settings.low_s)
-        if value is None:
-            return ()
-        return (Change(actor=target, property="delay", was=was, now=Quantity.of(was.si + value, "time", 2)),)
+        return self.changed(situation, target, None if value is None else was.si + value)
+
+    def rolled_out(
+        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
+    ) -> FloatArray:
+        """Follow the recorded track later."""
+        del trace, actor, models
+        return _retimed(boxes, delay_s=added_si(change))
 
 
-class HeadStart(OwnOperator):
-    """Ours: a path-follower that moves is further along its path at the beginning, as if it had set out earlier.
+class HeadStart(BuiltIn):
+    """A path-follower that moves is further along its path at the beginning, as if it had set out earlier.
 
     It begins where it was a little later in the unmutated run, so never beyond where it waits.
     """
 
-    name = "head_start"
+    name, property = "head_start", "moving"
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
         """Draw a place on its path at which it touches nobody at the beginning."""
-        walked = situation.stated(target, Walked)
-        if walked is None or not isinstance(walked.along, Quantity) or not situation.follows_path(target):
+        was = situation.present_value(target, self.property)
+        moves = situation.speed_mps(target, 0) > STANDS_MPS
+        if was is None or not moves or not _moves_on_path(situation, target, preset):
             return ()
-        if situation.speed_mps(target, 0) <= STANDS_MPS or situation.way_m(target) < preset.timing.least_way_m:
-            return ()
-        places = self._places(situation, target, walked.along.si, preset.head_start)
-        if not places:
-            return ()
-        return (Change(actor=target, property="moving", was=walked.along, now=places[int(rng.integers(len(places)))]),)
+        places = self._places(situation, target, was.si, preset.head_start)
+        return self.changed(situation, target, places[int(rng.integers(len(places)))] if places else None)
+
+    def rolled_out(
+        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
+    ) -> FloatArray:
+        """Begin further along the recorded track."""
+        del trace, actor, models
+        return _retimed(boxes, ahead_m=added_si(change))
 
     @staticmethod
-    def _places(situation: Situation, target: str, along_m: float, settings: HeadStartSettings) -> list[Quantity]:
-        """Return where it is a little later, without the places where somebody else is at the beginning."""
+    def _places(situation: Situation, target: str, along_m: float, settings: HeadStartSettings) -> list[float]:
+        """Return where it is a little later (m), without the places where somebody else is at the beginning."""
         trace, column = situation.trace, situation.columns[target]
         info = trace.actors[column]
         line = Polyline.of(info.path)
-        found = []
+        found: list[float] = []
         for frame in range(round(settings.low_s / STEP_S), min(round(settings.high_s / STEP_S) + 1, trace.frames)):
-            place = Quantity.of(float(trace.along[frame, column]), "length", 2)
-            if not place.si - along_m >= settings.least_m:  # NaN: it has gone by then
+            along = trace.along[frame, column]
+            if np.isnan(along):  # it has gone by then
                 continue
-            box = np.array([*line.at(place.si), info.length_m, info.width_m])
-            if touches_nobody(trace, column, 0, box) and place not in found:
+            place = Quantity.of(float(along), "length", 2).si
+            box = np.array([*line.at(place), info.length_m, info.width_m])
+            if place - along_m >= settings.least_m and touches_nobody(trace, column, 0, box) and place not in found:
                 found.append(place)
         return found
 
 
-class LineShift(OwnOperator):
+class LineShift(BuiltIn):
     """An actor on a path or a bicycle goes over to a line beside its own.
 
     Not for cars and the like: in their lanes they have a hand's breadth, and what leaves the lane is `steer`.
     """
 
-    name = "line"
+    name = property = "line"
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw how far to the left of its own way (negative: to the right)."""
-        settings = preset.line
+        """Draw how far it goes to the left of its own line (negative: to the right)."""
+        settings, was = preset.line, situation.present_value(target, self.property)
         rides = situation.kind(target) == "bicycle" and situation.on_lanes(target)
-        if not (situation.follows_path(target) or rides) or situation.way_m(target) < preset.timing.least_way_m:
+        if was is None or not (situation.follows_path(target) or rides):
+            return ()
+        if situation.driven_m(target) < preset.timing.least_way_m:
             return ()
         value = drawn(rng, -settings.high_m, settings.high_m, settings.step_m, centre=0.0, dead=settings.least_m)
-        if value is None:
-            return ()
-        line = situation.stated(target, Line)
-        was = line.left if line and isinstance(line.left, Quantity) else Quantity.of(0.0, "length", 2)
-        return (Change(actor=target, property="line", was=was, now=Quantity.of(was.si + value, "length", 2)),)
+        return self.changed(situation, target, None if value is None else was.si + value)
+
+    def rolled_out(
+        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
+    ) -> FloatArray:
+        """Move the track sideways as the simulation does: on a path over some metres, on a lane at a rate."""
+        del models
+        left_m, speed = added_si(change), np.nan_to_num(trace.states[:, actor, SPEED])
+        if trace.actors[actor].path:
+            share = np.cumsum(speed) * STEP_S / LINE_OVER_M
+        else:
+            share = np.cumsum(np.minimum(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed)) * STEP_S / abs(left_m or 1.0)
+        left = left_m * np.minimum(share, 1.0)
+        changed = boxes.copy()
+        changed[:, 0] -= left * np.sin(boxes[:, 2])
+        changed[:, 1] += left * np.cos(boxes[:, 2])
+        return changed
+
+
+def _moves_on_path(situation: Situation, target: str, preset: Preset) -> bool:
+    return situation.follows_path(target) and situation.driven_m(target) >= preset.timing.least_way_m
+
+
+def _retimed(boxes: FloatArray, *, factor: float = 1.0, delay_s: float = 0.0, ahead_m: float = 0.0) -> FloatArray:
+    """Move along the recorded track `factor` times as fast, so much later and so far ahead; straight on at its end."""
+    track = boxes[~np.isnan(boxes[:, 0])]
+    if len(track) < 2:
+        return boxes
+    track[:, 2] = np.unwrap(track[:, 2])
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(track[:, :2], axis=0).T))]
+    time_s = np.arange(len(boxes)) * STEP_S
+    wanted = ahead_m + factor * np.interp(np.maximum(time_s - delay_s, 0.0), time_s[: len(along)], along)
+    # A little is added to each step, for places at which the actor stood to have an order.
+    marks = along + np.arange(len(along)) * 1e-9
+    beyond = np.maximum(wanted - along[-1], 0.0)
+    changed = np.column_stack([np.interp(wanted, marks, column) for column in track.T])
+    changed[:, 0] += beyond * np.cos(changed[:, 2])
+    changed[:, 1] += beyond * np.sin(changed[:, 2])
+    return changed

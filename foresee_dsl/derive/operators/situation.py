@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.derive.validity import fits
-from foresee_dsl.forecast.geometry import distances_to_ego
+from foresee_dsl.forecast.geometry import FloatArray, distances_to_ego
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
-from foresee_dsl.language.model import Actor, Change, Clip, Item
-from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
-
-_T = TypeVar("_T", bound=Item)
+from foresee_dsl.kernels.boxes import box_distances
+from foresee_dsl.language.model import Actor, Change, Clip, Quantity
+from foresee_dsl.language.model.changeable import PROPERTIES
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
 
 @dataclass(frozen=True)
@@ -54,50 +54,56 @@ class Situation:
         """Distances between the footprints of the ego and the clip's actors over the whole run, m."""
         return {actor: distances_to_ego(self.trace, k) for actor, k in self.columns.items()}
 
+    @cached_property
+    def fitting_models(self) -> dict[str, tuple[str, ...]]:
+        """The models that fit in the place of actors, as far as an operator has looked for them."""
+        return {}
+
+    def info(self, actor: str) -> ActorInfo:
+        """Return what stays the same about an actor."""
+        return self.trace.actors[self.columns[actor]]
+
     def kind(self, actor: str) -> str:
         """Return an actor's class."""
-        return self.trace.actors[self.columns[actor]].kind
+        return self.info(actor).kind
 
     def spec(self, actor: str) -> ModelSpec:
         """Return an actor's model."""
-        return self.models[self.trace.actors[self.columns[actor]].model]
+        return self.models[self.info(actor).model]
 
     def speed_mps(self, actor: str, frame: int) -> float:
         """Return an actor's speed; 0 when it is absent."""
         speed = float(self.trace.states[frame, self.columns[actor], SPEED])
         return 0.0 if math.isnan(speed) else speed
 
-    def way_m(self, actor: str) -> float:
+    def driven_m(self, actor: str) -> float:
         """Return how far an actor drives in the clip until a second after the risky point."""
         until = self.frame + round(1 / STEP_S)
         return float(np.nansum(self.trace.states[: until + 1, self.columns[actor], SPEED])) * STEP_S
 
-    def fitting(self, actor: str) -> tuple[str, ...]:
-        """Return the other models that an actor can have at the clip's first frame, sorted."""
-        if actor not in self._fitting:
-            column = self.columns[actor]
-            now = self.trace.actors[column].model
-            others = (name for name in self.swappable if name != now)
-            found = [name for name in others if fits(self.trace, column, 0, self.models[name])]
-            self._fitting[actor] = tuple(sorted(found))
-        return self._fitting[actor]
-
-    @cached_property
-    def _fitting(self) -> dict[str, tuple[str, ...]]:
-        return {}
-
     def follows_path(self, actor: str) -> bool:
         """Say whether an actor follows a path rather than lanes."""
-        return bool(self.trace.actors[self.columns[actor]].path)
+        return bool(self.info(actor).path)
 
     def on_lanes(self, actor: str) -> bool:
         """Say whether an actor is a vehicle or bicycle that drives along lanes."""
-        info = self.trace.actors[self.columns[actor]]
+        info = self.info(actor)
         return info.kind in VEHICLE_KINDS and bool(info.route) and not info.path
 
-    def stated(self, actor: str, kind: type[_T]) -> _T | None:
-        """Return the clip's statement of a kind about an actor, if there is one."""
-        return next((item for item in self.actors[actor].body if isinstance(item, kind)), None)
+    def present_value(self, actor: str, name: str) -> Quantity | None:
+        """Return a property of an actor (other than its model) as the clip states it, else its default, if it has one.
+
+        Args:
+            actor: its id. name: one of `language.model.changeable.PROPERTIES`.
+        """
+        known = PROPERTIES[name]
+        if known.statement is None or known.dimension is None:
+            return None
+        kind, field = known.statement
+        value = next((getattr(item, field) for item in self.actors[actor].body if isinstance(item, kind)), None)
+        if isinstance(value, Quantity):
+            return value
+        return None if known.default is None else Quantity.of(known.default.si, known.dimension, 2)
 
     def closest(self, frame: int, among: list[str]) -> list[str]:
         """Return actors by their distance to the ego at a frame; those that are absent then are left out."""
@@ -122,13 +128,49 @@ class Operator(Protocol):
         ...
 
 
-class OwnOperator:
-    """An operator that the paper does not have, so that its wording gives no target."""
+class BuiltIn(ABC):
+    """One of our operators: its name, the property that it changes, what it draws, and what the roll-out does with it.
+
+    The bounds of what it draws are its settings in a preset (`derive.presets`).
+    """
+
+    name: str
+    property: str
+
+    @abstractmethod
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Draw a change of the target; empty where nothing that has an effect can be done to it."""
+
+    @abstractmethod
+    def rolled_out(
+        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
+    ) -> FloatArray:
+        """Return an actor's track ([T, 5] footprints) with a change, without a simulation.
+
+        Args:
+            boxes: the track so far. change: of this operator's property.
+            trace: the unmutated run. actor: the actor's column in it. models: by name.
+        """
 
     def letter_target(self, situation: Situation) -> str:
-        """Return that there is none."""
+        """Return the target that the paper's wording gives; "" for an operator that the paper does not have."""
         del situation
         return ""
+
+    def changed(self, situation: Situation, target: str, value: float | None) -> tuple[Change, ...]:
+        """Return the change of the target's property to a value in SI; none for None."""
+        was = situation.present_value(target, self.property)
+        if value is None or was is None:
+            return ()
+        now = Quantity.of(value, was.dimension, 2)
+        return (Change(actor=target, property=self.property, was=was, now=now),)
+
+
+def added_si(change: Change) -> float:
+    """Return by how much a change raises its property, in SI."""
+    if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
+        raise TypeError(f"{change.actor}.{change.property} is no quantity")
+    return change.now.si - change.was.si
 
 
 def drawn(rng: Generator, low: float, high: float, step: float, *, centre: float, dead: float) -> float | None:
@@ -136,3 +178,21 @@ def drawn(rng: Generator, low: float, high: float, step: float, *, centre: float
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     allowed = [k for k in range(first, last + 1) if abs(k * step - centre) >= dead - 1e-9]
     return round(allowed[int(rng.integers(len(allowed)))] * step, 9) if allowed else None
+
+
+def boxes_at(trace: Trace, frame: int) -> FloatArray:
+    """Return all footprints at a frame, [A, 5]: x, y, heading, length, width; NaN where absent."""
+    sizes = np.array([(info.length_m, info.width_m) for info in trace.actors])
+    return np.hstack([trace.states[frame][:, [X, Y, HEADING]], sizes])
+
+
+def others_at(trace: Trace, actor: int, frame: int) -> FloatArray:
+    """Return the footprints of all others that are there at a frame, [N, 5]."""
+    others = np.delete(boxes_at(trace, frame), actor, axis=0)
+    return others[~np.isnan(others[:, 0])]
+
+
+def touches_nobody(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
+    """Say whether an actor's footprint, [5], could be elsewhere at a frame without touching anybody."""
+    others = others_at(trace, actor, frame)
+    return not len(others) or bool((box_distances(box, others) > 0).all())

@@ -1,7 +1,7 @@
 """Whether a careful and competent driver would have avoided a failure: UN Regulation 157's model, driven in its place.
 
-The failing run is driven again, the ego on its recorded way at its recorded speed, until the careful driver has
-perceived the risk (`derive.preventability.risk`) and its delay is over. From then on it brakes, along the same way. The
+The failing run is driven again, the ego on its recorded path at its recorded speed, until the careful driver has
+perceived the risk (`derive.preventability.risk`) and its delay is over. From then on it brakes along the same path. The
 other actors do what the test case says, in the real simulation, and may react to the braking ego. A lateral escape is
 not modelled.
 """
@@ -11,19 +11,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Literal, assert_never
+from typing import Literal, Self, assert_never
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.derive.preventability.replay import Replay
-from foresee_dsl.derive.preventability.risk import Perception, perceive
-from foresee_dsl.derive.preventability.sight import sight_of
-from foresee_dsl.kernels.boxes import Mover
+from foresee_dsl.derive.preventability.risk import Perception, perceive, sight_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+from foresee_dsl.simulate.trace import X, Y
 
 SAME_TIME_S = 0.1
 """The replay without braking has to end with the same contact within this time. Ours: two steps."""
@@ -34,20 +32,18 @@ SAME_PLACE_M = 0.1
 class Preventable(StrEnum):
     """Would a careful and competent driver have avoided it?"""
 
-    YES = "preventable"
-    NO = "unavoidable"
-    UNKNOWN = "undecided"
+    origin: Literal["yes", "no", "unknown"]
+    """How a mutant's `origin` says it."""
 
-    @property
-    def origin(self) -> Literal["yes", "no", "unknown"]:
-        """Return how a mutant's `origin` says it."""
-        match self:
-            case Preventable.YES:
-                return "yes"
-            case Preventable.NO:
-                return "no"
-            case Preventable.UNKNOWN:
-                return "unknown"
+    def __new__(cls, value: str, origin: Literal["yes", "no", "unknown"]) -> Self:
+        """Make a member."""
+        made = str.__new__(cls, value)
+        made._value_, made.origin = value, origin
+        return made
+
+    YES = "preventable", "yes"
+    NO = "unavoidable", "no"
+    UNKNOWN = "undecided", "unknown"
 
 
 @dataclass(frozen=True)
@@ -120,7 +116,8 @@ def _strays(replay: RunResult, result: RunResult) -> str:
     again = "the replay without braking is not the failure: "
     if (replay.verdict, replay.with_) != (result.verdict, result.with_):
         return f"{again}{replay.reason}"
-    late, off = abs(replay.time_s - result.time_s), _apart(_mover(replay.trace, 0), _mover(result.trace, 0))
+    late = abs(replay.time_s - result.time_s)
+    off = math.dist(replay.trace.states[-1, 0, [X, Y]], result.trace.states[-1, 0, [X, Y]])
     if late > SAME_TIME_S or off > SAME_PLACE_M:
         return f"{again}the contact is {late:.2f} s and {off:.2f} m off"
     return ""
@@ -169,12 +166,3 @@ def _with_contact(seen: Perception, failed: Impact, left: Impact) -> tuple[Preve
         return Preventable.UNKNOWN, f"brings the ego to a stand before {left.struck}"
     leaves = f"leaves an impact of {left.relative_mps:.1f} m/s, without it {failed.relative_mps:.1f} m/s: {left.struck}"
     return (Preventable.UNKNOWN, f"{leaves}; {_BEFORE}") if seen.at_once else (Preventable.NO, leaves)
-
-
-def _mover(trace: Trace, actor: int) -> Mover:
-    x, y, heading, speed = (float(trace.states[-1, actor, k]) for k in (X, Y, HEADING, SPEED))
-    return Mover(x, y, heading, speed, trace.actors[actor].length_m, trace.actors[actor].width_m)
-
-
-def _apart(a: Mover, b: Mover) -> float:
-    return math.hypot(a.x - b.x, a.y - b.y)

@@ -1,4 +1,4 @@
-"""The driver of the replay: follows a recorded run to the letter, and brakes along its way from a moment on."""
+"""The driver of the replay: follows a recorded run exactly, and from a given time on brakes along its path."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from foresee_dsl.derive.preventability.path import RecordedPath
+from foresee_dsl.derive.preventability.risk import RecordedPath
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
 from foresee_dsl.simulate.trace import SPEED, STEER, STEP_S, Trace
@@ -17,8 +17,8 @@ BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
 not give it."""
 JERK_MPS3 = 12.65
 """How fast braking builds up, 0.6 s to the hardest: R157, Annex 4, appendix 3; `CC_min_jerk` in JRC-FSM."""
-KEEPS_WAY_M = 3.0
-"""While braking, an error sideways decays over this length. Ours: a wheelbase; the error stays in the centimetres."""
+KEEPS_PATH_M = 3.0
+"""While braking, a lateral error decays over this length. Ours: a wheelbase; the error stays below centimetres."""
 
 EXACT_MPS = 1e-12
 """A replayed speed is met within this. Ours: a thousand roundings; over 10 s they amount to a hundredth of a
@@ -32,8 +32,8 @@ _TOUCHED = 1e-9
 class Replay:
     """Drives a recorded run again by finding the pedals and the wheel that gave it; then brakes.
 
-    It looks at no observation: up to the braking the world is the recorded one, and its own motion it works out with
-    the vehicle's own model.
+    It uses no observation: until it brakes the world is the recorded one, and it computes its own motion with the
+    vehicle's model.
 
     Args:
         trace: the run. brakes_s: when braking begins; None: never.
@@ -75,7 +75,7 @@ class Replay:
         return _pedals(bicycle, self._state, wheel, float(wanted[SPEED]))
 
     def _brake(self, bicycle: Bicycle) -> Control:
-        """Build up braking from what the recorded driver did, never below it."""
+        """Build up braking from the recorded driver's, never below it."""
         since = self._frame + 1 - self._brakes_from if math.isfinite(self._brakes_from) else 0
         level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(BRAKING_MPS2, self._least_mps2))
         wheel = _share(self._angle(bicycle), bicycle.limits.steer_max_rad)
@@ -84,13 +84,13 @@ class Replay:
         return _pedals(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _angle(self, bicycle: Bicycle) -> float:
-        """The wheels' angle of the recorded way here, with the errors to it decaying critically damped."""
+        """The wheels' angle of the recorded path here, with the errors to it decaying critically damped."""
         x, y, heading = self._path.at(np.array([self._along]))[0].tolist()
         dx, dy = self._state.x - x, self._state.y - y
-        aside = -dx * math.sin(heading) + dy * math.cos(heading)
-        askew = math.remainder(self._state.heading - heading, math.tau)
-        bend = math.tan(self._path.steer(self._along + self._state.speed * STEP_S)) / bicycle.limits.wheelbase_m
-        return bicycle.steer_for(bend - aside / KEEPS_WAY_M**2 - 2 * askew / KEEPS_WAY_M)
+        lateral = -dx * math.sin(heading) + dy * math.cos(heading)
+        turned = math.remainder(self._state.heading - heading, math.tau)
+        curvature = math.tan(self._path.steer(self._along + self._state.speed * STEP_S)) / bicycle.limits.wheelbase_m
+        return bicycle.steer_for(curvature - lateral / KEEPS_PATH_M**2 - 2 * turned / KEEPS_PATH_M)
 
 
 def _share(angle_rad: float, most_rad: float) -> float:
@@ -100,7 +100,7 @@ def _share(angle_rad: float, most_rad: float) -> float:
 def _pedals(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: float) -> Control:
     """Return the control whose next speed is the wanted one, or the nearest to it.
 
-    Throttle and brake are looked at apart: with their different lags the next speed jumps between them.
+    Throttle and brake are solved for separately: as their lags differ, the next speed jumps between them.
     """
     throttle = _solve(0.0, lambda p: bicycle.step(state, Control(wheel, p, 0.0), STEP_S).speed - speed_mps)
     error = abs(bicycle.step(state, Control(wheel, throttle, 0.0), STEP_S).speed - speed_mps)

@@ -1,12 +1,12 @@
-"""When a careful and competent driver sees a risk: the other's predicted way leads into the ego's corridor, soon.
+"""When a careful and competent driver sees a risk: the other's predicted path enters the ego's corridor soon.
 
 The driver is that of UN Regulation 157, Annex 4, appendix 3. The regulation's own text was not at hand: the figures are
 those of the European Commission's open implementation (repository ec-jrc/JRC-FSM, `CC_human_driver`) but for one. The
 appendix describes cut-in, cut-out and deceleration on a motorway. For a town, where others cross, oncome and walk, the
 perception is generalised; what is ours is marked so.
 
-Only what a driver could know at a frame goes into it: the ego's own intended way, and where the other is, how fast, and
-how it turns and brakes at that frame.
+The prediction uses only what a driver could know at a frame: the ego's own intended path, and where the other is, how
+fast it is, and how it turns and brakes.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foresee_dsl.derive.preventability.path import RecordedPath
-from foresee_dsl.derive.preventability.sight import in_view, sight_of
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.kernels.lines import FloatArray
-from foresee_dsl.simulate.sensing.sight import Sight
-from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
+from foresee_dsl.simulate.sensing.settings import STANDARD
+from foresee_dsl.simulate.sensing.sight import Bodies, Sight
+from foresee_dsl.simulate.sensing.weather import Air
+from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEER, STEP_S, YAW_RATE, Trace, X, Y
 
 EVALUATION_S = 0.4
 """The risk has to last this long to be perceived: ours, after R157, Annex 4, appendix 3: JRC-FSM
@@ -32,20 +34,49 @@ CRITICAL_TTC_S = 2.0
 """A cutting-in vehicle is a risk below this time to collision: `CC_critical_ttc` in JRC-FSM. Applied to all kinds of
 encounters: ours."""
 WANDER_M = 0.375
-"""What a vehicle sways within its lane without meaning anything: R157, Annex 4, appendix 3, as summarised in JRC-FSM
+"""How far a vehicle sways within its lane: R157, Annex 4, appendix 3, as summarised in JRC-FSM
 (`CC_calc_dist_to_react`). The corridor is this much wider than the ego on either side: ours."""
 HARD_BRAKING_MPS2 = 5.0
 """Ours, after what R157 calls an emergency manoeuvre (over 5 m/s^2; its clause was not at hand): a risk is seen
 no later than when evaluation, delay and this braking just suffice to take the ego's speed down to the other's. With 2 s
 alone, something that stands on a clear road would be run into from 8.5 m/s upwards (0.85 s are then 7.2 m)."""
 MERGES_RAD = math.pi / 4
-"""A vehicle whose heading is this near to the ego's and that comes onto the ego's line is expected to stay there: a
-cut-in, of which R157 looks at the time to collision along the lane. Ours: as near as counts as the same direction in
-`simulate.outcome`."""
+"""A vehicle whose heading differs from the ego's by less than this and that crosses the ego's line is expected to stay
+on it: a cut-in, for which R157 takes the time to collision along the lane. Ours: what counts as the same direction in
+`simulate.results.outcome`."""
 MOVED_M = 0.001
-"""A shorter step has no direction. Ours: 2 cm/s."""
+"""A shorter step between two frames has no direction. Ours: it is 2 cm/s."""
 PREDICTED_EVERY_S = 0.05
 """Ours: a step of the simulation; at 20 m/s a metre."""
+
+
+class RecordedPath:
+    """Where the ego drove in a run, by length instead of time, to drive it at another speed; straight on at its end.
+
+    Attributes:
+        along: [T] m, how far the ego has come at each frame.
+    """
+
+    def __init__(self, trace: Trace) -> None:
+        states = trace.states[:, 0]
+        steps = np.hypot(*np.diff(states[:, [X, Y]], axis=0).T) if len(states) > 1 else np.empty(0)
+        self.along: FloatArray = np.r_[0.0, np.cumsum(steps)]
+        # A little is added to each step, for places at which the ego stood to have an order.
+        self._marks = self.along + np.arange(len(self.along)) * 1e-9
+        self._poses = np.column_stack([states[:, X], states[:, Y], np.unwrap(states[:, HEADING])])
+        self._steer = np.array(states[:, STEER])
+
+    def at(self, along_m: FloatArray) -> FloatArray:
+        """Return x, y, heading at lengths [N] m of the path, [N, 3]."""
+        poses = np.column_stack([np.interp(along_m, self._marks, column) for column in self._poses.T])
+        beyond = np.maximum(along_m - self._marks[-1], 0.0)
+        poses[:, 0] += beyond * np.cos(poses[:, 2])
+        poses[:, 1] += beyond * np.sin(poses[:, 2])
+        return poses
+
+    def steer(self, along_m: float) -> float:
+        """Return the angle of the front wheels (rad) at a length; the last one beyond the end."""
+        return float(np.interp(along_m, self._marks, self._steer))
 
 
 @dataclass(frozen=True)
@@ -74,31 +105,29 @@ def perceive(trace: Trace, other: int, sight: Sight | None = None) -> Perception
     """Say when the driver of the ego would perceive the risk that became the contact with an actor.
 
     A risk that is gone for less than the evaluation time is the same risk. One that passes without a contact is
-    another: who brakes for it, seconds before, avoids the contact by chance (ours).
+    another: braking for it, seconds earlier, would avoid the contact by chance (ours).
 
     Args:
         trace: a run that ends in the contact. other: the actor's column.
-        sight: what hides what in that run; None: what the trace alone says of it.
+        sight: the lines of sight of that run; None: as far as the trace alone tells them.
 
     Returns:
         None when there is no risk shortly before the contact. The contact's own frame does not count.
     """
     path, sight = RecordedPath(trace), sight or sight_of(trace)
     forgets = round(EVALUATION_S / STEP_S)
-    onset, since = None, 0
+    onset: int | None = None
     # From the contact back to where there was no risk for long enough.
     for frame in range(trace.frames - 2, -1, -1):
         if is_risk(trace, path, other, frame, sight):
-            onset, since = frame, 0
-            continue
-        since += 1
-        if since >= forgets:
+            onset = frame
+        elif (trace.frames - 1 if onset is None else onset) - frame >= forgets:
             break
     return None if onset is None else Perception(round(onset * STEP_S, 6), at_once=onset == 0)
 
 
 def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int, sight: Sight) -> bool:
-    """Say whether the other's predicted way leads into the ego's corridor soon enough to be a risk."""
+    """Say whether the other's predicted path enters the ego's corridor soon enough to be a risk."""
     me, them = trace.states[frame, 0], trace.states[frame, other]
     if math.isnan(them[X]) or not _in_front(trace, other, frame):
         return False
@@ -128,8 +157,8 @@ def critical_time_s(speed_mps: float, along_mps: float) -> float:
 def predicted(trace: Trace, actor: int, frame: int, time_s: FloatArray) -> FloatArray:
     """Return where an actor will be, [N, 5] boxes, from how it moves at a frame.
 
-    It goes on in the direction of its last step, turning as it does (a pedestrian, who can turn on the spot, goes
-    straight on), and braking as it does; it does not speed up.
+    It continues in the direction of its last step with its turn rate and its braking (a pedestrian, who can turn on the
+    spot, straight on); it does not speed up.
 
     Args:
         trace: a run. actor: column. frame: now. time_s: [N] s from now.
@@ -140,10 +169,10 @@ def predicted(trace: Trace, actor: int, frame: int, time_s: FloatArray) -> Float
     info = trace.actors[actor]
     brakes = max(-acceleration, 0.0)
     rolls = np.minimum(time_s, speed / brakes) if brakes > 0 else time_s
-    way = speed * rolls - brakes * rolls**2 / 2
-    turned = rate / speed * way if speed > 0 and info.kind != "pedestrian" else np.zeros_like(way)
+    moved = speed * rolls - brakes * rolls**2 / 2
+    turned = rate / speed * moved if speed > 0 and info.kind != "pedestrian" else np.zeros_like(moved)
     # The chord of an arc lies at the mean direction.
-    chord, course = way * np.sinc(turned / (2 * np.pi)), _course(trace, actor, frame) + turned / 2
+    chord, course = moved * np.sinc(turned / (2 * np.pi)), _course(trace, actor, frame) + turned / 2
     boxes = np.empty((len(time_s), 5))
     boxes[:, 0], boxes[:, 1] = x + chord * np.cos(course), y + chord * np.sin(course)
     boxes[:, 2] = heading + turned
@@ -161,20 +190,47 @@ def _course(trace: Trace, actor: int, frame: int) -> float:
 
 
 def _merged(boxes: FloatArray, ego: FloatArray) -> FloatArray:
-    """Let a way that crosses the ego's line from the side go on along it."""
+    """Let a path that crosses the ego's line from the side continue along it."""
     cos, sin = math.cos(ego[HEADING]), math.sin(ego[HEADING])
     dx, dy = boxes[:, 0] - ego[X], boxes[:, 1] - ego[Y]
-    aside = dy * cos - dx * sin
-    over = aside * aside[0] < 0.0
+    lateral = dy * cos - dx * sin
+    over = lateral * lateral[0] < 0.0
     merged = boxes.copy()
-    merged[over, 0] += aside[over] * sin
-    merged[over, 1] -= aside[over] * cos
+    merged[over, 0] += lateral[over] * sin
+    merged[over, 1] -= lateral[over] * cos
     merged[over, 2] = ego[HEADING]
     return merged
 
 
 def _in_front(trace: Trace, other: int, frame: int) -> bool:
-    """Whether the other's middle is ahead of the ego's rear: braking helps against nobody who comes from behind."""
+    """Whether the other's middle is ahead of the ego's rear: braking avoids nothing that comes from behind."""
     ego, them = trace.states[frame, 0], trace.states[frame, other]
     ahead = (them[X] - ego[X]) * math.cos(ego[HEADING]) + (them[Y] - ego[Y]) * math.sin(ego[HEADING])
     return bool(ahead > -trace.actors[0].length_m / 2)
+
+
+def sight_of(trace: Trace, bundle: SumoBundle | None = None) -> Sight:
+    """Return the lines of sight from a run's ego: the sensors of the drivers under test, without their noise.
+
+    Args:
+        trace: the run.
+        bundle: what was run; its buildings, heights and weather count. Without it: no buildings, clear air, and
+            every actor as high as its class usually is.
+    """
+    if bundle is not None:
+        scene = bundle.scene
+        bodies = Bodies.of([actor.model for actor in scene.actors[1:]])
+        return Sight(bodies, bundle.network.buildings, STANDARD, Air(scene.rain, scene.fog, scene.sun))
+    others = trace.actors[1:]
+    heights = {str(kind): defaults.height_m for kind, defaults in CLASS_DEFAULTS.items()}
+    sizes = np.array([(info.length_m, info.width_m) for info in others], dtype=np.float64).reshape(-1, 2)
+    kinds = tuple(info.kind for info in others)
+    return Sight(Bodies(kinds, sizes, np.array([heights[kind] for kind in kinds])), ())
+
+
+def in_view(trace: Trace, other: int, frame: int, sight: Sight) -> bool:
+    """Say whether an actor (its column) is in sight from the ego at a frame."""
+    poses = trace.states[frame][:, [X, Y, HEADING]]
+    x, y, heading = poses[0].tolist()
+    visible, _, _ = sight.seen(x, y, heading, poses[1:])
+    return other - 1 in visible

@@ -1,0 +1,86 @@
+"""The paper's steering (section 3.4): an offset of the front wheels, after which the actor recovers its lane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.random import Generator
+
+from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
+from foresee_dsl.derive.operators.situation import BuiltIn, Situation, drawn
+from foresee_dsl.derive.presets import Preset, SteerSettings
+from foresee_dsl.forecast.geometry import FloatArray
+from foresee_dsl.language.model import Change, Quantity
+from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, lateral_limit_mps2
+from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
+
+RECOVERS_S = 1.0
+"""How fast a lane-recovering vehicle takes back an error of its heading. Ours: the time in which the simulated one
+looks ahead."""
+
+
+class Steer(BuiltIn):
+    """A steering offset; afterwards the actor recovers its lane. Only actors on lanes can be steered."""
+
+    name = property = "steer"
+
+    def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
+        """Draw an offset that friction, comfort and the steering rate allow."""
+        settings = preset.steer
+        if not situation.on_lanes(target):
+            return ()
+        before_s = settings.before_point_s
+        onset_s = 0.0 if before_s is None else max(0.0, situation.frame * STEP_S - before_s)
+        speed = situation.speed_mps(target, situation.trace.frame_at(onset_s))
+        # A target that stands at the onset is steered only where the preset asks for no speed (the paper's letter).
+        if speed < settings.least_speed_mps:
+            return ()
+        bound = _largest_share(situation.spec(target), speed, settings)
+        low, high = max(settings.low, -bound), min(settings.high, bound)
+        value = drawn(rng, low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
+        when = {
+            "start": None if before_s is None else Quantity.of(onset_s, "time", 2),
+            "duration": None if settings.hold_s is None else Quantity.of(settings.hold_s, "time", 2),
+        }
+        return tuple(change.model_copy(update=when) for change in self.changed(situation, target, value))
+
+    def rolled_out(
+        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
+    ) -> FloatArray:
+        """Turn the recorded steps by what the offset adds to the heading while it is held; then the error decays."""
+        spec, share = models[trace.actors[actor].model], change.now.si if isinstance(change.now, Quantity) else 0.0
+        onset = round((change.start.si if isinstance(change.start, Quantity) else 0.0) / STEP_S)
+        held = round(change.duration.si / STEP_S) if isinstance(change.duration, Quantity) else len(boxes)
+        rate = np.nan_to_num(trace.states[:, actor, SPEED]) / spec.wheelbase_m * math.tan(share * spec.max_steer_rad)
+        frames = np.arange(len(boxes))
+        rate[(frames < onset) | (frames >= onset + held)] = 0.0
+        turned = np.cumsum(rate) * STEP_S
+        turned *= np.exp(-np.maximum(frames - onset - held, 0) * STEP_S / RECOVERS_S)
+        steps = np.diff(boxes[:, :2], axis=0)
+        cos, sin = np.cos(turned[:-1]), np.sin(turned[:-1])
+        changed = boxes.copy()
+        changed[1:, 0] = boxes[0, 0] + np.cumsum(cos * steps[:, 0] - sin * steps[:, 1])
+        changed[1:, 1] = boxes[0, 1] + np.cumsum(sin * steps[:, 0] + cos * steps[:, 1])
+        changed[:, 2] = boxes[:, 2] + turned
+        return changed
+
+    def letter_target(self, situation: Situation) -> str:
+        """The vehicle that is closest to the ego at the clip's beginning."""
+        steerable = [actor for actor in situation.columns if situation.on_lanes(actor)]
+        return next(iter(situation.closest(0, steerable)), "")
+
+
+def _largest_share(spec: ModelSpec, speed_mps: float, settings: SteerSettings) -> float:
+    """Return the largest share of the steering angle that comfort and the steering rate allow at a speed."""
+    angle = spec.max_steer_rad
+    if angle <= 0:
+        return 0.0
+    if settings.lateral_g is not None and speed_mps > 0:
+        lateral = min(settings.lateral_g * GRAVITY_MPS2, lateral_limit_mps2(spec.name, DRY_FRICTION))
+        angle = min(angle, math.atan(lateral / speed_mps**2 * spec.wheelbase_m))
+    if settings.rate_rad_s is not None and settings.hold_s is not None:
+        angle = min(angle, settings.rate_rad_s * settings.hold_s / 2)
+    return angle / spec.max_steer_rad
