@@ -109,23 +109,17 @@ def _print_outcome(done: Imported, *, json: bool) -> None:
         typer.echo(f"note: {note}")
 
 
+_LOOK: dict[str, Any] = {
+    "no_args_is_help": True,
+    "rich_markup_mode": "rich",
+    "add_completion": False,
+    "context_settings": SETTINGS,
+}
 import_ = typer.Typer(
-    name="import",
-    cls=_Importers,
-    help="Turn files of other tools into networks and scenarios.",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    add_completion=False,
-    context_settings=SETTINGS,
+    name="import", cls=_Importers, help="Turn files of other tools into networks and scenarios.", **_LOOK
 )
 export = typer.Typer(
-    name="export",
-    cls=_Exporters,
-    help="Write test cases, clips and mutants for other tools.",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    add_completion=False,
-    context_settings=SETTINGS,
+    name="export", cls=_Exporters, help="Write test cases, clips and mutants for other tools.", **_LOOK
 )
 
 

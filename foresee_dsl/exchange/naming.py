@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import unicodedata
 from collections.abc import Collection, Iterable
@@ -35,9 +36,7 @@ _LARGEST = 1e7
 def name_of(text: str, otherwise: str) -> str:
     """Return the snake_case name nearest to a text: `NPC Car-1` is `npc_car_1`.
 
-    Args:
-        text: anything.
-        otherwise: what stands in front when the text begins with no letter, and alone when nothing is left of it.
+    `otherwise` stands in front when the text begins with no letter, and alone when nothing is left of it.
     """
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", plain).lower()
@@ -58,10 +57,7 @@ def file_name(name: str) -> str:
 
 
 def check_ids(ids: Iterable[str], where: str) -> None:
-    """Make sure that the language can name what a network calls so.
-
-    Args:
-        ids: of edges and junctions. where: the file, for the message.
+    """Make sure that the language can express the ids of a network's edges and junctions; `where` is its file.
 
     Raises:
         ExchangeError: an id holds a double quote, a backslash or a line break, or is longer than 200 letters.
@@ -77,12 +73,9 @@ def check_ids(ids: Iterable[str], where: str) -> None:
 
 def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:
     """Return the same, with a number behind it where the name is taken."""
-    name, count = name_of(text, otherwise), 1
-    found = name
-    while found in taken:
-        count += 1
-        found = f"{name}_{count}"
-    return found
+    name = name_of(text, otherwise)
+    numbered = (f"{name}_{count}" for count in itertools.count(2))
+    return next(found for found in itertools.chain([name], numbered) if found not in taken)
 
 
 def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Quantity:

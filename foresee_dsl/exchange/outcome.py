@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,35 +36,32 @@ class Imported:
         notes: what we added or guessed, one sentence each.
     """
 
-    files: tuple[Path, ...]
+    files: tuple[Path, ...] = ()
     cases: int = 0
     taken: dict[str, int] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     notes: tuple[str, ...] = ()
 
 
-def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
+def write_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
     """Have files written to a temporary folder, then move them into place.
 
     Args:
         out: the folder that is meant; made where it is missing. Files of the same names are replaced.
-        write: writes its files into the folder that it is given (files only, no folders). If it raises, nothing is
-            left behind.
-
-    Returns:
-        The files, in `out`, by name.
+        write: writes its files into the folder that it is given (files only, no folders) and returns its report, which
+            gets the files' places by name. If it raises, nothing is left behind.
 
     Raises:
         ExchangeError: `out` cannot be written.
     """
     try:
-        made = _missing(out)
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]  # the innermost first
         out.mkdir(parents=True, exist_ok=True)
         fresh = Path(tempfile.mkdtemp(prefix=".foresee-import-", dir=out))
     except OSError as err:
         raise ExchangeError(f"{out} cannot be written: {err.strerror or err}") from err
     try:
-        write(fresh)
+        done = write(fresh)
         names = sorted(file.name for file in fresh.iterdir())
         for name in names:
             (fresh / name).replace(out / name)
@@ -75,12 +72,7 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
                 folder.rmdir()
         raise
     shutil.rmtree(fresh, ignore_errors=True)
-    return tuple(out / name for name in names)
-
-
-def _missing(out: Path) -> list[Path]:
-    """The folders that have to be made for `out`, the innermost first."""
-    return [folder for folder in (out, *out.parents) if not folder.exists()]
+    return replace(done, files=tuple(out / name for name in names))
 
 
 def write_text(file: Path, model: Definition) -> None:

@@ -17,7 +17,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.carla.files import Pose
 from foresee_dsl.exchange.carla.importer import prepare_net
-from foresee_dsl.exchange.maps.ways import lanes_at, through_of, way_between
+from foresee_dsl.exchange.carla.ways import lanes_at, through_of, way_between
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model

@@ -14,7 +14,7 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, read_routes
-from foresee_dsl.exchange.maps.ways import Way, way_between
+from foresee_dsl.exchange.carla.ways import Way, way_between
 from foresee_dsl.language.project.document import TestCase
 from tests.exchange.carla_towns import (
     MAPS,

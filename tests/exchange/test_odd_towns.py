@@ -18,9 +18,9 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.carla import importer as carla_import
 from foresee_dsl.exchange.carla.files import CarlaRoute, family_of, pose_of, read_routes, read_triggers, town_in
 from foresee_dsl.exchange.carla.placed_route import place_route, strays
+from foresee_dsl.exchange.carla.ways import lanes_at, way_between
 from foresee_dsl.exchange.maps import opendrive
 from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
-from foresee_dsl.exchange.maps.ways import lanes_at, way_between
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.loading import bundled_models, load_test_cases
 from tests.support.odd_maps import Road, write_map

@@ -48,11 +48,12 @@ def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: b
         left_out["triggers"] += len(bundle.scene.whens)
         left_out["signals' states"] += len(bundle.scene.signals)
     indent(routes)
-    files = write_together(
-        out.parent,
-        lambda folder: ElementTree(routes).write(folder / out.name, encoding="UTF-8", xml_declaration=True),
-    )
-    return Imported(files=files, cases=len(addresses), left_out=+left_out)
+
+    def write(folder: Path) -> Imported:
+        ElementTree(routes).write(folder / out.name, encoding="UTF-8", xml_declaration=True)
+        return Imported(cases=len(addresses), left_out=+left_out)
+
+    return write_together(out.parent, write)
 
 
 def _town(case: TestCase) -> str:

@@ -43,9 +43,9 @@ from foresee_dsl.exchange.carla.scenario_files import (
     vehicles_of,
 )
 from foresee_dsl.exchange.carla.staging import STAGED, Case, case_of
+from foresee_dsl.exchange.carla.ways import NEAR_M
 from foresee_dsl.exchange.maps.bridges import Heights, bridges
 from foresee_dsl.exchange.maps.opendrive import left_out_of, notes_on
-from foresee_dsl.exchange.maps.ways import NEAR_M
 from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
 from foresee_dsl.language.model import Catalogue, VehicleModel
@@ -202,9 +202,8 @@ def run(
     triggers = [trigger for file in trigger_files for trigger in read_triggers(file, left_out)]
     routes = routes_in_town(map_file, routes, left_out)
     catalogue = catalogue_of(read_vtypes(vtypes), left_out) if vtypes is not None else None
-    found: list[Imported] = []
 
-    def write(folder: Path) -> None:
+    def write(folder: Path) -> Imported:
         net = _put_network(map_file, folder)
         town = _town(net, catalogue, left_out)
         files = _scenario_files(town, place_routes(town, routes, triggers), net.name, catalogue)
@@ -221,10 +220,9 @@ def run(
             town.left_out.update(left_out_of(root, parts))
             town.notes += notes_on(root, parts)
         cases = sum(len(file.cases) for file in files)
-        found.append(Imported((), cases, dict(town.taken), +town.left_out, tuple(town.notes)))
+        return Imported((), cases, dict(town.taken), +town.left_out, tuple(town.notes))
 
-    files = write_together(out, write)
-    return replace(found[0], files=files)
+    return write_together(out, write)
 
 
 def _put_network(map_file: Path, folder: Path) -> Path:

@@ -10,7 +10,7 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.compile.roads.routing import RouteError, onward
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.exchange.maps.ways import through_of
+from foresee_dsl.exchange.carla.ways import through_of
 
 APPROACH_M = 80.0
 """How much road a partner has before the junction, where there is so much (ours: 6 s at 50 km/h)."""
@@ -37,16 +37,12 @@ class OtherVehicle:
 
 
 def other_vehicle(network: RoadNetwork, passage: Passage, family: str, away_m: float) -> OtherVehicle | None:
-    """Return who meets the ego in a junction, or None where nobody's way conflicts with the ego's.
+    """Return the vehicle that meets the ego in a junction, or None where no path conflicts with the ego's.
 
     7: crossing traffic, straight on where there is any. 8: oncoming traffic, straight on. 9: traffic that comes to the
     road that the ego turns into, from the left where there is any.
 
-    Args:
-        network: the town.
-        passage: the ego's.
-        family: `7`, `8` or `9`.
-        away_m: how far from the junction it should start.
+    It should start `away_m` from the junction.
     """
     own = passage.movement
     junction = network.junctions[passage.junction]

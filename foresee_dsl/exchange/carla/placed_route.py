@@ -14,8 +14,8 @@ from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, onward
 from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, Trigger
+from foresee_dsl.exchange.carla.ways import Way, length_to, through_of, way_between
 from foresee_dsl.exchange.maps.bridges import Heights
-from foresee_dsl.exchange.maps.ways import Way, length_to, through_of, way_between
 from foresee_dsl.language import model as m
 
 TRIGGER_NEAR_M, TRIGGER_FAR_M = 2.0, 5.0
@@ -84,12 +84,11 @@ def place_route(
     """Return how a route is written, and where its trigger is.
 
     Args:
-        network: the town. route: of CARLA. triggers: of its family and town. spec: the ego's model.
+        triggers: of its family and town. spec: the ego's model. heights: of the town's lanes.
         in_order: whether the k-th trigger belongs to the k-th route.
-        heights: of the town's lanes.
 
     Raises:
-        RouteError: its places are not on the map, not connected, or the start cannot be ends.
+        RouteError: its places are not on the map, or not connected.
     """
     way = way_between(network, route.start, route.end, route.between, heights)
     edges = _over_goal_lane(network, way, route, spec)
@@ -97,7 +96,8 @@ def place_route(
     placed = ends.placed
     finish = math.floor((ends.goal_s - placed.s) * 100) / 100  # a rounding must not put it behind the end
     drive = _Drive(placed.line, placed.s, placed.s + finish)
-    trigger = _trigger_of(route, triggers, drive, in_order=in_order)
+    own = (t for t in triggers if in_order and t.order == route.order and drive.off(t.pose) <= TRIGGER_FAR_M)
+    trigger = next(own, None) or drive.first(triggers)
     return PlacedRoute(
         route=route,
         way=way,
@@ -203,24 +203,26 @@ def strays(network: RoadNetwork, route: PlacedRoute) -> tuple[float, float, floa
     """
     import numpy as np
 
-    line = route.line
-    inside = [xy for s, xy in zip(line.marks, line.xy, strict=True) if route.s <= s <= route.goal_s]
-    depth = network.off_road_depth(np.array(inside or line.xy[:1]))
+    inside = _driven(route)
+    depth = network.off_road_depth(np.array(inside or route.line.xy[:1]))
     k = int(depth.argmax())
     return (float(depth[k]), *inside[k]) if depth[k] > _STRAY_M else (0.0, 0.0, 0.0)
 
 
 def passes(route: PlacedRoute, spots: Sequence[XY]) -> bool:
     """Say whether the way comes near one of some places."""
-    line = route.line
-    driven = [xy for s, xy in zip(line.marks, line.xy, strict=True) if route.s <= s <= route.goal_s]
+    driven = _driven(route)
     return any(math.dist(spot, xy) < _NEAR_SPOT_M for spot in spots for xy in driven)
+
+
+def _driven(route: PlacedRoute) -> list[XY]:
+    """Return the points of the line between start and goal."""
+    return [xy for s, xy in zip(route.line.marks, route.line.xy, strict=True) if route.s <= s <= route.goal_s]
 
 
 def family_on_way(route: PlacedRoute, triggers: Sequence[Trigger]) -> str:
     """Return the family of the first trigger on a way; empty where there is none."""
-    drive = _Drive(route.line, route.s, route.goal_s)
-    found = _first_on(drive, [(drive.off(trigger.pose), trigger.order, trigger) for trigger in triggers])
+    found = _Drive(route.line, route.s, route.goal_s).first(triggers)
     return found.family if found is not None else ""
 
 
@@ -253,25 +255,6 @@ def _edge(network: RoadNetwork, line: RouteLine, s: float, side: int) -> float:
     return beyond + side * 0.75  # a step beyond the kerb
 
 
-def _trigger_of(route: CarlaRoute, triggers: Sequence[Trigger], drive: _Drive, *, in_order: bool) -> Trigger | None:
-    """The trigger of a route: the one of its place in the file, if it lies on the way; else the first that does."""
-    away = [(drive.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
-    if in_order:
-        own = [one for one in away if one[1] == route.order and one[0] <= TRIGGER_FAR_M]
-        if own:
-            return own[0][2]
-    return _first_on(drive, away)
-
-
-def _first_on(drive: _Drive, away: Sequence[tuple[float, int, Trigger]]) -> Trigger | None:
-    """The first trigger of those that lie on a drive, from how far each is from it and its place in its file."""
-    for within in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
-        near = [one for one in away if one[0] <= within]
-        if near:
-            return min(near, key=lambda one: (round(drive.s_of(one[2].pose), 1), one[0], one[1]))[2]
-    return None
-
-
 @dataclass(frozen=True)
 class _Drive:
     """The part of a line that the ego drives."""
@@ -290,3 +273,11 @@ class _Drive:
         if abs(wrap(heading - pose.heading_rad)) > _SAME_WAY_RAD:
             return math.inf
         return math.hypot(x - pose.x, y - pose.y)
+
+    def first(self, triggers: Sequence[Trigger]) -> Trigger | None:
+        """Return the trigger that it comes to first, of those that lie on it."""
+        away = [(self.off(trigger.pose), trigger.order, trigger) for trigger in triggers]
+        for within_m in (TRIGGER_NEAR_M, TRIGGER_FAR_M):
+            if near := [one for one in away if one[0] <= within_m]:
+                return min(near, key=lambda one: (round(self.s_of(one[2].pose), 1), one[0], one[1]))[2]
+        return None

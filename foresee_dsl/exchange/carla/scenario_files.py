@@ -51,11 +51,7 @@ _MIXED = (
 
 
 def catalogue_of(types: Sequence[Mapping[str, str]], left_out: Counter[str]) -> Catalogue:
-    """Return a catalogue of vehicle types; everything but size and class is the class's default.
-
-    Args:
-        types: attributes of vTypes. left_out: gets those that cannot be taken over, with counts.
-    """
+    """Return a catalogue of vTypes, given by their attributes; everything but size and class is the class's default."""
     models: dict[str, VehicleModel] = {}
     for type_ in types:
         group = _CLASSES.get(type_.get("vClass", "passenger"))

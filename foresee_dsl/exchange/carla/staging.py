@@ -138,8 +138,7 @@ def case_of(
     """Return the case of a route.
 
     Args:
-        network: the town. signals: of the town, by junction. placed: the route.
-        name: the case's. number: the route's in its family; what varies comes from it.
+        signals: of the town, by junction. number: the route's in its family; what varies comes from it.
         staged: whether to stage the family's behaviour, where there is a place for it.
     """
     family = placed.route.family
@@ -235,8 +234,15 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
         found = other_vehicle(network, passage, family, away)
         if found is not None:
             break
-    if passage is None or found is None:
-        return _alone(network, signals, placed, number, passages)
+    if passage is None:
+        return _NOTHING
+    if found is None:  # nobody's way conflicts with the ego's: somebody walks over the road behind the first junction
+        passage = passages[0]
+        return "walker", {
+            "junction": _word(passage.junction),
+            **_green(signals, passage, placed),
+            **_walker(network, placed, passage, number),
+        }
     other = _OTHERS[family]
     return "", {
         "junction": _word(passage.junction),
@@ -248,19 +254,6 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
         f"{other}_speed": f"{speed} km/h",
         "gap": _GAPS[family][number % len(_GAPS[family])],
         **(_walker(network, placed, passage, number) if family in ("8", "9") else {}),
-    }
-
-
-def _alone(
-    network: RoadNetwork, signals: Mapping[str, Signal], placed: PlacedRoute, number: int, passages: Sequence[Passage]
-) -> _Staged:
-    """For junctions where no way conflicts with the ego's: somebody walks over the road behind it."""
-    if not passages:
-        return _NOTHING
-    return "walker", {
-        "junction": _word(passages[0].junction),
-        **_green(signals, passages[0], placed),
-        **_walker(network, placed, passages[0], number),
     }
 
 

@@ -71,11 +71,7 @@ def taken_from(parts: Topology) -> dict[str, int]:
 
 
 def left_out_of(root: Element, parts: Topology) -> Counter[str]:
-    """Return what an OpenDRIVE map holds and the world does not, with counts.
-
-    Args:
-        root: the map. parts: of the net that was made of it.
-    """
+    """Return what an OpenDRIVE map holds and the net that was made of it (`parts`) does not, with counts."""
     found: Counter[str] = Counter()
     for signal in root.iter("signal"):
         if signal.get("type") not in _LIGHTS:
@@ -139,9 +135,6 @@ def opendrive_of(network: Network | Path, net_file: Path) -> bytes:
     """Return an OpenDRIVE map in the net's own coordinates; the same net gives the same bytes.
 
     An imported map is given back as it is.
-
-    Args:
-        network: the test case's. net_file: the net compiled from it.
 
     Raises:
         ExchangeError: netconvert cannot write it, or the imported map cannot be read.

@@ -61,11 +61,10 @@ class Way:
 
 
 def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[m.Scenario, Way]:
-    """Return a scenario that runs on a network, and the way that its ego takes.
+    """Return a scenario that runs on a `.net.xml` or `.xodr`, and the way that its ego takes.
 
     Args:
-        net_file: a `.net.xml` or `.xodr`.
-        name: of the scenario. network: the file as the scenario's file names it. doc: its sentence.
+        name, doc: of the scenario. network: the file as the scenario names it.
 
     Raises:
         CompileError: the file is no network.

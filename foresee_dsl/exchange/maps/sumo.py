@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import tostring  # no parsing: that is safe_xml's
 
@@ -55,17 +54,15 @@ def with_starter(
     """Write a network and the scenario `NAME.foresee` that runs on it, together or not at all.
 
     Args:
-        data: the network file's bytes. file: its name. name: the scenario's. out: the folder.
-        source: what it was made of, for the scenario's sentence.
-        contents: what there is to say of the net that is made of it.
+        data, file: the network file's bytes and name. name: of the scenario.
+        source: what the network was made of, for the scenario's sentence. contents: reports on the net made of it.
 
     Raises:
         ExchangeError: nobody could drive on it, or `out` cannot be written.
         CompileError: it is not complete.
     """
-    found: list[Imported] = []
 
-    def write(folder: Path) -> None:
+    def write(folder: Path) -> Imported:
         (folder / file).write_bytes(data)
         scenario, way = starter(folder / file, name=name, network=file, doc=sentence(f"A first drive on {source}."))
         write_text(folder / f"{name}.foresee", scenario)
@@ -79,10 +76,9 @@ def with_starter(
         )
         drive = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
         flat = bridge_notes(bridges(RoadNetwork.of(parts), Heights.of(net)))
-        found.append(Imported((), 1, taken, +left_out, (drive, *notes, *flat)))
+        return Imported((), 1, taken, +left_out, (drive, *notes, *flat))
 
-    files = write_together(out, write)
-    return replace(found[0], files=files)
+    return write_together(out, write)
 
 
 def counts(parts: Topology) -> dict[str, int]:

@@ -13,21 +13,11 @@ from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.exchange.naming import number, quantity
+from foresee_dsl.exchange.openscenario.reading import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.actions import EntityState, from_the_start, speed_changes
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source
-from foresee_dsl.exchange.openscenario.reading.trajectories import (
-    SpeedProfile,
-    Trajectory,
-    nearest,
-    path_of,
-    read_trajectory,
-    route_through,
-    speed_profile,
-    straight_on,
-    thinned,
-)
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
@@ -76,7 +66,7 @@ class ActorBuilder:
             if not self._near_roads(middle):
                 raise NotExpressed("entities off the road network")
             track = self._trajectory(entity, routing)
-            path = path_of(track) if track is not None else []
+            path = tracks.path_of(track) if track is not None else []
             if self.network.far_from_lanes(path, _NEAR_M) is not None:
                 raise NotExpressed("entities whose trajectories leave the road network")
         except NotExpressed as err:
@@ -95,7 +85,7 @@ class ActorBuilder:
     def _near_roads(self, pose: Pose) -> bool:
         return self.network.far_from_lanes([(pose.x, pose.y)], _NEAR_M) is None
 
-    def _trajectory(self, entity: Entity, routing: Element | None) -> Trajectory | None:
+    def _trajectory(self, entity: Entity, routing: Element | None) -> tracks.Trajectory | None:
         if routing is None or routing.tag != "FollowTrajectoryAction":
             return None
         found = self._referred(routing, "Trajectory")
@@ -104,7 +94,7 @@ class ActorBuilder:
         try:
             if found is None:
                 raise NotExpressed("trajectories: nothing")
-            return read_trajectory(found, self.places, entity.centre_m)
+            return tracks.read_trajectory(found, self.places, entity.centre_m)
         except NotExpressed as err:
             self.left_out[str(err)] += 1
             return None
@@ -118,25 +108,27 @@ class ActorBuilder:
         return found if found is not None and found.tag == tag else None
 
     def _ego(
-        self, state: EntityState, middle: Pose, routing: Element | None, track: Trajectory | None
+        self, state: EntityState, middle: Pose, routing: Element | None, track: tracks.Trajectory | None
     ) -> BuiltActor | None:
         """Return the ego: a route and a goal, and no actions, which are its driver's to decide."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = _ahead(middle, entity.spec.length_m / 2)
         # A trajectory is no goal: a run that ended where the recorded one crashed could not crash there.
-        through = [front, *(thinned(track.poses())[1:] if track is not None else self._waypoints(routing))]
+        through = [front, *(tracks.thinned(track.poses())[1:] if track is not None else self._waypoints(routing))]
         goal = through[-1] if track is None and len(through) > 1 else None
         try:
-            route = route_through(self.network, through, kind)
+            route = tracks.route_through(self.network, through, kind)
         except NotExpressed:
             try:
-                route = route_through(self.network, [front], kind)
+                route = tracks.route_through(self.network, [front], kind)
             except NotExpressed:
                 return None
             self.left_out["ways of the ego that the network does not have"] += 1
             goal = None
-        body: list[m.ActorItem] = [m.EdgeRoute(edges=straight_on(self.network, route, kind) if goal is None else route)]
-        if goal is not None and nearest(self.network, goal, "car") is not None:
+        body: list[m.ActorItem] = [
+            m.EdgeRoute(edges=tracks.straight_on(self.network, route, kind) if goal is None else route)
+        ]
+        if goal is not None and tracks.nearest(self.network, goal, "car") is not None:
             body.append(m.GoalAt(place=_point(goal)))
         return BuiltActor(
             m.Ego(model=entity.model, state=_state(front, state.speed_mps or 0.0, entity), body=tuple(body))
@@ -146,7 +138,7 @@ class ActorBuilder:
         self,
         state: EntityState,
         middle: Pose,
-        track: Trajectory,
+        track: tracks.Trajectory,
         path: list[XY],
         routing: Element | None,
         *,
@@ -154,7 +146,7 @@ class ActorBuilder:
     ) -> BuiltActor:
         self.notes["who follows a trajectory looks out for nobody"] = None
         entity, speed = state.entity, state.speed_mps or 0.0
-        profile = _timed(speed_profile(track), routing)
+        profile = _timed(tracks.speed_profile(track), routing)
         whens: tuple[m.When, ...] = ()
         if profile is not None:
             speed = profile.speed_mps[0]
@@ -170,17 +162,17 @@ class ActorBuilder:
         entity, kind = state.entity, lane_kind(state.entity.spec)
         front = _ahead(middle, entity.spec.length_m / 2)
         try:
-            route = route_through(self.network, [front, *self._waypoints(routing)], kind)
+            route = tracks.route_through(self.network, [front, *self._waypoints(routing)], kind)
         except NotExpressed as err:
             if str(err) == "starts off the lanes":
                 return self._straight(state, middle, _OFF_ROAD_M)
             self.left_out[str(err)] += 1
-            route = route_through(self.network, [front], kind)
+            route = tracks.route_through(self.network, [front], kind)
         self.notes[
             "vehicles on lanes ignore signals and priority, as a default controller does; they follow others"
         ] = None
         speed = state.speed_mps or 0.0
-        body: list[m.ActorItem] = [m.EdgeRoute(edges=straight_on(self.network, route, kind))]
+        body: list[m.ActorItem] = [m.EdgeRoute(edges=tracks.straight_on(self.network, route, kind))]
         if speed > 0:
             body.append(m.CruiseSpeed(speed=quantity(min(speed, entity.spec.max_speed_mps), "speed")))
         body += [m.IgnoresRule(what="signals"), m.IgnoresRule(what="priority")]
@@ -194,7 +186,7 @@ class ActorBuilder:
         body = _walk(entity, points, min(speed, entity.spec.max_speed_mps))
         return BuiltActor(_actor(entity, middle, speed, body))
 
-    def _with_stopping_distance(self, path: list[XY], profile: SpeedProfile | None, entity: Entity) -> list[XY]:
+    def _with_stopping_distance(self, path: list[XY], profile: tracks.SpeedProfile | None, entity: Entity) -> list[XY]:
         """Return a path that goes on straight for as long as stopping takes: actors do not brake for its end."""
         speed = profile.speed_mps[-1] if profile is not None else 0.0
         if speed < _CRAWLS_MPS:
@@ -243,7 +235,7 @@ def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.
     return m.Path(points=points), m.CruiseSpeed(speed=quantity(speed, "speed")), *heedless
 
 
-def _timed(profile: SpeedProfile | None, routing: Element | None) -> SpeedProfile | None:
+def _timed(profile: tracks.SpeedProfile | None, routing: Element | None) -> tracks.SpeedProfile | None:
     """Return a profile with the offset and scale that the action gives its times; None where they do not count."""
     if profile is None or routing is None or routing.find("TimeReference/None") is not None:
         return None
@@ -253,7 +245,9 @@ def _timed(profile: SpeedProfile | None, routing: Element | None) -> SpeedProfil
     scale, offset = number(timing, "scale", 1.0), number(timing, "offset", 0.0)
     if scale <= 0:
         return None
-    return SpeedProfile(tuple(scale * t + offset for t in profile.time_s), tuple(v / scale for v in profile.speed_mps))
+    return tracks.SpeedProfile(
+        tuple(scale * t + offset for t in profile.time_s), tuple(v / scale for v in profile.speed_mps)
+    )
 
 
 def _state(place: Pose, speed: float, entity: Entity) -> m.State:

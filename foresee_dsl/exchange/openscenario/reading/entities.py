@@ -61,11 +61,6 @@ class Participants:
     entities: Mapping[str, Entity]
     catalogue: Catalogue | None
 
-    @property
-    def ego(self) -> Entity:
-        """The vehicle under test."""
-        return next(e for e in self.entities.values() if e.name == "ego")
-
 
 def read_participants(source: Source, left_out: Counter[str], *, name: str, ego: str = "") -> Participants:
     """Read the entities of a scenario.

@@ -55,7 +55,10 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
     network_name = name_of(network_file.name.partition(".")[0], "map") + suffix
     scenario, notes = _scenario(source, participants, network_file, name, left_out, network_name)
 
-    def write(folder: Path) -> None:
+    kinds = Counter(actor.kind for actor in scenario.actors)
+    taken = {f"of the kind {kind}": count for kind, count in sorted(kinds.items())}
+
+    def write(folder: Path) -> Imported:
         shutil.copyfile(network_file, folder / network_name)
         if participants.catalogue is not None:
             write_text(folder / f"{name}_models.foresee", participants.catalogue)
@@ -65,10 +68,9 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
             found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
             raise ExchangeError(f"{file} cannot be played on its network: {found}")
 
-    files = write_together(out, write)
-    kinds = Counter(actor.kind for actor in scenario.actors)
-    taken = {f"of the kind {kind}": count for kind, count in sorted(kinds.items())}
-    return Imported(files=files, cases=1, taken=taken, left_out=+left_out, notes=tuple(notes))
+        return Imported((), 1, taken, +left_out, tuple(notes))
+
+    return write_together(out, write)
 
 
 def _scenario(

@@ -110,11 +110,7 @@ class Source:
 
 
 def read_source(path: Path, *, allow_outside: bool) -> Source:
-    """Read a scenario's file.
-
-    Args:
-        path: the `.xosc` file.
-        allow_outside: whether it may name files anywhere; otherwise in its project folder.
+    """Read a `.xosc` file; with `allow_outside` it may name files anywhere, otherwise in its project folder.
 
     Raises:
         ExchangeError: it is no OpenSCENARIO XML 1.x, or a parameter has no value.
@@ -138,9 +134,8 @@ def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, st
     """Return a copy of an element in which `$parameter` and `${expression}` are replaced by their values.
 
     Args:
-        element: the element. Parameters that it declares hold inside it.
-        values: the parameters of what it stands in.
-        given: values for the parameters that it declares itself.
+        element: parameters that it declares hold inside it.
+        values: the parameters of what it stands in. given: values for the parameters that it declares itself.
 
     Raises:
         ExchangeError: a parameter is not declared, or an expression is none.

@@ -28,7 +28,7 @@ _RULES: Mapping[str, Op] = {
     "equalTo": ">=",  # of what grows: time; others are refused below
 }
 STANDS_MPS = 0.1
-"""Who is slower stands (ours: the resolution of a change of speed that is complete)."""
+"""A slower entity stands (ours: the resolution of a change of speed that is complete)."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,12 @@ class Start:
     after: tuple[str, str] | None = None
 
 
+@dataclass(frozen=True)
 class ConditionReader:
     """Reads triggers; `entities` and `places` say what they name."""
 
-    def __init__(self, entities: Mapping[str, Entity], places: Places) -> None:
-        self._entities, self._places = entities, places
+    entities: Mapping[str, Entity]
+    places: Places
 
     def start(self, trigger: Element | None) -> Start:
         """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
@@ -161,7 +162,7 @@ class ConditionReader:
         position = kind.find("Position")
         if position is None:
             raise NotExpressed(f"conditions: {kind.tag} (without a place)")
-        pose = self._places.pose(position)
+        pose = self.places.pose(position)
         reach = kind.tag == "ReachPositionCondition"
         distance = number(kind, "tolerance" if reach else "value")
         at = m.Point(x=quantity(pose.x, "length"), y=quantity(pose.y, "length"))
@@ -169,9 +170,9 @@ class ConditionReader:
         return near if reach or _rule(kind) in ("<", "<=") else m.Not(condition=near)
 
     def _entity(self, ref: str) -> Entity:
-        if ref not in self._entities:
+        if ref not in self.entities:
             raise NotExpressed("conditions about entities that were left out")
-        return self._entities[ref]
+        return self.entities[ref]
 
 
 def _rule(kind: Element, *, equal: bool = False) -> Op:

@@ -61,11 +61,7 @@ class SpeedProfile:
 
 
 def read_trajectory(trajectory: Element, places: Places, centre_m: float) -> Trajectory:
-    """Return a `<Trajectory>` whose shape is a polyline.
-
-    Args:
-        trajectory: the element. places: evaluates its positions.
-        centre_m: from the reference point forward to the middle of the footprint.
+    """Return a `<Trajectory>` whose shape is a polyline; the footprint's middle is `centre_m` before the reference point.
 
     Raises:
         NotExpressed: it has another shape, or positions that we do not know.

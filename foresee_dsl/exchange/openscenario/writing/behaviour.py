@@ -155,9 +155,6 @@ def groups(bundle: SumoBundle, trace: Trace, left_out: Counter[str]) -> list[Xos
     """Return a maneuver group for each actor that does anything.
 
     A trigger or step that cannot be expressed is timed as it happened in the run; one that did not happen is left out.
-
-    Args:
-        bundle: the test case. trace: its run. left_out: is counted up.
     """
     board = _Board(bundle, trace, left_out)
     for actor in bundle.scene.actors:

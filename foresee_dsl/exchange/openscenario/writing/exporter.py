@@ -98,15 +98,15 @@ def run(
         creation_date=_DATE,
     )
 
-    def write(folder: Path) -> None:
-        (folder / f"{name}.xodr").write_bytes(road)
-        document.write_xml(str(folder / f"{name}.xosc"))
-
-    files = write_together(out, write)
     kinds = Counter(info.kind for info in trace.actors)
     taken = {f"of class {kind}": count for kind, count in sorted(kinds.items())}
-    notes = (f"driven by {driver}: {result.reason}",)
-    return Imported(files=files, cases=1, taken=taken, left_out=+left_out, notes=notes)
+
+    def write(folder: Path) -> Imported:
+        (folder / f"{name}.xodr").write_bytes(road)
+        document.write_xml(str(folder / f"{name}.xosc"))
+        return Imported((), 1, taken, +left_out, (f"driven by {driver}: {result.reason}",))
+
+    return write_together(out, write)
 
 
 def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, int]:
@@ -131,16 +131,10 @@ def _story(groups: list[Xosc]) -> Xosc:
 
 
 def _add_signals(road_network: Xosc, bundle: SumoBundle, road: bytes, until_s: float) -> int:
-    """Add a controller for each signal whose heads the map has.
+    """Add a controller for each signal whose heads the map has; return how many signals have none.
 
     A controller repeats its phases; the first one is what is left of it at the beginning, and so many follow that it
     repeats nothing before the end.
-
-    Args:
-        road_network: gets the controllers. bundle: the test case. road: its map. until_s: when the scenario ends.
-
-    Returns:
-        How many signals have no heads in the map.
     """
     heads = {found.decode() for found in _HEAD.findall(road)}
     beginning = {junction: (stage, elapsed_s) for junction, stage, elapsed_s in bundle.scene.signals}

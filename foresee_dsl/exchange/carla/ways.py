@@ -1,4 +1,4 @@
-"""Finds foreign start and end places on a road network, and the way between them."""
+"""Finds the start and end places of CARLA's routes on a road network, and the way between them."""
 
 from __future__ import annotations
 
@@ -6,50 +6,38 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, shortest_route
 from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.exchange.carla.files import Pose
 from foresee_dsl.exchange.maps.bridges import Heights
 
 NEAR_M = 3.5
 """A place farther from every lane's centre is not on this map. Ours: a lane's width; the farthest of CARLA's places
 lies 2.9 m off, on a map of another year."""
 SAME_WAY_RAD = math.radians(60)
-"""Whose lane a place is by its direction: with 60 degrees all 612 routes of Town01 to 10 find theirs (measured)."""
+"""Largest difference between the directions of a place and of its lane: with 60 degrees all 612 routes of Town01 to 10
+are found (measured)."""
 ALIKE_M, NEARLY_M = 0.1, 1.0
-"""Lanes that lie this near to each other may both be meant (ours); the shorter way decides. Those up to a metre farther
-are meant where the others lead there only by a long way round: lanes of a junction lie over each other."""
+"""A place may be on any lane that is this much farther away than the nearest (ours); the shorter way decides. Lanes up
+to a metre farther count where the others lead there only by a long detour: lanes of a junction lie over each other."""
 TURNED_M = 20.0
-"""So many metres of way is a radian worth that a lane's direction is another (ours: roads that cross at 30 degrees)."""
+"""Cost of a difference in direction, in metres of route length per radian (ours: roads that cross at 30 degrees)."""
 _SLACK_M = 2.0
-"""A place on the way that lies so little behind the last one is reached (ours: lanes of a road differ by that)."""
+"""A place on the way counts as reached if it is at most this far behind the last one (ours: lanes of a road differ by
+that)."""
 STOREY_M = 3.0
 """Ours: less than the clearance of any bridge, and more than routes' places lie above the road (up to 2 m)."""
 INSIDE_M = 5.0
-"""Where a road ends the lanes of its junction begin: of both the road is meant, unless it takes so much more (ours)."""
+"""Cost of a place on a lane inside a junction, in metres of route length (ours): where a road ends and its junction
+begins, the road is meant."""
 DETOUR = 200.0
-"""So many metres of way is a metre worth that a lane is farther off. Ours: seven routes of Town03 start or end 0.1 m to
-0.4 m nearer to a lane that takes 350 m or more to come to; with 200 these seven change, and none of the others of
-CARLA's four towns (measured)."""
-
-
-class Placed(Protocol):
-    """A place with a direction; NaN for any direction."""
-
-    @property
-    def x(self) -> float: ...  # noqa: D102 - m
-
-    @property
-    def y(self) -> float: ...  # noqa: D102 - m
-
-    @property
-    def heading_rad(self) -> float: ...  # noqa: D102 - counter-clockwise from east
-    @property
-    def z(self) -> float | None: ...  # noqa: D102 - m, None where it is not known
+"""Cost of lateral distance to a lane, in metres of route length per metre. Ours: seven routes of Town03 start or end
+0.1 m to 0.4 m nearer to a lane that takes a detour of 350 m or more; with 200 these seven change, and none of the
+others of CARLA's four towns (measured)."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +68,12 @@ class Way:
 
 
 def lanes_at(
-    network: RoadNetwork, place: Placed, within_m: float = NEAR_M, heights: Heights | None = None
+    network: RoadNetwork, place: Pose, within_m: float = NEAR_M, heights: Heights | None = None
 ) -> list[OnLane]:
     """Return the car lanes that a place may be on, the nearest first; those up to a metre farther come along.
 
     Args:
-        network: the roads.
         place: lanes whose direction differs by more than 60 degrees from its own are left out.
-        within_m: no farther away than this.
         heights: of the lanes; of a road and one that goes over it the one of the place's height is meant.
     """
     found: list[OnLane] = []
@@ -100,7 +86,7 @@ def lanes_at(
         at = min(max(s, 0.0), lane.line.length_m)
         x, y, heading = lane.line.at(at)
         off = math.hypot(x - place.x, y - place.y)
-        turned = 0.0 if math.isnan(place.heading_rad) else abs(wrap(heading - place.heading_rad))
+        turned = _turned(heading, place)
         if off <= within_m and turned <= SAME_WAY_RAD:
             found += [OnLane(lane, at, off, turned, pair) for pair in edges]
     if place.z is not None and heights is not None and found:
@@ -111,15 +97,9 @@ def lanes_at(
 
 
 def way_between(
-    network: RoadNetwork, start: Placed, end: Placed, between: Sequence[Placed] = (), heights: Heights | None = None
+    network: RoadNetwork, start: Pose, end: Pose, between: Sequence[Pose] = (), heights: Heights | None = None
 ) -> Way:
-    """Return the shortest way between two places, over others in their order.
-
-    Args:
-        network: the roads.
-        start: the first place. end: the last one.
-        between: on the way; those that are on no lane are left out.
-        heights: see `lanes_at`.
+    """Return the shortest way between two places, over others in their order, of which those on no lane are left out.
 
     Raises:
         RouteError: the start or the end is on no lane, there is no way, or it goes over a road twice.
@@ -135,25 +115,20 @@ def way_between(
         ways = [way for one in starts for other in ends if (way := _joined(network, one, other)) is not None]
     if not ways:
         raise RouteError(f"there is no way from {starts[0].edges[0]} to {ends[0].edges[-1]}")
-    best_m = starts[0].off_m + ALIKE_M, ends[0].off_m + ALIKE_M
-    way = min(ways, key=lambda way: (_way_cost_m(way, *best_m), way.edges))
+    start_m, end_m = starts[0].off_m + ALIKE_M, ends[0].off_m + ALIKE_M
+
+    def cost_m(way: Way) -> float:
+        return round(way.length_m + _cost_m(way.start, start_m) + _cost_m(way.end, end_m), 3)
+
+    way = min(ways, key=lambda way: (cost_m(way), way.edges))
     twice = next((edge for k, edge in enumerate(way.edges) if edge in way.edges[:k]), None)
     if twice is not None:
         raise RouteError(f"it goes over {twice} twice, which cannot be said by lengths along a route")
     return way
 
 
-def _way_cost_m(way: Way, start_m: float, end_m: float) -> float:
-    """How long a way is, with what it costs that lanes are farther off than the nearest ones."""
-    return round(way.length_m + _cost_m(way.start, start_m) + _cost_m(way.end, end_m), 3)
-
-
 def _cost_m(one: OnLane, best_m: float) -> float:
-    """How much longer a way may be that does without a place's being on a lane.
-
-    Args:
-        one: the lane. best_m: how far off the nearest one is, and those that are as good.
-    """
+    """Return what it costs that a place is on this lane, in metres of route; within `best_m` lanes are equally good."""
     beyond = max(one.off_m - best_m, 0.0)
     return 10 * one.off_m + DETOUR * beyond + INSIDE_M * one.lane.internal + TURNED_M * one.turned_rad
 
@@ -169,7 +144,7 @@ def through_of(network: RoadNetwork, edges: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(kept)
 
 
-def length_to(line: RouteLine, place: Placed, least_m: float) -> float:
+def length_to(line: RouteLine, place: Pose, least_m: float) -> float:
     """Return the length along a line of the point nearest to a place, at or behind `least_m`."""
     # a route may pass a place's surroundings twice; headings tell the passes apart
     best = min(
@@ -180,7 +155,8 @@ def length_to(line: RouteLine, place: Placed, least_m: float) -> float:
     return max(line.project(place.x, place.y, best[1])[0], least_m)
 
 
-def _turned(angle: float, place: Placed) -> float:
+def _turned(angle: float, place: Pose) -> float:
+    """Return how much a direction is another than a place's, rad; 0 for a place without one."""
     return 0.0 if math.isnan(place.heading_rad) else abs(wrap(angle - place.heading_rad))
 
 
@@ -281,6 +257,6 @@ def _around(network: RoadNetwork) -> dict[str, tuple[tuple[str, str], ...]]:
     return {lane: tuple(pairs) for lane, pairs in found.items()}
 
 
-def _may_be_near(lane: Lane, place: Placed, within_m: float) -> bool:
+def _may_be_near(lane: Lane, place: Pose, within_m: float) -> bool:
     xs, ys = [x for x, _ in lane.shape], [y for _, y in lane.shape]
     return min(xs) - within_m <= place.x <= max(xs) + within_m and min(ys) - within_m <= place.y <= max(ys) + within_m
