@@ -61,7 +61,7 @@ class SpeedProfile:
 
 
 def read_trajectory(trajectory: Element, places: Places, centre_m: float) -> Trajectory:
-    """Return a `<Trajectory>` whose shape is a polyline; the footprint's middle is `centre_m` before the reference point.
+    """Return a `<Trajectory>` that is a polyline; the footprint's middle lies `centre_m` ahead of its reference point.
 
     Raises:
         NotExpressed: it has another shape, or positions that we do not know.
