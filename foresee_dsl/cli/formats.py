@@ -207,7 +207,7 @@ def to_openscenario(
         ),
     ] = False,
     driver: Annotated[
-        str, typer.Option("--driver", help="Who drives; by default whom a mutant records, else pdm.")
+        str, typer.Option("--driver", help="The driver; by default the one that a mutant records, else pdm.")
     ] = "",
     seed: Annotated[
         int | None, typer.Option("--seed", min=0, max=2**31 - 1, help="By default what a mutant records, else 0.")

@@ -25,7 +25,7 @@ def test_a_map_becomes_a_network_and_a_scenario_that_runs(tmp_path: Path) -> Non
     assert [file.name for file in done.files] == ["hill_road.foresee", "hill_road.xodr"]
     assert (done.taken["edges"], done.taken["lanes for cars"], done.taken["sidewalks"]) == (2, 2, 2)
     assert done.left_out == {
-        "signs (who goes first is worked out from the roads)": 1,
+        "signs (right of way is computed from the roads)": 1,
         "objects": 1,
         "lanes of type shoulder": 1,
     }

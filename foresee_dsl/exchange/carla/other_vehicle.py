@@ -23,7 +23,7 @@ _MOST_EDGES = 12
 
 @dataclass(frozen=True)
 class OtherVehicle:
-    """Somebody who comes to the same junction.
+    """A vehicle that comes to the same junction.
 
     Attributes:
         named: the two edges to write; the shortest way between them is its route.

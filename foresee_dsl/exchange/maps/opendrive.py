@@ -75,7 +75,7 @@ def left_out_of(root: Element, parts: Topology) -> Counter[str]:
     found: Counter[str] = Counter()
     for signal in root.iter("signal"):
         if signal.get("type") not in _LIGHTS:
-            found["signs (who goes first is worked out from the roads)"] += 1
+            found["signs (right of way is computed from the roads)"] += 1
     for thing in root.iter("object"):
         crosswalk = thing.get("type") == "crosswalk"
         found[_NO_CROSSING] += crosswalk

@@ -144,7 +144,7 @@ class ActorBuilder:
         *,
         at_start: bool,
     ) -> BuiltActor:
-        self.notes["who follows a trajectory looks out for nobody"] = None
+        self.notes["actors that follow a trajectory react to nobody"] = None
         entity, speed = state.entity, state.speed_mps or 0.0
         profile = _timed(tracks.speed_profile(track), routing)
         whens: tuple[m.When, ...] = ()

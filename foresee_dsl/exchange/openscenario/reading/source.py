@@ -179,7 +179,7 @@ def _calculated(expression: str) -> str:
             raise ValueError("it is too long")
         value = _number(ast.parse(expression.strip(), mode="eval").body)
     except (SyntaxError, ValueError, ArithmeticError, TypeError, RecursionError, MemoryError) as err:
-        raise ExchangeError(f"the expression '{expression[:80]}' cannot be worked out: {err}") from err
+        raise ExchangeError(f"the expression '{expression[:80]}' cannot be computed: {err}") from err
     return repr(value)
 
 

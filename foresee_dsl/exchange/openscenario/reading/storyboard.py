@@ -241,7 +241,7 @@ def _maneuvers(source: Source, left_out: Counter[str]) -> Iterator[tuple[Element
         for group in act.iterfind("ManeuverGroup"):
             actors = group.find("Actors")
             if actors is not None and actors.get("selectTriggeringEntities") == "true":
-                left_out["maneuvers of whoever triggers them"] += 1
+                left_out["maneuvers of the entities that trigger them"] += 1
             for maneuver in group.iterfind("Maneuver"):
                 yield group, act, maneuver
             for reference in group.iterfind("CatalogReference"):
