@@ -167,7 +167,6 @@ def test_a_check_is_linear_in_the_length_and_formatting_no_dearer_than_four_pars
         return min(spent)
 
     short, long = scenario(500), scenario(4000)
-    for text in (short, long):
-        assert cost(lambda text=text: parse(text, "x")) >= 0  # the lexer's tables are made at the first use
+    parse(short, "x")  # the lexer's tables are made at the first use
     assert cost(lambda: parse(long, "x")) / cost(lambda: parse(short, "x")) < 8 * 1.8
     assert cost(lambda: format_text(short, "x")) / cost(lambda: parse(short, "x")) < 5

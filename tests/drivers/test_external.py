@@ -380,7 +380,6 @@ def test_a_driver_that_is_dropped_takes_its_program_along(program: Write) -> Non
 PARENT = """
 import sys, time
 from foresee_dsl.drivers.registry import load_driver
-sys.path.insert(0, {tests!r})
 from tests.support.driving import SEDAN, line, mission
 driver = load_driver({address!r})
 driver.reset(mission(line((60, float("inf")))), SEDAN, 0)
@@ -399,9 +398,11 @@ print(driver._program.pid, flush=True)
     ],
 )
 def test_the_program_ends_with_its_parent(program: Write, then: str, how: int | None) -> None:
-    text = PARENT.format(tests=str(ROOT), address=program(CHILDREN), then=then)
+    text = PARENT.format(address=program(CHILDREN), then=then)
     pipe = subprocess.PIPE
-    parent = subprocess.Popen([sys.executable, "-c", text], stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
+    parent = subprocess.Popen(
+        [sys.executable, "-c", text], cwd=ROOT, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
+    )
     try:
         assert parent.stdout is not None and parent.stdin is not None
         group = group_of(int(parent.stdout.readline()))

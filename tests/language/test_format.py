@@ -1,6 +1,6 @@
 """Golden layouts: `tests/cases/language/fmt/NAME.foresee` has an input, a line `# output`, and what `fmt` makes of it.
 
-`FORESEE_REWRITE=1` writes the outputs anew; and the command `fmt` on real files.
+`pytest --rewrite-goldens` writes the outputs again. Also: the command `fmt` on real files.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.language.parser import format_text, parse
+from tests.support.goldens import Golden
 from tests.support.layouts import moved
 
 ROOT = Path(__file__).parents[2]
@@ -29,13 +30,10 @@ def test_there_are_enough_goldens():
 
 
 @pytest.mark.parametrize("file", GOLDENS, ids=lambda file: file.stem)
-def test_golden(file: Path):
-    given, _, expected = file.read_text(encoding="utf-8").partition(MARK)
+def test_golden(file: Path, golden: Golden):
+    given, _, _ = file.read_text(encoding="utf-8").partition(MARK)
     result = format_text(given, file.name)
-    if os.environ.get("FORESEE_REWRITE"):
-        file.write_text(f"{given}{MARK}{result}", encoding="utf-8", newline="\n")
-        expected = result
-    assert result == expected
+    golden(f"{given}{MARK}{result}", file)
     assert format_text(result, file.name) == result
     assert parse(result, file.name).model == parse(given, file.name).model
 

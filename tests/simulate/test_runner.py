@@ -162,11 +162,10 @@ def test_the_layout_of_a_trace(town: Town) -> None:
 
 _AGAIN = """
 import sys
-sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 from foresee_dsl.simulate.runner import run
 from tests.support.scenes import LaneKeeper, Town
-town = Town(Path(sys.argv[2]), Path(sys.argv[3]))
+town = Town(Path(sys.argv[1]), Path(sys.argv[2]))
 bundle = town.bundle([town.ego(("n01_n11", "n11_n21", "n21_n31"), 30.0), *town.traffic(11, 12)])
 print(run(bundle, LaneKeeper(5.0), seed=3).trace.digest)
 """
@@ -175,6 +174,7 @@ print(run(bundle, LaneKeeper(5.0), seed=3).trace.digest)
 def test_the_same_in_another_process(town: Town, tmp_path: Path) -> None:
     bundle = town.bundle([town.ego(EAST, 30.0), *town.traffic(11, 12)])
     here = {run(bundle, LaneKeeper(5.0), seed=3).trace.digest for _ in range(2)}
-    command = [sys.executable, "-c", _AGAIN, str(Path(__file__).parents[2]), str(town.net), str(town.types)]
-    there = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    command = [sys.executable, "-c", _AGAIN, str(town.net), str(town.types)]
+    checkout = Path(__file__).parents[2]  # `tests` is imported from there
+    there = subprocess.run(command, check=True, capture_output=True, text=True, cwd=checkout).stdout
     assert here == {there.strip()}  # and nothing but the digest was printed
