@@ -121,16 +121,12 @@ def _cruise(model: VehicleModel) -> float | None:
 
 def _check(spec: ModelSpec) -> None:
     wheels = spec.kind not in ("pedestrian", "obstacle")
-    moving = (
-        *("length_m", "width_m", "height_m"),
-        *(("max_speed_mps",) if spec.kind != "obstacle" else ()),
-        *(
-            ("wheelbase_m", "mass_kg", "acceleration_mps2", "braking_mps2", "max_steer_rad", "steer_rate_rad_s")
-            if wheels
-            else ()
-        ),
-    )
-    for name in moving:
+    positive = ["length_m", "width_m", "height_m"]
+    if spec.kind != "obstacle":
+        positive.append("max_speed_mps")
+    if wheels:
+        positive += ["wheelbase_m", "mass_kg", "acceleration_mps2", "braking_mps2", "max_steer_rad", "steer_rate_rad_s"]
+    for name in positive:
         if getattr(spec, name) <= 0:
             raise CompileError(f"model {spec.name}: its {name.rpartition('_')[0]} must be above zero")
     if wheels and spec.front_overhang_m + spec.wheelbase_m > spec.length_m:

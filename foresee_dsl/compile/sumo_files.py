@@ -14,7 +14,7 @@ from foresee_dsl.compile.bundle import ActorKind, ModelSpec, PlacedActor, Signal
 from foresee_dsl.compile.nets.net_reader import points_of
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import write_programs
-from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.templates import number, render, rendered
 
 GHOST = "ghost"

@@ -6,7 +6,7 @@ import pytest
 from shapely import Polygon
 
 from foresee_dsl.compile.nets.network_builder import build_network
-from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building

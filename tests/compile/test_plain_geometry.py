@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.compile.nets.cache import read_net_once
-from foresee_dsl.compile.placement.actor_checks import common_area
+from foresee_dsl.compile.placement.checks import common_area
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
 from tests.support.small_worlds import PLAIN, net_of

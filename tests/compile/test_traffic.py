@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.roads.network import RoadNetwork
 from tests.support.built_networks import four_arms
 from tests.support.small_worlds import EGO, PLAIN, net_of, scene_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,9 +21,6 @@ _SPIRAL_STEP_M = 0.25
 
 _LARGEST = 1e12
 """Largest number that is taken from a map (ours: far beyond any coordinate, and its cube is still finite)."""
-
-Cubic = tuple[float, float, float, float, float]
-"""`s` from which it holds, then a, b, c, d of a + b ds + c ds^2 + d ds^3."""
 
 
 @dataclass(frozen=True)
@@ -67,26 +64,28 @@ class RoadMap:
         length = number(element, "length", math.inf)
         if not geometries or not -1e-3 <= s <= length + 0.1:
             raise CompileError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
-        starts = [number(g, "s") for g in geometries]
-        geometry = geometries[max(bisect.bisect_right(starts, s) - 1, 0)]
+        geometry = _last_before(geometries, s)
         return _along(geometry, s - number(geometry, "s")).beside(t)
 
     def lane(self, road: str, lane: int, s: float, offset: float = 0.0) -> Pose:
-        """Return the pose in the middle of a lane (or `offset` beside it, left positive), in the road's direction.
+        """Return the pose in the middle of a lane, or `offset` m to its left, in the road's direction.
 
         Raises:
             CompileError: no such road or lane.
         """
         element = self._road(road)
         side = 1 if lane > 0 else -1
-        t = _cubic_at(_cubics(element.iterfind("lanes/laneOffset"), "s"), s)
-        section = self._section(element, s)
+        t = _cubic_at(element.iterfind("lanes/laneOffset"), "s", s)
+        sections = element.findall("lanes/laneSection")
+        if not sections:
+            raise CompileError(f"the map's road {road} has no lanes")
+        section = _last_before(sections, s, 0.0)
         ds = s - number(section, "s", 0.0)
         lanes = {int(number(e, "id")): e for e in section.iterfind(f"{'left' if lane > 0 else 'right'}/lane")}
         for k in range(side, lane + side, side):
             if k not in lanes:
                 raise CompileError(f"the map's road {road} has no lane {lane} at {s:g} m")
-            width = _cubic_at(_cubics(lanes[k].iterfind("width"), "sOffset"), ds)
+            width = _cubic_at(lanes[k].iterfind("width"), "sOffset", ds)
             t += side * (width / 2 if k == lane else width)
         return self.at(road, s, t + offset)
 
@@ -95,13 +94,11 @@ class RoadMap:
             raise CompileError(f"the map has no road {road}")
         return self._roads[road]
 
-    @staticmethod
-    def _section(road: Element, s: float) -> Element:
-        sections = road.findall("lanes/laneSection")
-        if not sections:
-            raise CompileError(f"the map's road {road.get('id')} has no lanes")
-        starts = [number(e, "s", 0.0) for e in sections]
-        return sections[max(bisect.bisect_right(starts, s) - 1, 0)]
+
+def _last_before(elements: Sequence[Element], s: float, default: float | None = None) -> Element:
+    """Return the last of some elements that begins at a length along the road, or before it."""
+    starts = [number(element, "s", default) for element in elements]
+    return elements[max(bisect.bisect_right(starts, s) - 1, 0)]
 
 
 def _along(geometry: Element, ds: float) -> Pose:
@@ -111,14 +108,17 @@ def _along(geometry: Element, ds: float) -> Pose:
     if shape is None or shape.tag == "line":
         u, v, turned = ds, 0.0, 0.0
     elif shape.tag == "arc":
-        u, v, turned = _arc(number(shape, "curvature"), ds)
+        curvature = number(shape, "curvature")
+        u, v, turned = ds, 0.0, 0.0
+        if abs(curvature) >= 1e-12:
+            turned = curvature * ds
+            u, v = math.sin(turned) / curvature, (1 - math.cos(turned)) / curvature
     elif shape.tag == "spiral":
         length = max(number(geometry, "length"), 1e-9)
         start, end = number(shape, "curvStart"), number(shape, "curvEnd")
         u, v, turned = _spiral(start, (end - start) / length, ds)
     elif shape.tag == "poly3":
-        cubic = tuple(number(shape, name) for name in "abcd")
-        u, v, turned = _explicit(cubic, ds)
+        u, v, turned = _explicit([number(shape, name) for name in "abcd"], ds)
     elif shape.tag == "paramPoly3":
         whole = shape.get("pRange", "arcLength") != "normalized"
         p = ds if whole else ds / max(number(geometry, "length"), 1e-9)
@@ -131,42 +131,33 @@ def _along(geometry: Element, ds: float) -> Pose:
     return Pose(x + u * cosine - v * sine, y + u * sine + v * cosine, heading + turned)
 
 
-def _arc(curvature: float, ds: float) -> tuple[float, float, float]:
-    turned = curvature * ds
-    if abs(curvature) < 1e-12:
-        return ds, 0.0, 0.0
-    return math.sin(turned) / curvature, (1 - math.cos(turned)) / curvature, turned
-
-
 def _spiral(curvature: float, change: float, ds: float) -> tuple[float, float, float]:
-    """Integrate a clothoid by Simpson's rule."""
+    """Return the point and the turn a length along a clothoid."""
+
+    def turned(s: float) -> float:
+        return curvature * s + change * s * s / 2
+
     steps = 2 * max(math.ceil(abs(ds) / _SPIRAL_STEP_M), 1)
-    h = ds / steps
-    u = v = 0.0
-    for k in range(steps + 1):
-        s = k * h
-        weight = 1 if k in (0, steps) else 4 if k % 2 else 2
-        turned = curvature * s + change * s * s / 2
-        u, v = u + weight * math.cos(turned), v + weight * math.sin(turned)
-    return u * h / 3, v * h / 3, curvature * ds + change * ds * ds / 2
+    u = _integral(lambda s: math.cos(turned(s)), ds, steps)
+    v = _integral(lambda s: math.sin(turned(s)), ds, steps)
+    return u, v, turned(ds)
 
 
 def _explicit(cubic: Sequence[float], ds: float) -> tuple[float, float, float]:
     """Return the point a length along v = cubic(u): u is found by Newton's method."""
     u = ds
     for _ in range(20):
-        length = _length(cubic, u)
+        length = _integral(lambda u: math.hypot(1, _slope(cubic, u)), u, 20)
         u -= (length - ds) / math.hypot(1.0, _slope(cubic, u))
         if abs(length - ds) < 1e-9:
             break
     return u, _poly(cubic, u), math.atan(_slope(cubic, u))
 
 
-def _length(cubic: Sequence[float], u: float) -> float:
-    steps = 20
-    h = u / steps
-    total = sum((1 if k in (0, steps) else 4 if k % 2 else 2) * math.hypot(1, _slope(cubic, k * h)) for k in range(21))
-    return total * h / 3
+def _integral(of: Callable[[float], float], until: float, steps: int) -> float:
+    """Integrate from 0 by Simpson's rule."""
+    h = until / steps
+    return sum((1 if k in (0, steps) else 4 if k % 2 else 2) * of(k * h) for k in range(steps + 1)) * h / 3
 
 
 def _poly(cubic: Sequence[float], p: float) -> float:
@@ -179,19 +170,14 @@ def _slope(cubic: Sequence[float], p: float) -> float:
     return b + p * (2 * c + 3 * d * p)
 
 
-def _cubics(elements: Iterable[Element], start: str) -> list[Cubic]:
-    found = []
-    for e in elements:
-        a, b, c, d = (number(e, name, 0.0) for name in "abcd")
-        found.append((number(e, start, 0.0), a, b, c, d))
-    return found
-
-
-def _cubic_at(cubics: Sequence[Cubic], s: float) -> float:
+def _cubic_at(elements: Iterable[Element], start: str, s: float) -> float:
+    """Return a + b ds + c ds^2 + d ds^3 of the last element that begins (attribute `start`) by `s`; 0 for none."""
     found = 0.0
-    for start, a, b, c, d in cubics:
-        if start <= s + 1e-9:
-            found = _poly((a, b, c, d), s - start)
+    for element in elements:
+        begins = number(element, start, 0.0)
+        cubic = [number(element, name, 0.0) for name in "abcd"]
+        if begins <= s + 1e-9:
+            found = _poly(cubic, s - begins)
     return found
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.catalogue import cruise_speed
-from foresee_dsl.compile.placement.actor_checks import footprint
+from foresee_dsl.compile.placement.checks import footprint
 from foresee_dsl.compile.placement.places import si
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
@@ -51,36 +52,14 @@ SLACK_M = 0.15
 WALKS_TRIED = 20
 """Candidate places that are tried for a pedestrian (ours: each costs a random walk)."""
 
-_Place = TypeVar("_Place")
 
-
-@dataclass(frozen=True)
-class _Slot:
+class _Slot(NamedTuple):
     """The part of a lane that a vehicle covers: from its rear to its front, m along the lane."""
 
     rear: float
     front: float
     speed_mps: float
     braking_mps2: float
-
-
-class _Around(Generic[_Place]):
-    """Draws actors of one kind near the ego's line; knows the footprints that are taken, and the candidate places."""
-
-    def __init__(self, network: RoadNetwork, line: RouteLine, within_m: float, placed: Sequence[PlacedActor]) -> None:
-        self._network = network
-        self._near = shapely.LineString(line.points).buffer(within_m)
-        shapely.prepare(self._near)
-        self._boxes = [shapely.Polygon(footprint(actor)) for actor in placed]
-        self._candidates: dict[LaneKind | None, list[_Place]] = {}
-
-    def _free(self, actor: PlacedActor, gap_m: float) -> bool:
-        """Reserve an actor's footprint if it keeps a distance to all others; say whether it does."""
-        box = shapely.Polygon(footprint(actor))
-        free = all(box.distance(other) >= gap_m for other in self._boxes)
-        if free:
-            self._boxes.append(box)
-        return free
 
 
 def background(
@@ -110,46 +89,56 @@ def background(
     wanted = int(si(traffic.count))
     mix = [specs[str(name)] for name in traffic.models if str(name) in specs]
     drawn = [mix[int(rng.integers(len(mix)))] for _ in range(wanted)] if mix else []
-    where = (network, ego.line, si(traffic.within), placed)
-    vehicles, pedestrians, parked = _Vehicles(*where), _Pedestrians(*where), _Parked(*where)
+    around = _Around(network, ego.line, si(traffic.within), placed, end_s, rng)
     found: list[PlacedActor] = []
     for spec in drawn:
-        name = f"{traffic.name}_{len(found) + 1:02d}"
-        if spec.kind == "obstacle":
-            one = parked.draw(name, spec, rng)
-        elif spec.kind == "pedestrian":
-            one = pedestrians.draw(name, spec, end_s, rng)
-        else:
-            one = vehicles.draw(name, spec, end_s, rng)
-        if one is not None:
+        draw = {"obstacle": around.parked, "pedestrian": around.pedestrian}.get(spec.kind, around.vehicle)
+        if (one := draw(f"{traffic.name}_{len(found) + 1:02d}", spec)) is not None:
             found.append(one)
     missing = wanted - len(found)
     note = f"{traffic.name}: {missing} of {wanted} actors found no room and were left out" if missing else ""
-    return vehicles.with_safe_speeds(found), note
+    return around.with_safe_speeds(found), note
 
 
-class _Vehicles(_Around[tuple[Lane, float]]):
-    """Draws vehicles on lanes; a place is a lane and the length along it where the front is."""
+class _Around:
+    """Draws actors near the ego's line; knows the footprints that are taken.
 
-    def __init__(self, network: RoadNetwork, line: RouteLine, within_m: float, placed: Sequence[PlacedActor]) -> None:
-        super().__init__(network, line, within_m, placed)
+    Vehicles, pedestrians and parked vehicles keep their distance from the placed actors and from those of their own
+    sort.
+    """
+
+    def __init__(
+        self,
+        network: RoadNetwork,
+        line: RouteLine,
+        within_m: float,
+        placed: Sequence[PlacedActor],
+        end_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._network, self._end_s, self._rng = network, end_s, rng
+        self._near = shapely.LineString(line.points).buffer(within_m)
+        shapely.prepare(self._near)
+        taken = [shapely.Polygon(footprint(actor)) for actor in placed]
+        self._taken = {control: list(taken) for control in ("sumo", "path", "static")}
+        self._lane_places: dict[LaneKind, list[tuple[Lane, float]]] = {}
         self._slots: dict[str, list[_Slot]] = {}
         for actor in placed:
             if actor.lane and actor.control in ("ego", "sumo"):
                 self._occupy(actor)
 
-    def draw(self, name: str, spec: ModelSpec, end_s: float, rng: np.random.Generator) -> PlacedActor | None:
-        """Place one vehicle, or None where there is no room for it."""
+    def vehicle(self, name: str, spec: ModelSpec) -> PlacedActor | None:
+        """Place one vehicle on a lane, or None where there is no room for it."""
         kind = lane_kind(spec)
         places = self._places(kind)
-        pace = float(rng.uniform(*PACE))
-        for k in rng.permutation(len(places)):
+        pace = float(self._rng.uniform(*PACE))
+        for k in self._rng.permutation(len(places)):
             lane, front = places[int(k)]
             if not self._fits(lane, front, spec):
                 continue
             limit = lane.speed_mps if spec.cruise_mps is None else min(lane.speed_mps, spec.cruise_mps)
             cruise = min(limit * pace, spec.max_speed_mps)
-            route = self._route(lane, cruise * end_s - (lane.line.length_m - front), kind, rng)
+            route = self._route(lane, cruise * self._end_s - (lane.line.length_m - front), kind)
             x, y, heading = lane.line.at(front)
             actor = PlacedActor(
                 id=name,
@@ -164,9 +153,46 @@ class _Vehicles(_Around[tuple[Lane, float]]):
                 line=self._network.line(route, start_lane=lane.id, after_m=round(front, 3), kind=kind),
                 cruise_mps=cruise,
             )
-            if self._free(actor, PEDESTRIAN_GAP_M):
+            if self._has_room(actor, PEDESTRIAN_GAP_M):
                 self._occupy(actor)
                 return actor
+        return None
+
+    def pedestrian(self, name: str, spec: ModelSpec) -> PlacedActor | None:
+        """Place one pedestrian on a sidewalk, or None where there is no room."""
+        for k in self._rng.permutation(len(self._sidewalk_places))[:WALKS_TRIED]:
+            cruise = cruise_speed(spec, spec.max_speed_mps) * float(self._rng.uniform(*PACE))
+            walk = walkways(self._network).walk(self._sidewalk_places[int(k)], cruise * self._end_s, self._rng)
+            if walk is None:
+                return None
+            x, y, heading = Polyline.of(walk.points).at(0.0)
+            actor = PlacedActor(
+                id=name,
+                model=spec,
+                control="path",
+                x=x,
+                y=y,
+                heading_rad=heading,
+                speed_mps=cruise,
+                path=walk.points,
+                cruise_mps=cruise,
+                walk_stops=walk.stops,
+            )
+            if self._has_room(actor, PEDESTRIAN_GAP_M):
+                return actor
+        return None
+
+    def parked(self, name: str, spec: ModelSpec) -> PlacedActor | None:
+        """Park a vehicle, which is an obstacle, on a strip, or None where there is no room for it."""
+        for k in self._rng.permutation(len(self._parking_places)):
+            lane, at = self._parking_places[int(k)]
+            reach = spec.length_m / 2
+            if not CORNER_M + reach <= at <= lane.line.length_m - CORNER_M - reach:
+                continue
+            x, y, heading = lane.line.at(at, float(self._rng.uniform(-SLACK_M, SLACK_M)))
+            parked = PlacedActor(id=name, model=spec, control="static", x=x, y=y, heading_rad=heading, speed_mps=0.0)
+            if self._has_room(parked, PARKED_GAP_M):
+                return parked
         return None
 
     def with_safe_speeds(self, actors: Sequence[PlacedActor]) -> list[PlacedActor]:
@@ -180,6 +206,14 @@ class _Vehicles(_Around[tuple[Lane, float]]):
         gap_m = max(min([*ahead, line.length_m]) - front - 1.0, 0.0)
         lost = braking * REACTION_S
         return replace(actor, speed_mps=min(actor.speed_mps, math.sqrt(lost * lost + 2 * braking * gap_m) - lost))
+
+    def _has_room(self, actor: PlacedActor, gap_m: float) -> bool:
+        """Reserve an actor's footprint if it keeps a distance from all others; say whether it does."""
+        taken, box = self._taken[actor.control], shapely.Polygon(footprint(actor))
+        free = all(box.distance(other) >= gap_m for other in taken)
+        if free:
+            taken.append(box)
+        return free
 
     def _occupy(self, actor: PlacedActor) -> None:
         front = self._network.lanes[actor.lane].line.project(actor.x, actor.y)[0]
@@ -198,15 +232,16 @@ class _Vehicles(_Around[tuple[Lane, float]]):
         return True
 
     def _places(self, kind: LaneKind) -> list[tuple[Lane, float]]:
-        if kind not in self._candidates:
+        """Return candidates for vehicles: lanes, and the length along them where the front is."""
+        if kind not in self._lane_places:
             found: list[tuple[Lane, float]] = []
             for edge in self._network.edges.values():
                 lanes = edge.for_kind(kind)
                 dead_end = all(m.turn == "back" for m in onward(self._network, edge.id, kind))
                 for lane in lanes[:1] if kind == "bicycle" else lanes:  # bicycles keep to the right
                     found += self._places_on(lane, dead_end, kind)
-            self._candidates[kind] = found
-        return self._candidates[kind]
+            self._lane_places[kind] = found
+        return self._lane_places[kind]
 
     def _places_on(self, lane: Lane, dead_end: bool, kind: LaneKind) -> list[tuple[Lane, float]]:
         last = lane.line.length_m - (DEAD_END_M if dead_end else 3.0)
@@ -219,7 +254,25 @@ class _Vehicles(_Around[tuple[Lane, float]]):
         near = shapely.contains_xy(self._near, x, y)
         return [(lane, float(v)) for v in s[near]]
 
-    def _route(self, lane: Lane, missing_m: float, kind: LaneKind, rng: np.random.Generator) -> tuple[str, ...]:
+    @cached_property
+    def _sidewalk_places(self) -> list[XY]:
+        ways = walkways(self._network)
+        points = np.array([xy for way in ways.sidewalks for xy in Polyline.of(ways.shapes[way]).xy]).reshape(-1, 2)
+        near = shapely.contains_xy(self._near, points[:, 0], points[:, 1])
+        return [(float(x), float(y)) for x, y in points[near]]
+
+    @cached_property
+    def _parking_places(self) -> list[tuple[Lane, float]]:
+        """Parking strips, and the length along them where a vehicle's middle is."""
+        found = [
+            (lane, at)
+            for lane in self._network.lanes.values()
+            if lane.parking
+            for at in np.arange(CORNER_M, lane.line.length_m - CORNER_M, PARKED_STEP_M).tolist()
+        ]
+        return [(lane, at) for lane, at in found if shapely.contains_xy(self._near, *lane.line.at(at)[:2])]
+
+    def _route(self, lane: Lane, missing_m: float, kind: LaneKind) -> tuple[str, ...]:
         """Draw a route from a lane that goes on for a length after its first edge."""
         edges = [lane.edge]
         while missing_m > 0 and len(edges) < MAX_EDGES:
@@ -230,77 +283,7 @@ class _Vehicles(_Around[tuple[Lane, float]]):
             weights = np.array([TURN_WEIGHTS[m.turn] for m in ways])
             if not ways or weights.sum() == 0:
                 break
-            way = ways[int(rng.choice(len(ways), p=weights / weights.sum()))]
+            way = ways[int(self._rng.choice(len(ways), p=weights / weights.sum()))]
             edges.append(way.to_edge)
             missing_m -= self._network.lanes[way.to_lane].line.length_m
         return tuple(edges)
-
-
-class _Pedestrians(_Around[XY]):
-    """Draws pedestrians on sidewalks."""
-
-    def draw(self, name: str, spec: ModelSpec, end_s: float, rng: np.random.Generator) -> PlacedActor | None:
-        """Place one pedestrian, or None where there is no room."""
-        places = self._places()
-        for k in rng.permutation(len(places))[:WALKS_TRIED]:
-            cruise = cruise_speed(spec, spec.max_speed_mps) * float(rng.uniform(*PACE))
-            walk = walkways(self._network).walk(places[int(k)], cruise * end_s, rng)
-            if walk is None:
-                return None
-            x, y, heading = Polyline.of(walk.points).at(0.0)
-            actor = PlacedActor(
-                id=name,
-                model=spec,
-                control="path",
-                x=x,
-                y=y,
-                heading_rad=heading,
-                speed_mps=cruise,
-                path=walk.points,
-                cruise_mps=cruise,
-                walk_stops=walk.stops,
-            )
-            if self._free(actor, PEDESTRIAN_GAP_M):
-                return actor
-        return None
-
-    def _places(self) -> list[XY]:
-        if None not in self._candidates:
-            ways = walkways(self._network)
-            found: list[XY] = [xy for way in ways.sidewalks for xy in Polyline.of(ways.shapes[way]).xy]
-            points = np.array(found, dtype=np.float64).reshape(-1, 2)
-            near = shapely.contains_xy(self._near, points[:, 0], points[:, 1])
-            self._candidates[None] = [(float(x), float(y)) for x, y in points[near]]
-        return self._candidates[None]
-
-
-class _Parked(_Around[tuple[Lane, float]]):
-    """Draws parked vehicles, which are obstacles; a place is a parking strip and the length along it."""
-
-    def draw(self, name: str, spec: ModelSpec, rng: np.random.Generator) -> PlacedActor | None:
-        """Park one, or None where there is no room for it."""
-        places = self._places()
-        for k in rng.permutation(len(places)):
-            lane, at = places[int(k)]
-            reach = spec.length_m / 2
-            if not CORNER_M + reach <= at <= lane.line.length_m - CORNER_M - reach:
-                continue
-            x, y, heading = lane.line.at(at, float(rng.uniform(-SLACK_M, SLACK_M)))
-            parked = PlacedActor(id=name, model=spec, control="static", x=x, y=y, heading_rad=heading, speed_mps=0.0)
-            if self._free(parked, PARKED_GAP_M):
-                return parked
-        return None
-
-    def _places(self) -> list[tuple[Lane, float]]:
-        if None not in self._candidates:
-            found = [
-                (lane, at, *lane.line.at(at)[:2])
-                for lane in self._network.lanes.values()
-                if lane.parking
-                for at in np.arange(CORNER_M, lane.line.length_m - CORNER_M, PARKED_STEP_M).tolist()
-            ]
-            near = shapely.contains_xy(self._near, [f[2] for f in found], [f[3] for f in found])
-            self._candidates[None] = [
-                (lane, at) for (lane, at, _, _), inside in zip(found, near, strict=True) if inside
-            ]
-        return self._candidates[None]

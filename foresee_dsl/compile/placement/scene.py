@@ -9,8 +9,8 @@ from typing import TypeVar
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Scene, Signal, Steering
 from foresee_dsl.compile.catalogue import cruise_speed
-from foresee_dsl.compile.placement import actor_checks
-from foresee_dsl.compile.placement.name_checks import NameChecks
+from foresee_dsl.compile.placement import checks
+from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.places import si
 from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of
 from foresee_dsl.compile.roads.network import RoadNetwork
@@ -42,13 +42,9 @@ def friction_of(wetness: float) -> float:
 
 
 class SceneBuilder:
-    """Places the actors of a test case and collects its problems; one use, with `build` or `place`.
+    """Places the actors of a concrete test case and collects its problems; one use, with `build` or `place`.
 
-    Args:
-        case: concrete.
-        network: its road network.
-        specs: every model that may be named, by its name.
-        signals: of the network, by junction.
+    `specs`: every model that may be named, by its name. `signals`: by junction.
     """
 
     def __init__(
@@ -85,7 +81,7 @@ class SceneBuilder:
         placed = [p for name in self._actors if (p := self._place(name)) is not None]
         self._problems += self._names.problems(placed)
         start_s, goal_s = self._journey(placed)
-        self._problems += actor_checks.of_overlaps(placed, clip=self._case.snapshot)
+        self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
         if self._problems:
             raise PlacementError(tuple(dict.fromkeys(self._problems)))
         return placed, start_s, goal_s
@@ -107,9 +103,6 @@ class SceneBuilder:
             placed += more
             notes += [note] if note else []
         weather = scenario.one(m.Weather)
-        wetness, rain, fog, sun = (
-            (si(weather.wetness), si(weather.rain), si(weather.fog), si(weather.sun)) if weather else (0.0,) * 4
-        )
         return Scene(
             actors=tuple(placed),
             start_s=start_s,
@@ -118,10 +111,10 @@ class SceneBuilder:
             whens=scenario.all(m.When),
             expects=scenario.all(m.Expect),
             signals=tuple((word_of(s.junction), word_of(s.stage), si(s.elapsed)) for s in scenario.all(m.SignalState)),
-            friction=friction_of(wetness),
-            rain=rain,
-            fog=fog,
-            sun=sun,
+            friction=friction_of(si(weather.wetness) if weather else 0.0),
+            rain=si(weather.rain) if weather else 0.0,
+            fog=si(weather.fog) if weather else 0.0,
+            sun=si(weather.sun) if weather else 0.0,
             clip=self._case.snapshot,
             began_s=self._case.clip.start_s if self._case.clip is not None else 0.0,
             must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(m.Expect)),
@@ -158,11 +151,10 @@ class SceneBuilder:
             help_ = "a pedestrian follows a path: path [PLACE, PLACE]"
             self._add(name, "route", codes.NO_WAY, f"{name} cannot follow a route", help_)
         elif (pose := self._try(name, "start_at", lambda: self._starts.still(name))) is not None:
-            x, y, heading = pose
-            placed = PlacedActor(id=name, model=spec, control="static", x=x, y=y, heading_rad=heading, speed_mps=0.0)
+            placed = PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
         if placed is not None:
-            self._problems += actor_checks.of_place(actor, placed, self._network)
-            self._problems += actor_checks.of_speed(actor, placed, TOP_SPEED_SLACK)
+            self._problems += checks.of_place(actor, placed, self._network)
+            self._problems += checks.of_speed(actor, placed, TOP_SPEED_SLACK)
         return placed
 
     def _route_fails(self, name: str) -> bool:
@@ -178,62 +170,39 @@ class SceneBuilder:
     def _on_route(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnRoute) -> PlacedActor:
         ego = isinstance(actor, m.Ego)
         limits = [self._network.edges[edge].drivable[0].speed_mps for edge in at.edges]
-        placed = PlacedActor(
-            id=actor.name,
-            model=spec,
-            control="ego" if ego else "sumo",
-            x=at.x,
-            y=at.y,
-            heading_rad=at.heading_rad,
-            speed_mps=0.0,
-            lane=at.lane,
-            route=at.edges,
-            line=at.line,
-            cruise_mps=_cruise(actor, spec, max(limits) if ego else min(limits)),
-        )
-        return self._with_statements(actor, placed)
+        cruise_mps = _cruise(actor, spec, max(limits) if ego else min(limits))
+        pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
+        placed = PlacedActor(actor.name, spec, "ego" if ego else "sumo", *pose, cruise_mps=cruise_mps)
+        return self._with_statements(actor, replace(placed, lane=at.lane, route=at.edges, line=at.line))
 
     def _on_path(self, actor: m.Ego | m.Actor, spec: ModelSpec, at: OnPath) -> PlacedActor:
-        walks = spec.kind == "pedestrian"
-        placed = PlacedActor(
-            id=actor.name,
-            model=spec,
-            control="path",
-            x=at.x,
-            y=at.y,
-            heading_rad=at.heading_rad,
-            speed_mps=0.0,
-            path=at.path,
-            along_m=at.along_m,
-            cruise_mps=_cruise(actor, spec, PATH_LIMIT_MPS),
-            walk_stops=Walk(at.path, walkways(self._network).crossings_on(at.path)).stops if walks else (),
-        )
+        cruise_mps = _cruise(actor, spec, PATH_LIMIT_MPS)
+        pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
+        placed = PlacedActor(actor.name, spec, "path", *pose, path=at.path, along_m=at.along_m, cruise_mps=cruise_mps)
+        if spec.kind == "pedestrian":
+            stops = Walk(at.path, walkways(self._network).crossings_on(at.path)).stops
+            placed = replace(placed, walk_stops=stops)
         return self._with_statements(actor, placed)
+
+    def _first_speed(self, actor: m.Ego | m.Actor, cruise_mps: float) -> float:
+        """The speed at the first frame, m/s."""
+        delay, given = item(actor, m.Delay), item(actor, m.StartSpeed)
+        if actor.state is not None:
+            return max(si(actor.state.speed), 0.0)
+        if actor.name in self._waiting or (delay is not None and si(delay.time) > 0):
+            return 0.0
+        return si(given.speed) if given is not None else cruise_mps
 
     def _with_statements(self, actor: m.Ego | m.Actor, placed: PlacedActor) -> PlacedActor:
         """Add what statements mean alike for actors on routes and on paths."""
-        delay, timing, line, steers = (
-            item(actor, m.Delay),
-            item(actor, m.Timing),
-            item(actor, m.Line),
-            item(actor, m.Steers),
-        )
-        delay_s = si(delay.time) if delay is not None else 0.0
-        waits = actor.name in self._waiting
-        state, start_speed = actor.state, item(actor, m.StartSpeed)
-        if state is not None:
-            speed = max(si(state.speed), 0.0)
-        elif waits or delay_s > 0:
-            speed = 0.0
-        else:
-            speed = si(start_speed.speed) if start_speed is not None else placed.cruise_mps
+        delay, timing, line = item(actor, m.Delay), item(actor, m.Timing), item(actor, m.Line)
+        state, steers = actor.state, item(actor, m.Steers)
         return replace(
             placed,
-            speed_mps=speed,
             acceleration_mps2=si(state.acceleration) if state is not None else 0.0,
             steer_rad=si(state.steer) if state is not None else 0.0,
-            waits=waits,
-            delay_s=delay_s,
+            waits=actor.name in self._waiting,
+            delay_s=si(delay.time) if delay is not None else 0.0,
             timing=si(timing.factor) if timing is not None else 1.0,
             line_m=si(line.left) if line is not None and placed.control == "sumo" else 0.0,
             recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
@@ -257,7 +226,7 @@ class SceneBuilder:
         if place is None:
             return start, line.end_s
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
-        if abs(lateral) > actor_checks.GOAL_OFF_M:
+        if abs(lateral) > checks.GOAL_OFF_M:
             message = f"the goal is {abs(lateral):.1f} m off the ego's route"
             self._add("ego", "goal", codes.GOAL, message, "write it like `40 m past JUNCTION on ego.route`")
         elif goal <= start and not self._case.snapshot:
@@ -285,7 +254,7 @@ def _recorded(statement: m.Recorded) -> RecordedState:
 
 
 def _steering(steers: m.Steers) -> Steering:
-    return Steering(si(steers.value), si(steers.start), si(steers.duration) if steers.duration is not None else None)
+    return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))
 
 
 def _arrives(condition: m.Condition) -> bool:

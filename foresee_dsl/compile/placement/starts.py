@@ -5,13 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from typing import TypeVar
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.placement.lateral_offset import shifted
 from foresee_dsl.compile.placement.places import Spot, si, spot
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import Points, distance, distinct, line_of, whole_millimetres, wrap
+from foresee_dsl.compile.roads.polyline import (
+    XY,
+    Points,
+    distance,
+    distinct,
+    interpolate,
+    lengths,
+    line_of,
+    whole_millimetres,
+    wrap,
+)
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
@@ -33,6 +43,12 @@ when it passes something in the next lane it stays that much on its own side (me
 OFF_STATE_M = 0.05
 """A path follower farther than this, m, from the point that `moving` gives has been moved along its path by a mutation,
 and is at that point. Ours: the roundings of a clip's figures come to 1 mm."""
+LINE_OVER_M = 5.0
+"""Length of path, m, over which an actor moves to its `line`. Ours: with 0.6 m sideways that is 7 deg, like a
+pedestrian who crosses obliquely; it takes a pedestrian 4 s and a bicycle about 1 s."""
+_SHARPEST = 0.5
+"""Cosine of half the turn at a corner; in sharper corners the offset line is cut at two widths, as it would run far
+out (ours)."""
 _SAME_DIRECTION_RAD = math.radians(60)
 _BEYOND_WEIGHT = 30.0
 """Cost of being beyond a lane's end, per metre, against a radian of heading: a vehicle beyond it is on the next lane,
@@ -60,7 +76,7 @@ def items(actor: m.Ego | m.Actor, kind: type[_T]) -> tuple[_T, ...]:
 
 
 def route_of(actor: m.Ego | m.Actor) -> m.Route | m.EdgeRoute | None:
-    """Return an actor's route statement."""
+    """Return an actor's route statement, if any."""
     return item(actor, m.Route) or item(actor, m.EdgeRoute)
 
 
@@ -92,9 +108,7 @@ class OnPath:
 class Starts:
     """Computes where actors start, one at a time: a place may refer to the route and start of another actor.
 
-    Args:
-        network: where.
-        actors: by name. specs: the model of each, by its name.
+    `actors` and the `specs` of their models are by the actor's name.
     """
 
     def __init__(
@@ -135,11 +149,7 @@ class Starts:
         return self._found[name]
 
     def spot(self, place: m.Item) -> Spot:
-        """Return where a place is.
-
-        Raises:
-            RouteError: see `places.spot`.
-        """
+        """See `places.spot`."""
         return spot(place, self._network, self)  # type: ignore[arg-type]  # a Place is a union of Items
 
     def on_path(self, name: str) -> OnPath:
@@ -220,9 +230,13 @@ class Starts:
         if isinstance(match, float):
             raise RouteError(f"{name} starts {match:.1f} m off its route", f"its route is {', '.join(edges)}")
         k, lane, pos = match
-        came = self._line_of_clip(edges, lane, kind, (x, y)) if ego and k and actor.state is not None else None
-        if came is not None:
-            return OnRoute(x, y, heading, lane.id, edges[k:], *came)
+        if ego and k and actor.state is not None:
+            # a clip's ego follows its parent's line; it is a whole lane off where the parent began on another lane than
+            # the route alone gives
+            line = self._network.line(edges, behind_m=EGO_BEHIND_M, beyond_m=EGO_BEYOND_M, kind=kind)
+            s, lateral = line.project(x, y)
+            if abs(lateral) < lane.width_m - OTHER_LANE_MARGIN_M:
+                return OnRoute(x, y, heading, lane.id, edges[k:], line, s)
         line = self._network.line(
             edges[k:],
             start_lane=lane.id,
@@ -235,24 +249,12 @@ class Starts:
         s, _ = line.project(x, y, hint)
         return OnRoute(x, y, heading, lane.id, edges[k:], line, s)
 
-    def _line_of_clip(
-        self, edges: tuple[str, ...], lane: Lane, kind: LaneKind, front: tuple[float, float]
-    ) -> tuple[RouteLine, float] | None:
-        """Return the line that a clip's ego follows, which is its parent's, and where it is on it.
-
-        None where the ego is a whole lane off: the parent started on another lane than its route alone would give.
-        """
-        line = self._network.line(edges, behind_m=EGO_BEHIND_M, beyond_m=EGO_BEYOND_M, kind=kind)
-        s, lateral = line.project(*front)
-        return (line, s) if abs(lateral) < lane.width_m - OTHER_LANE_MARGIN_M else None
-
     def _before(self, edge: str, lane: Lane, kind: LaneKind) -> float:
         """Length from an edge's beginning to that of a lane inside the junction after it."""
         for movement in self._network.movements_from(edge, kind):
             if lane.id in movement.via:
-                via = movement.via[: movement.via.index(lane.id)]
-                chain = (movement.from_lane, *via)
-                return sum(self._network.lanes[one].line.length_m for one in chain)
+                before = (movement.from_lane, *movement.via[: movement.via.index(lane.id)])
+                return sum(self._network.lanes[one].line.length_m for one in before)
         return 0.0
 
     def _front(self, name: str, actor: m.Ego | m.Actor, spec: ModelSpec) -> tuple[float, float, float]:
@@ -290,9 +292,8 @@ class Starts:
             if off > OFF_ROUTE_M + lane.width_m / 2:
                 continue
             # lanes overlap in junctions: prefer the one that points the same way, but allow any for a skidding actor
-            cost = (
-                off + turned + _BEYOND_WEIGHT * abs(s - inside) + (OFF_ROUTE_M if turned > _SAME_DIRECTION_RAD else 0.0)
-            )
+            cost = off + turned + _BEYOND_WEIGHT * abs(s - inside)
+            cost += OFF_ROUTE_M if turned > _SAME_DIRECTION_RAD else 0.0
             if best is None or cost < best[0] - 1e-9:
                 best = cost, k, lane, inside
         return best[1:] if best is not None else nearest
@@ -302,13 +303,8 @@ class Starts:
         for k, edge in enumerate(edges):
             found += [(k, lane) for lane in self._network.edges[edge].for_kind(kind)]
             if k + 1 < len(edges):
-                inside = {
-                    via: None
-                    for m in self._network.movements_from(edge, kind)
-                    if m.to_edge == edges[k + 1]
-                    for via in m.via
-                }
-                found += [(k, self._network.lanes[via]) for via in inside]
+                ways = [way.via for way in self._network.movements_from(edge, kind) if way.to_edge == edges[k + 1]]
+                found += [(k, self._network.lanes[via]) for via in dict.fromkeys(chain.from_iterable(ways))]
         return found
 
 
@@ -317,3 +313,32 @@ def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
     heading = wrap(si(state.heading))
     back = spec.length_m / 2 if spec.kind in WHEELS else 0.0
     return si(state.at.x) - back * math.cos(heading), si(state.at.y) - back * math.sin(heading), heading
+
+
+def shifted(path: Points, along_m: float, left_m: float) -> Points:
+    """Return what the statement `line` makes of a path: it leaves the old one at a length `along_m`, and `LINE_OVER_M`
+    later (or at the end, where less is left) it is `left_m` to the left of it (negative: to the right)."""
+    marks = lengths(path)
+    begins = min(max(along_m, 0.0), marks[-1])
+    over = max(min(LINE_OVER_M, marks[-1] - begins), 1e-6)
+    before = [point for point, mark in zip(path, marks, strict=True) if mark < begins]
+    bends = [(begins, 0.0)]
+    bends += [(mark, left_m * min((mark - begins) / over, 1.0)) for mark in marks if mark > begins]
+    if begins + over < marks[-1]:
+        bends.append((begins + over, left_m))
+    new = whole_millimetres(_beside(path, marks, mark, left) for mark, left in sorted(bends))
+    return distinct((*before, *new))
+
+
+def _beside(path: Points, marks: tuple[float, ...], mark: float, left_m: float) -> XY:
+    """Return the point beside a length of a path; at a corner, where the offset lines of both sides meet."""
+    x = interpolate(mark, marks, [p[0] for p in path])
+    y = interpolate(mark, marks, [p[1] for p in path])
+    sides = [(a, b) for (a, b), (s, t) in zip(pairwise(path), pairwise(marks), strict=True) if s <= mark <= t and s < t]
+    normals = [(-(b[1] - a[1]) / distance(a, b), (b[0] - a[0]) / distance(a, b)) for a, b in sides]
+    nx, ny = (sum(n[k] for n in normals) / len(normals) for k in (0, 1))
+    size = math.hypot(nx, ny)  # the cosine of half the turn
+    if size < 1e-9:  # it turns round
+        return x + left_m * normals[0][0], y + left_m * normals[0][1]
+    reach = left_m / (size * max(size, _SHARPEST))
+    return x + reach * nx, y + reach * ny

@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise, starmap
 from typing import TYPE_CHECKING, overload
 
 if TYPE_CHECKING:
@@ -103,12 +103,8 @@ class Polyline:
         return np.asarray(turned / np.maximum(ahead - behind, 1e-6), dtype=np.float64)
 
     def at(self, s: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """Return x, y and heading (-pi..pi) at a length; beyond the ends the line is extended straight.
-
-        Args:
-            s: m along the line.
-            offset_m: sideways, left positive.
-        """
+        """Return x, y and heading (-pi..pi) at a length, m, or beside it (left positive); beyond the ends the line is
+        extended straight."""
         marks = self.marks
         k = min(max(bisect_right(marks, s) - 1, 0), len(marks) - 2)
         span = marks[k + 1] - marks[k]
@@ -127,12 +123,10 @@ class Polyline:
     def project(
         self, x: float | FloatArray, y: float | FloatArray, near_s: float | None = None
     ) -> tuple[float, float] | tuple[FloatArray, FloatArray]:
-        """Return the length along the line nearest to a point, and the distance sideways (left positive).
-
-        Before the beginning the length is negative, after the end it exceeds `length_m`.
+        """Return the length along the line nearest to a point (m, numbers or [K]), and the distance sideways (left
+        positive). Before the beginning the length is negative, after the end it exceeds `length_m`.
 
         Args:
-            x: m, a number or [K]. y: likewise.
             near_s: search only within 12 m of this length, which is faster and finds the right pass where the line
                 comes by twice; if the nearest point is not there, search the whole line.
         """
@@ -152,9 +146,9 @@ class Polyline:
         return self._result(*self._nearest(px, py, 0, last), px, py)
 
     def _on_line(self, x: float, y: float, near_s: float) -> tuple[int, float] | None:
-        """Return the nearest segment, and the share of it, for a point almost on the line close to a length.
+        """Return the nearest segment, and the share of it, for a point almost on the line close to a length; else None.
 
-        Nothing else within 12 m can be nearer then, as no line bends so sharply. None for other points.
+        Nothing else within 12 m can be nearer then, as no line bends so sharply.
         """
         low = max(bisect_right(self.marks, near_s - _NARROW_WINDOW_M) - 1, 0)
         high = min(bisect_right(self.marks, near_s + _NARROW_WINDOW_M), len(self._segments))
@@ -276,11 +270,7 @@ def distance_to(x: float, y: float, points: Points) -> float:
 
 def lengths(points: Sequence[XY]) -> tuple[float, ...]:
     """Return for each point the length along the line, m."""
-    found, total = [0.0], 0.0
-    for a, b in pairwise(points):
-        total += distance(a, b)
-        found.append(total)
-    return tuple(found)
+    return tuple(accumulate(starmap(distance, pairwise(points)), initial=0.0))
 
 
 def interpolate(at: float, marks: Sequence[float], values: Sequence[float]) -> float:
@@ -311,24 +301,20 @@ def headings(points: Sequence[XY], s: Sequence[float]) -> tuple[float, ...]:
 
 def distinct(points: Sequence[XY]) -> Points:
     """Return the points without those that (nearly) repeat the one before, and without spikes; the ends stay."""
-    kept = [points[0]]
+    apart = [points[0]]
     for point in points[1:]:
-        if distance(kept[-1], point) >= MERGE_M:
-            kept.append(point)
-    if len(kept) == 1:
+        if distance(apart[-1], point) >= MERGE_M:
+            apart.append(point)
+    if len(apart) == 1:
         (x, y), end = points[0], points[-1]
         return points[0], end if end != points[0] else (x + MERGE_M, y)
-    kept[-1] = points[-1]
-    return _without_spikes(kept)
-
-
-def _without_spikes(points: Sequence[XY]) -> Points:
-    kept = [points[0]]
-    for a, b, c in zip(points, points[1:], points[2:], strict=False):
+    apart[-1] = points[-1]
+    without_spikes = [apart[0]]
+    for a, b, c in zip(apart, apart[1:], apart[2:], strict=False):
         back = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0
         if not (back and min(distance(a, b), distance(b, c)) < SPIKE_M):
-            kept.append(b)
-    return (*kept, points[-1])
+            without_spikes.append(b)
+    return (*without_spikes, points[-1])
 
 
 def subdivide(points: Sequence[XY], step_m: float = STEP_M) -> Points:

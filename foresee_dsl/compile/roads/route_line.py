@@ -6,8 +6,9 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import pairwise
+from operator import itemgetter
 from typing import NamedTuple
 
 from foresee_dsl.compile.roads import polyline as lines
@@ -22,6 +23,9 @@ CHANGE_TIME_S = 3.0
 3.5 m that is 1.9 m/s^2 sideways, comfortable; 20 m at 50 km/h would be 8 m/s^2)."""
 CHANGE_MIN_M = 20.0
 """Least length of a lane change, m (ours: five car lengths, for low limits and short edges)."""
+
+
+_START = itemgetter(0)
 
 
 @dataclass(frozen=True)
@@ -75,13 +79,9 @@ class RouteLine(Polyline):
     right_m = lines.as_array("rights")
     """[N] m."""
 
-    @cached_property
-    def _piece_starts(self) -> list[float]:
-        return [s for s, _ in self.pieces]
-
     def lane_at(self, s: float) -> str:
         """Return the lane at a length."""
-        k = bisect_right(self._piece_starts, s + 1e-9) - 1
+        k = bisect_right(self.pieces, s + 1e-9, key=_START) - 1
         return self.pieces[max(k, 0)][1]
 
     def passage(self, junction: str) -> Passage | None:
@@ -156,13 +156,10 @@ def _choose_lanes(
 ) -> tuple[_Stretch, ...]:
     """Choose entry and exit lanes with the fewest lane changes; among equals the rightmost."""
     first = network.edges[edges[0]]
-    starts, through = [lane.index for lane in first.for_kind(kind)], None
-    if start_lane is not None:
-        lane = network.lanes[start_lane]
-        if lane.internal:
-            through = start_lane
-        else:
-            starts = [lane.index]
+    starts = [lane.index for lane in first.for_kind(kind)]
+    through = start_lane if start_lane is not None and network.lanes[start_lane].internal else None
+    if start_lane is not None and through is None:
+        starts = [network.lanes[start_lane].index]
     if not starts:
         raise RouteError(f"no lane of {first.id} is for a {kind}")
     best = {k: _Plan(0, (k,), ()) for k in starts}
@@ -316,16 +313,11 @@ def _on_edge(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> l
     half = max(bisect_left(weights, 0.5), 1)
     (left0, right0), (left1, right1) = sides, _free(edge, after, kind)
     places = zip(weights, _at_shares(before.line, shares), _at_shares(after.line, shares), strict=True)
-    mixed = [
-        _Vertex(
-            (1 - w) * x0 + w * x1,
-            (1 - w) * y0 + w * y1,
-            left0 + w * (left1 - left0),
-            right0 + w * (right1 - right0),
-            (before if k < half else after).speed_mps,
-        )
-        for k, (w, (x0, y0), (x1, y1)) in enumerate(places)
-    ]
+    mixed = []
+    for k, (w, (x0, y0), (x1, y1)) in enumerate(places):
+        limit_mps = (before if k < half else after).speed_mps
+        free = (left0 + w * (left1 - left0), right0 + w * (right1 - right0))
+        mixed.append(_Vertex((1 - w) * x0 + w * x1, (1 - w) * y0 + w * y1, *free, limit_mps))
     return [(before, mixed[:half]), (after, mixed[half:])]
 
 

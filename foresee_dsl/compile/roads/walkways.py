@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.roads.polyline import (
-    XY,
-    Points,
-    distance,
-    distance_to,
-    distinct,
-    lengths,
-    whole_millimetres,
-)
+from foresee_dsl.compile.roads.polyline import XY, Points, distance, distance_to, distinct, lengths, whole_millimetres
 from foresee_dsl.compile.roads.topology import Crossing, Topology
 
 if TYPE_CHECKING:
@@ -95,20 +86,20 @@ class Walkways:
         Returns:
             The walk; None where the network has no sidewalk.
         """
-        best = self._nearest(from_xy)
-        if best is None:
+        feet = [(_foot(from_xy, self.shapes[way]), way) for way in self.sidewalks]
+        if not feet:
             return None
-        way, start = best
+        (start, start_s), way = min(feet, key=lambda found: distance(found[0][0], from_xy))
         forward = bool(rng.integers(2))
-        points: list[XY] = [start, *_rest(self.shapes[way], start, forward)]
+        corners = list(zip(lengths(self.shapes[way]), self.shapes[way], strict=True))
+        ahead = [xy for s, xy in corners if s > start_s] if forward else [xy for s, xy in corners[::-1] if s < start_s]
+        points: list[XY] = [start, *ahead]
         end: _End = (way, 1 if forward else 0)
         walked = lengths(points)[-1]
         while walked < length_m:
             choices = self._onward(end) or [end]
-            begin = choices[int(rng.integers(len(choices)))]
-            way, at = begin
-            shape = self.shapes[way] if at == 0 else self.shapes[way][::-1]
-            points += shape
+            way, at = choices[int(rng.integers(len(choices)))]
+            points += self.shapes[way] if at == 0 else self.shapes[way][::-1]
             end = (way, 1 - at)
             walked = lengths(points)[-1]
         path = distinct(whole_millimetres(points))
@@ -138,25 +129,14 @@ class Walkways:
                     found.append(CrossingPart(s[k], s[k + 1], crossing.tls or "", crossing.link))
         return tuple(sorted(found))
 
-    def _nearest(self, xy: XY) -> tuple[str, XY] | None:
-        best: tuple[float, str, XY] | None = None
-        for way in self.sidewalks:
-            foot, _ = _foot(xy, self.shapes[way])
-            away = distance(foot, xy)
-            if best is None or away < best[0]:
-                best = away, way, foot
-        return (best[1], best[2]) if best is not None else None
-
     def _onward(self, end: _End) -> list[_End]:
         """Return the ends of other footways that are joined to an end, directly or across a walking area."""
         found: list[_End] = []
         for node in self.graph.adj[end]:
-            if node[0] == end[0] and node[1] >= 0:
-                continue
-            if node[1] >= 0:
-                found.append(node)
-            else:
+            if node[1] < 0:  # a walking area
                 found += [other for other in self.graph.adj[node] if other != end and other[1] >= 0]
+            elif node[0] != end[0]:
+                found.append(node)
         return found
 
 
@@ -168,23 +148,12 @@ def walkways(network: Topology) -> Walkways:
         for lane in network.lanes.values()
         if lane.kinds == {"pedestrian"} and lane.edge not in network.walking_areas
     }
+    areas = network.walking_areas
     joints = tuple(
-        (
-            (first, -1) if first in network.walking_areas else (first, 1),
-            (second, -1) if second in network.walking_areas else (second, 0),
-        )
+        ((first, -1 if first in areas else 1), (second, -1 if second in areas else 0))
         for first, second in network.footways
     )
     return Walkways(shapes, {c.lane.id: c for c in network.crossings.values()}, joints)
-
-
-def _rest(shape: Points, start: XY, forward: bool) -> Iterator[XY]:
-    """The corners of a polyline after a point on it."""
-    _, here = _foot(start, shape)
-    corners = list(zip(lengths(shape), shape, strict=True))
-    if forward:
-        return (point for s, point in corners if s > here)
-    return (point for s, point in reversed(corners) if s < here)
 
 
 def _foot(point: XY, shape: Points) -> tuple[XY, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.placement.actor_checks import NEAR_ROAD_M
+from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
 from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY

@@ -1,0 +1,248 @@
+"""Checks a scenario on its network: unknown names, actors off the road, too fast, or on top of each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from foresee_dsl.compile import codes
+from foresee_dsl.compile.bundle import PlacedActor, Signal
+from foresee_dsl.compile.placement.places import Spot
+from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, lane_kind
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import XY, Points
+from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.topology import Topology
+from foresee_dsl.language import model as m
+from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.project.document import Problem, TestCase
+from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
+
+NEAR_ROAD_M = 30.0
+"""Farthest distance, m, of pedestrians, obstacles and path-followers from a lane (ours: farther away is an error)."""
+GOAL_OFF_M = 5.0
+"""A goal farther from the ego's centreline than this, m, is on another road (ours: more than a lane's width)."""
+_TOUCH_M2 = 1e-4
+"""Footprints may touch: an overlap smaller than a square centimetre is rounding (ours)."""
+
+
+def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) -> Iterator[Problem]:
+    """Yield a problem if an actor is too far from the road, or in a building."""
+    at = "state" if actor.state is not None else ("path" if placed.control == "path" else "start_at")
+    if placed.control in ("ego", "sumo"):
+        kind = lane_kind(placed.model)
+        away = network.distance_to_lanes(placed.x, placed.y, kind)
+        if away > OFF_ROUTE_M:
+            away_text = f"{away:.1f} m" if math.isfinite(away) else "nowhere"
+            message = f"{placed.id} is off the road: the nearest lane for a {kind} is {away_text} away"
+            yield Problem(placed.id, at, codes.OFF_ROAD, message, _nearest_road(placed.x, placed.y, network))
+        return
+    far = network.far_from_lanes(((placed.x, placed.y), *placed.path), NEAR_ROAD_M)
+    if far is not None:
+        x, y = far
+        message = f"{placed.id} is off the road: ({x:.1f} m, {y:.1f} m) is over {NEAR_ROAD_M:.0f} m from every lane"
+        yield Problem(placed.id, at, codes.OFF_ROAD, message, _nearest_road(x, y, network))
+    wall = network.wall_on_the_way(placed.path or ((placed.x, placed.y),))
+    if wall is not None:
+        x, y = wall
+        message = f"{placed.id} is in a building: its outline has a corner at ({x:.1f} m, {y:.1f} m)"
+        help_ = "lead it around the building, or let the building end before"
+        yield Problem(placed.id, at, codes.IN_WALL, message, help_)
+
+
+def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Iterator[Problem]:
+    """Yield a problem if an actor is to be faster than its model can be; `slack`: factor for rounded speeds."""
+    if placed.control == "static":
+        return
+    speeds = [("speed", placed.cruise_mps)] if any(isinstance(i, m.CruiseSpeed) for i in actor.body) else []
+    speeds.append(("state" if actor.state is not None else "start_speed", placed.speed_mps))
+    too_fast = next(((at, speed) for at, speed in speeds if speed > placed.model.max_speed_mps * slack), None)
+    if too_fast is not None:
+        at, speed = too_fast
+        most = placed.model.max_speed_mps * slack / slack * 3.6
+        message = f"{placed.id} is to go {speed * 3.6:.0f} km/h, but {placed.model.name} can go only {most:.0f} km/h"
+        help_ = f"use at most `{math.floor(most)} km/h`, or a faster model"
+        yield Problem(placed.id, at, codes.TOO_FAST, message, help_)
+
+
+def of_overlaps(placed: Sequence[PlacedActor], *, clip: bool) -> Iterator[Problem]:
+    """Yield a problem for each two actors that overlap.
+
+    In a clip only overlaps with the ego count: pedestrians on paths do not evade each other, and a moment of a run
+    where two of them touch is reproduced as it was.
+    """
+    boxes = [footprint(actor) for actor in placed]
+    reach = [math.hypot(actor.model.length_m, actor.model.width_m) for actor in placed]
+    for k, box in enumerate(boxes):
+        for j in range(min(k, 1) if clip else k):
+            apart = math.hypot(placed[k].x - placed[j].x, placed[k].y - placed[j].y)
+            if apart < reach[k] + reach[j] and common_area(box, boxes[j]) > _TOUCH_M2:
+                message = f"{placed[k].id} starts on top of {placed[j].id}"
+                help_ = f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
+                yield Problem(placed[k].id, "start_at", codes.OVERLAP, message, help_)
+
+
+def footprint(actor: PlacedActor) -> Points:
+    """Return the corners of an actor's oriented box, counter-clockwise."""
+    back = actor.model.length_m / 2 if actor.control in ("ego", "sumo") else 0.0
+    c, s = math.cos(actor.heading_rad), math.sin(actor.heading_rad)
+    x, y = actor.x - back * c, actor.y - back * s
+    half_length, half_width = actor.model.length_m / 2, actor.model.width_m / 2
+    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    return tuple(
+        (x + a * half_length * c - b * half_width * s, y + a * half_length * s + b * half_width * c) for a, b in corners
+    )
+
+
+def common_area(one: Points, other: Points) -> float:
+    """Return the area (m^2) that two convex outlines, both counter-clockwise, have in common (Sutherland-Hodgman)."""
+    left: list[XY] = list(one)
+    for k, (x0, y0) in enumerate(other):
+        x1, y1 = other[(k + 1) % len(other)]
+        sides = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
+        clipped: list[XY] = []
+        for i, ((x, y), side) in enumerate(zip(left, sides, strict=True)):
+            (px, py), before = left[i - 1], sides[i - 1]
+            if (side < 0) != (before < 0):
+                share = before / (before - side)
+                clipped.append((px + share * (x - px), py + share * (y - py)))
+            if side >= 0:
+                clipped.append((x, y))
+        left = clipped
+    return sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(left, left[1:] + left[:1], strict=True)) / 2
+
+
+def _nearest_road(x: float, y: float, network: RoadNetwork) -> str:
+    near = network.nearest_lane(x, y, within_m=1000.0)
+    if near is None:
+        return ""
+    nx, ny, _ = near.lane.line.at(near.pos_m)
+    return f"the nearest lane is at ({nx:.1f} m, {ny:.1f} m), on {near.lane.edge}"
+
+
+class NameChecks:
+    """Goes through the statements of a concrete scenario that name something of the network.
+
+    `signals`: by junction; `spot`: finds a place, or raises `RouteError`.
+    """
+
+    def __init__(
+        self, case: TestCase, network: Topology, signals: Mapping[str, Signal], spot: Callable[[m.Place], Spot]
+    ) -> None:
+        self._case, self._network, self._signals, self._spot = case, network, signals, spot
+        self._actors = {actor.name for actor in case.scenario.actors} | {
+            f"{traffic.name}_{k:02d}"
+            for traffic in case.scenario.all(m.Traffic)
+            for k in range(1, int(si_of(traffic.count)) + 1)
+        }
+        self.places: dict[m.Place, XY] = {}
+        """Where the places of conditions are, m; filled by `problems`."""
+
+    def problems(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
+        """Yield what does not fit, given the actors that could be placed."""
+        scenario, by_name = self._case.scenario, {actor.id: actor for actor in placed}
+        for actor in scenario.actors:
+            for item in actor.body:
+                if isinstance(item, m.IgnoresRule | m.MeetsState) and item.junction is not None:
+                    yield from self._junction(actor.name, item.kind, word_of(item.junction))
+        for state in scenario.all(m.SignalState):
+            yield from self._stage(state.kind, word_of(state.junction), word_of(state.stage))
+        for kind, condition in self._conditions():
+            for part in parts(condition):
+                yield from self._part(kind, part, by_name)
+        for when in scenario.all(m.When):
+            for action in all_actions(when.actions):
+                if isinstance(action, m.Meets | m.Ignores) and action.junction is not None:
+                    yield from self._junction("", when.kind, word_of(action.junction))
+        if not self._case.snapshot:  # a clip's routes do not show junctions that were passed before it begins
+            yield from self._meetings(by_name)
+
+    def _conditions(self) -> Iterator[tuple[str, m.Condition]]:
+        """Yield every condition that a run evaluates, with the kind of its statement."""
+        for when in self._case.scenario.all(m.When):
+            yield when.kind, when.condition
+            for action in all_actions(when.actions):
+                if isinstance(action, m.Then) and action.condition is not None:
+                    yield when.kind, action.condition
+        for expect in self._case.scenario.all(m.Expect):
+            yield expect.kind, expect.condition
+
+    def _part(self, kind: str, part: m.Condition, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
+        if isinstance(part, m.Comparison) and isinstance(part.left, m.Measure) and part.left.other is not None:
+            other = word_of(part.left.other)
+            if other not in self._actors:
+                yield from self._junction("", kind, other)
+        elif isinstance(part, m.InJunction) and part.junction is not None:
+            yield from self._junction("", kind, word_of(part.junction))
+        elif isinstance(part, m.Within):
+            yield from self._within(kind, part)
+        elif isinstance(part, m.Shows):
+            yield from self._shows(kind, part, placed)
+
+    def _within(self, kind: str, part: m.Within) -> Iterator[Problem]:
+        if isinstance(part.of, m.Named):
+            name = word_of(part.of.name)
+            if name not in self._actors and name not in self._network.junctions:
+                known = (*self._actors, *self._network.junctions)
+                message = f"there is no actor and no junction called {name}"
+                yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, known), name)
+        elif not isinstance(part.of, m.Point):
+            try:
+                spot = self._spot(part.of)
+            except RouteError as err:
+                yield Problem("", kind, codes.PLACE, str(err), err.help)
+            else:
+                self.places[part.of] = (spot.x, spot.y)
+
+    def _shows(self, kind: str, part: m.Shows, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
+        junction = word_of(part.junction)
+        if part.actor is None or junction not in self._signals:
+            yield from self._stage(kind, junction, word_of(part.state))
+        elif not self._case.snapshot:  # in a clip it may have passed the junction
+            actor = placed.get(part.actor)
+            if actor is not None and (over := _misses(actor, junction)):
+                message = f"the route of {part.actor} does not go over {junction}"
+                yield Problem("", kind, codes.PLACE, message, f"it goes over {over}", junction)
+
+    def _stage(self, kind: str, junction: str, stage: str) -> Iterator[Problem]:
+        signal = self._signals.get(junction)
+        if signal is None:
+            message = f"there is no signal at {junction}"
+            yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(junction, self._signals), junction)
+        elif stage not in signal.stages:
+            message = f"the signal at {junction} has no stage called {stage}"
+            yield Problem("", kind, codes.UNKNOWN, message, f"its stages are {', '.join(signal.stages)}", stage)
+
+    def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:
+        if junction not in self._network.junctions:
+            message = f"there is no junction called {junction}"
+            yield Problem(actor, at, codes.UNKNOWN, message, did_you_mean(junction, self._network.junctions), junction)
+
+    def _meetings(self, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
+        """Yield the actors that are to meet at a junction that is not on both routes."""
+        for actor in self._case.scenario.actors:
+            for item in actor.body:
+                if isinstance(item, m.MeetsState):
+                    yield from _meeting(actor.name, item.kind, actor.name, item, placed)
+        for when in self._case.scenario.all(m.When):
+            for action in all_actions(when.actions):
+                if isinstance(action, m.Meets):
+                    yield from _meeting("", when.kind, action.actor, action, placed)
+
+
+def _meeting(
+    owner: str, at: str, name: str, item: m.Meets | m.MeetsState, placed: Mapping[str, PlacedActor]
+) -> Iterator[Problem]:
+    junction = word_of(item.junction)
+    for one in (name, item.other):
+        actor = placed.get(one)
+        if actor is not None and (over := _misses(actor, junction)):
+            message = f"{name} cannot meet {item.other} at {junction}: {one} does not go over it"
+            yield Problem(owner, at, codes.NO_MEETING, message, f"{one} goes over {over}", junction)
+
+
+def _misses(actor: PlacedActor, junction: str) -> str:
+    """Return the junctions that an actor's route goes over when this one is none of them; else, or off roads, ""."""
+    if actor.line is None or actor.line.passage(junction) is not None:
+        return ""
+    return ", ".join(p.junction for p in actor.line.passages) or "no junction"
