@@ -44,7 +44,7 @@ class VehicleLimits:
 
 @dataclass(frozen=True)
 class Foe:
-    """A stream of traffic that crosses or joins the ego's way inside a junction.
+    """A stream of traffic that crosses or joins the ego's route inside a junction.
 
     Attributes:
         path: [N, 2] centreline of the other movement through the junction, with 60 m of its approach in front of it.
@@ -66,10 +66,9 @@ class Foe:
 
 @dataclass(frozen=True)
 class JunctionPassage:
-    """One junction on the way: where the stop line is, where the junction ends (lengths along the route), its foes.
+    """One junction on the route: the lengths along the route of its stop line and of its end, and its foes.
 
-    `signal` is the key into `Observation.signals`, or None where there is none. `turn`: "straight", "left", "right",
-    "back".
+    `signal` is the key into `Observation.signals`; None: no signal. `turn`: "straight", "left", "right", "back".
     """
 
     junction: str
@@ -117,8 +116,7 @@ class EgoState:
 
 @dataclass(frozen=True, slots=True)
 class SeenActor:
-    """Another road user as seen now. `track` is a number that stays with it while it is seen and reveals nothing
-    else."""
+    """Another road user as seen now. `track` is a number that it keeps while it is seen; it has no other meaning."""
 
     track: int
     kind: ActorClass
@@ -131,15 +129,14 @@ class SeenActor:
 
 
 class Views(Protocol):
-    """Pictures of one step for learned drivers, drawn when they are asked for (docs/rasters.md has the layout)."""
+    """Pictures of one step for learned drivers, drawn on request (docs/rasters.md has the layout)."""
 
     def birds_eye(self) -> NDArray[np.uint8]:
         """Return the map, the seen actors and the signals from above, [channels, rows, columns]."""
         ...
 
     def forward(self) -> NDArray[np.uint8]:
-        """Return what a camera behind the windscreen shows, nearer things before farther ones; [channels, rows,
-        columns]."""
+        """Return what a camera behind the windscreen shows (near objects hide far ones), [channels, rows, columns]."""
         ...
 
     def draw(self, view: str) -> NDArray[np.uint8]:
@@ -152,11 +149,11 @@ class Observation:
     """What the driver sees at one step.
 
     Attributes:
-        time_s: now. ego: its own state, as its localisation has it.
+        time_s: now. ego: its own state, as its localisation measures it.
         actors: the object list of the sensors, as they were at `measured_s`.
         signals: a colour for the ego's movement by `JunctionPassage.signal`; what is out of range or view is absent.
         measured_s: when the actors were measured; sensors and fusion take time, so it lies before `time_s`. None: now.
-        views: rasters; None where nobody draws them.
+        views: rasters; None where none are drawn.
     """
 
     time_s: float
@@ -184,7 +181,7 @@ class Driver(Protocol):
     version: str
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Forget everything and take up a new mission."""
+        """Forget everything and start a new mission."""
         ...
 
     def step(self, observation: Observation) -> Control:
@@ -194,8 +191,8 @@ class Driver(Protocol):
 
 @runtime_checkable
 class Closing(Protocol):
-    """A driver that holds something beyond a run, such as a process: it is told when the run is over."""
+    """A driver with a resource of its own, such as a process, which it must release after each run."""
 
     def close(self) -> None:
-        """Give it back; called once after each run, however that ended."""
+        """Release it; called once after each run, however that ended."""
         ...

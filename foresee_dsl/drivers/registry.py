@@ -1,6 +1,6 @@
-"""The drivers that are installed: found through the entry-point group `foresee_dsl.drivers`.
+"""The installed drivers, found through the entry-point group `foresee_dsl.drivers`.
 
-A driver is addressed by its name (`pdm`), one that is made from a text by its name, a colon and the text
+A driver's address is its name (`pdm`); one that is made from a text has the text after a colon
 (`external:python3 my_driver.py`).
 """
 
@@ -20,7 +20,7 @@ from foresee_dsl.plugins import PluginGroup, package_of
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>\w+:.*)", re.S)
 _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
-"""What a text of the language cannot hold, and what it is written as."""
+"""Characters that a text of the language cannot contain, and how they are written."""
 
 
 class DriverInfo(NamedTuple):
@@ -64,10 +64,10 @@ def load_driver(address: str) -> Driver:
 
 
 def recorded_driver(address: str, version: str) -> str:
-    """Return how a mutant's file says what drove: `pdm 1`, `keeper 2 via external:python3 keeper.py`.
+    """Return how a mutant's file records its driver: `pdm 1`, `keeper 2 via external:python3 keeper.py`.
 
-    A text in the language holds no double quotes: a command's words are quoted with single ones, and what is left is
-    written as in a web address (`%22`).
+    A text of the language has no double quotes: words of a command are quoted with single ones, and any other double
+    quote is written as in a web address (`%22`).
     """
     name, colon, argument = address.partition(":")
     if not colon:
@@ -80,7 +80,7 @@ def recorded_driver(address: str, version: str) -> str:
 
 
 def recorded_address(recorded: str) -> str:
-    """Return the address in what `recorded_driver` wrote: it loads the same driver again."""
+    """Return the address in a text of `recorded_driver`, which loads the same driver again."""
     found = _ADDRESS.fullmatch(recorded.strip())
     return unquote(found["address"]) if found else (recorded.split() or [""])[0]
 

@@ -1,8 +1,8 @@
 """What drivers remember of the others and of signals: smooth tracks from noisy and late object lists, and colours.
 
 Each object has a filter of its own with the gains of a Kalman filter: heading with yaw rate, speed with acceleration,
-and the place, which is carried along by both. Gains come from tables, by how often an object was seen: no covariance is
-carried. All objects are moved on together, in arrays. What it knows is a function of the observations since `reset`.
+and the position, which both move on. The gains come from tables, by how often an object was seen: no covariance is
+kept. All objects are moved on together, in arrays. Tracks are a function of the observations since `reset`.
 """
 
 from __future__ import annotations
@@ -17,81 +17,47 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor, SignalColour
-from foresee_dsl.kernels.tracks import (
-    ACCELERATION,
-    BICYCLE,
-    BINS,
-    DOUBT_MPS,
-    DRIVES,
-    HEADING,
-    HEADING_NOISE_RAD,
-    LENGTH,
-    MEASURED,
-    OBSTACLE,
-    OTHER,
-    PEDESTRIAN,
-    PLACE_NOISES_M,
-    SCAN,
-    SETTLED,
-    SIGHTING,
-    SPEED,
-    SPEED_NOISE_MPS,
-    STANDS,
-    STANDS_MPS,
-    WALKER_HEADING_NOISE_RAD,
-    WALKS,
-    WIDTH,
-    YAW_RATE,
-    Records,
-    X,
-    Y,
-    correct,
-    fade,
-    move,
-    present,
-)
-
-__all__ = ["COAST_S", "DOUBT_MPS", "STANDING_COAST_S", "SignalMemory", "Tracker", "Tracks"]
+from foresee_dsl.kernels import tracks as kernel
 
 COAST_S = 1.5
-"""Ours: an object that is not seen any more is carried on for this long. The sensors give back its number within 1 s;
-in the rest of the time a new number may be the same object."""
+"""Ours: an object that is not seen any more is predicted for this long. The sensors give it its old number within 1 s;
+after that a new number may be the same object."""
 STANDING_COAST_S = 4.0
-"""Ours: the same for what stood when it was seen last, such as a parked car behind a passing lorry."""
+"""Ours: the same for an object that stood when it was last seen, such as a parked car behind a passing lorry."""
 JERK_MPS3 = 4.0
 """Ours: how fast accelerations change, as a standard deviation of each step; of 2, 3, 4 and 8 this has the least error
-over driving on, setting off and braking with 6 m/s^2."""
+over constant speed, setting off and braking with 6 m/s^2."""
 START_ACCELERATION_MPS2 = 1.0
-"""Ours: spread of accelerations in town, which an object is taken to have before it was seen to change its speed."""
+"""Ours: standard deviation of an object's acceleration at first sight, that of traffic in town."""
 YAW_CHANGE_RAD_S2 = 0.7
 """Ours: how fast yaw rates change; entering a turn with 7 m radius at 5 m/s in 1.5 s."""
 START_YAW_RAD_S = 0.1
-"""Ours: spread of yaw rates at first sight; nearly everybody goes straight."""
+"""Ours: standard deviation of yaw rates at first sight; nearly all objects move straight."""
 DRIFT_MPS = 0.4
-"""Ours: by how much the true motion of the centre differs from the filtered speed along the filtered heading."""
+"""Ours: the difference between the true velocity of the centre and the filtered speed along the filtered heading."""
 STANDING_DRIFT_MPS = 0.02
-"""Ours: the same while it stands, so that places of parked cars settle."""
+"""Ours: the same while it stands, so that the positions of parked cars settle."""
 STANDING_TURN_RAD_S = 0.03
-"""Ours: what stands hardly turns."""
+"""Ours: how fast a standing object turns."""
 WALKER_TURN_RAD_S = 0.7
-"""Ours: how fast somebody on foot strays from a heading; a quick turn, of over 60 degrees, is a jump."""
+"""Ours: how fast pedestrians turn; a quick turn of over 60 degrees makes the filter start again."""
 SIZE_GAIN = 0.05
-"""Ours: sizes do not change, but what is seen of something may, as more of it comes into view."""
+"""Ours: sizes do not change, but what is visible of an object may."""
 SAME_PLACE_M = 1.5
 SAME_PLACE_MPS = 1.5
-"""Ours: a new number is an object that was lost if it is within this (and this much more a second that it was lost) of
-where that should be: under the distance between two cars in a queue."""
+"""Ours: a new number is a lost object if it is within this (plus this much per second that it was lost) of where that
+should be: less than the distance between two cars in a queue."""
 SAME_SIZE = 0.3
 """Ours: and if its length differs by less than this share; ten times the noise."""
 FADES_S = 0.5
-"""Ours: acceleration and yaw rate of what is not seen fade with this time constant."""
+"""Ours: acceleration and yaw rate of objects that are not seen decay with this time constant."""
 
 SAME_TIME_S = 1e-6
 COLOUR_KEPT_S = 1.0
-"""Ours: how long a colour counts that is not seen any more; a third of the shortest amber time (3 s), so that nobody
-drives by a green that has become red."""
+"""Ours: how long a colour that is not seen any more is used; a third of the shortest amber time (3 s), so that no
+driver relies on a green that has become red."""
 
-_KINDS = {"bicycle": BICYCLE, "pedestrian": PEDESTRIAN, "obstacle": OBSTACLE}
+_KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
 _read = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 
 
@@ -103,7 +69,7 @@ class Tracks(NamedTuple):
         x, y, heading, speed, length, width, acceleration, yaw_rate, lost_s: the columns of `table`.
     """
 
-    table: Records
+    table: kernel.Records
     numbers: tuple[int, ...]
     kinds: tuple[ActorClass, ...]
 
@@ -122,7 +88,7 @@ class Tracks(NamedTuple):
 
 
 class Tracker:
-    """Follows the objects of an object list from step to step."""
+    """Tracks the objects of an object list from step to step."""
 
     def __init__(self) -> None:
         self.reset()
@@ -130,8 +96,8 @@ class Tracker:
     def reset(self) -> None:
         """Forget everything."""
         self._state = np.empty((0, 8))
-        self._sightings = np.empty(0, SIGHTING)
-        self._scan = np.empty(1, SCAN)
+        self._sightings = np.empty(0, kernel.SIGHTING)
+        self._scan = np.empty(1, kernel.SCAN)
         self._numbers: list[int] = []
         self._kinds: list[ActorClass] = []
         self._places: dict[int, int] = {}
@@ -139,10 +105,9 @@ class Tracker:
         self._some_lost = False
 
     def update(self, observation: Observation) -> Tracks:
-        """Take in an observation, and return everybody at its `time_s`.
+        """Take in an observation, and return all tracks at its `time_s`.
 
-        An object list that was measured when the last one was says nothing new. One from before it means that time
-        began anew: everything is forgotten.
+        An object list with the time of the last one is ignored; an earlier one means a new run: all is forgotten.
         """
         measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
         passed_s = math.inf if self._measured_s is None else measured_s - self._measured_s
@@ -152,29 +117,32 @@ class Tracker:
         if passed_s > SAME_TIME_S:
             self._measured_s = measured_s
             if self._numbers:
-                move(self._state, passed_s)
+                kernel.move(self._state, passed_s)
             self._take_in(observation, passed_s, measured_s)
-        table = present(self._state, self._sightings, observation.time_s, measured_s, self._some_lost)
+        table = kernel.present(self._state, self._sightings, observation.time_s, measured_s, self._some_lost)
         return Tracks(table, tuple(self._numbers), tuple(self._kinds))
 
     def _take_in(self, observation: Observation, passed_s: float, measured_s: float) -> None:
-        """Begin with those that are new, correct the predictions of the others by what was measured, and forget who has
-        not been seen for too long."""
+        """Add new objects, correct the predictions of the others by the measurements, and drop objects that have not
+        been seen for too long."""
         seen, places, knew = observation.actors, self._places, bool(self._numbers)
-        measured = np.fromiter(chain.from_iterable(map(_read, seen)), float, MEASURED * len(seen)).reshape(-1, MEASURED)
+        values = np.fromiter(chain.from_iterable(map(_read, seen)), float, kernel.MEASURED * len(seen))
+        measured = values.reshape(-1, kernel.MEASURED)
         found = [places.get(actor.track, -1) for actor in seen]
         if -1 in found:
             found = self._begin(seen, found, measured, measured_s)
         if knew and found:
             self._scan[0] = observation.ego.x, observation.ego.y, measured_s, passed_s
             which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
-            correct(self._state, self._sightings, which, measured, self._scan, gains)
+            kernel.correct(self._state, self._sightings, which, measured, self._scan, gains)
         self._some_lost = len(found) < len(self._numbers)
-        if self._some_lost and fade(self._state, self._sightings, measured_s, math.exp(-passed_s / FADES_S)) > COAST_S:
-            self._drop(measured_s)
+        if self._some_lost:
+            share = math.exp(-passed_s / FADES_S)
+            if kernel.fade(self._state, self._sightings, measured_s, share) > COAST_S:
+                self._drop(measured_s)
 
     def _begin(self, seen: Sequence[SeenActor], found: list[int], measured: FloatArray, measured_s: float) -> list[int]:
-        """Give a place to each number that is new: that of an object that was lost there, else one at the end."""
+        """Give a row to each new number: that of an object that was lost there, else one at the end."""
         taken, fresh = set(found), []
         for k, actor in enumerate(seen):
             if found[k] >= 0:
@@ -192,11 +160,12 @@ class Tracker:
             found[k] = self._places[actor.track] = place
         if fresh:
             more = np.zeros((len(fresh), 8))
-            more[:, :MEASURED] = measured[fresh]
+            more[:, : kernel.MEASURED] = measured[fresh]
             self._state = np.concatenate([self._state, more])
-            sightings = np.empty(len(self._numbers), SIGHTING)  # np.concatenate's dtype is new to numba each time
+            # np.concatenate would make a new dtype object each time, which numba (0.68.1) would analyse anew.
+            sightings = np.empty(len(self._numbers), kernel.SIGHTING)
             sightings[: -len(fresh)] = self._sightings
-            sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen[k].kind, OTHER)) for k in fresh]
+            sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen[k].kind, kernel.OTHER)) for k in fresh]
             self._sightings = sightings
         return found
 
@@ -206,7 +175,7 @@ class Tracker:
         for k in range(len(self._state)):
             if k in taken or self._kinds[k] != actor.kind:
                 continue
-            x, y, length = (float(v) for v in self._state[k, [X, Y, LENGTH]])
+            x, y, length = (float(v) for v in self._state[k, [kernel.X, kernel.Y, kernel.LENGTH]])
             away, lost_s = math.hypot(x - actor.x, y - actor.y), measured_s - float(self._sightings["last_s"][k])
             near = away < min(SAME_PLACE_M + SAME_PLACE_MPS * lost_s, nearest)
             if near and abs(actor.length_m - length) < SAME_SIZE * length:
@@ -214,9 +183,9 @@ class Tracker:
         return best
 
     def _drop(self, measured_s: float) -> None:
-        """Forget who has not been seen for too long."""
+        """Drop the objects that have not been seen for too long."""
         lost_s = measured_s - self._sightings["last_s"]
-        keep = lost_s <= np.where(self._state[:, SPEED] < STANDS_MPS, STANDING_COAST_S, COAST_S)
+        keep = lost_s <= np.where(self._state[:, kernel.SPEED] < kernel.STANDS_MPS, STANDING_COAST_S, COAST_S)
         self._state, self._sightings = self._state[keep], self._sightings[keep]
         rows = np.flatnonzero(keep).tolist()
         self._numbers, self._kinds = [self._numbers[k] for k in rows], [self._kinds[k] for k in rows]
@@ -224,13 +193,13 @@ class Tracker:
 
 
 class SignalMemory:
-    """The colours of the signals, remembered for a moment where a lorry or a bend hides one."""
+    """The colours of the signals, remembered for `COLOUR_KEPT_S` where a lorry or a bend hides one."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[float, SignalColour]] = {}
 
     def update(self, observation: Observation) -> Mapping[str, SignalColour]:
-        """Take in an observation; return the colours by signal that are seen or were within `COLOUR_KEPT_S`."""
+        """Take in an observation; return the colours by signal that are seen or still remembered."""
         now_s = observation.time_s
         if not observation.signals and not self._known:
             return {}
@@ -246,20 +215,20 @@ def _gains(dt: float) -> FloatArray:
 
     `count` is how often the object was seen before. The rates get theirs from what was measured of their values.
     """
-    table = np.empty((8, 3, BINS, SETTLED))
-    pace = _pair_gains(SPEED_NOISE_MPS, 0.0, START_ACCELERATION_MPS2, JERK_MPS3 * dt, dt)
-    table[SPEED], table[ACCELERATION] = pace[:, 0], pace[:, 1]
-    table[LENGTH], table[WIDTH] = (np.maximum(1.0 / np.arange(1, SETTLED + 1), SIZE_GAIN),) * 2
+    table = np.empty((8, 3, kernel.BINS, kernel.SETTLED))
+    pace = _pair_gains(kernel.SPEED_NOISE_MPS, 0.0, START_ACCELERATION_MPS2, JERK_MPS3 * dt, dt)
+    table[kernel.SPEED], table[kernel.ACCELERATION] = pace[:, 0], pace[:, 1]
+    table[kernel.LENGTH], table[kernel.WIDTH] = (np.maximum(1.0 / np.arange(1, kernel.SETTLED + 1), SIZE_GAIN),) * 2
     turns = {
-        DRIVES: _pair_gains(HEADING_NOISE_RAD, 0.0, START_YAW_RAD_S, YAW_CHANGE_RAD_S2 * dt, dt),
-        STANDS: _pair_gains(HEADING_NOISE_RAD, STANDING_TURN_RAD_S * dt, 0.0, 0.0, dt),
-        WALKS: _pair_gains(WALKER_HEADING_NOISE_RAD, WALKER_TURN_RAD_S * dt, 0.0, 0.0, dt),
+        kernel.DRIVES: _pair_gains(kernel.HEADING_NOISE_RAD, 0.0, START_YAW_RAD_S, YAW_CHANGE_RAD_S2 * dt, dt),
+        kernel.STANDS: _pair_gains(kernel.HEADING_NOISE_RAD, STANDING_TURN_RAD_S * dt, 0.0, 0.0, dt),
+        kernel.WALKS: _pair_gains(kernel.WALKER_HEADING_NOISE_RAD, WALKER_TURN_RAD_S * dt, 0.0, 0.0, dt),
     }
-    drifts = {DRIVES: DRIFT_MPS, STANDS: STANDING_DRIFT_MPS, WALKS: DRIFT_MPS}
+    drifts = {kernel.DRIVES: DRIFT_MPS, kernel.STANDS: STANDING_DRIFT_MPS, kernel.WALKS: DRIFT_MPS}
     for mode, turn in turns.items():
-        table[HEADING, mode], table[YAW_RATE, mode] = turn[:, 0], turn[:, 1]
-        for k, noise in enumerate(PLACE_NOISES_M.tolist()):
-            table[X : Y + 1, mode, k] = _pair_gains(noise, drifts[mode] * dt, 0.0, 0.0, dt)[:, 0]
+        table[kernel.HEADING, mode], table[kernel.YAW_RATE, mode] = turn[:, 0], turn[:, 1]
+        for k, noise in enumerate(kernel.PLACE_NOISES_M.tolist()):
+            table[kernel.X : kernel.Y + 1, mode, k] = _pair_gains(noise, drifts[mode] * dt, 0.0, 0.0, dt)[:, 0]
     return table
 
 
@@ -272,7 +241,7 @@ def _pair_gains(noise: float, drift: float, start_rate: float, rate_change: floa
     """
     value, both, rate = noise * noise, 0.0, start_rate * start_rate  # after the first measurement
     gains = [(1.0, 0.0)]
-    for _ in range(SETTLED - 1):
+    for _ in range(kernel.SETTLED - 1):
         value += 2 * dt * both + dt * dt * rate + drift * drift + (rate_change * dt / 2) ** 2
         both += dt * rate + rate_change * rate_change * dt / 2
         rate += rate_change * rate_change

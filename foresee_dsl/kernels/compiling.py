@@ -50,21 +50,21 @@ def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's type
     """
 
     def compile_it(function: F) -> F:
-        # numba (0.68.1) compiles anew when the function's own file changes, but not when one does that it takes
-        # functions or constants from. It keeps a function under its name, so the name holds the state of this folder.
+        # numba (0.68.1) compiles anew when the function's own file changes, but not when a file does from which it uses
+        # functions or constants. It stores a function under its name, so the name contains a hash of this folder.
         function.__qualname__ += "_" + state_of(Path(__file__).parent)
         try:
             made = njit(signature, cache=True, error_model="numpy")(function)
             _announce_once(made)
             return cast(F, made)
-        except RuntimeError:  # nowhere to keep it: neither beside the module nor in a user's folder
+        except RuntimeError:  # it can be stored neither beside the module nor in a user's folder
             return cast(F, njit(signature, error_model="numpy")(function))
 
     return compile_it
 
 
 def _announce_once(made: object) -> None:
-    """Tell the user at a terminal why it takes so long, when the first function had to be compiled."""
+    """Tell the user at a terminal why it takes so long, once the first function had to be compiled."""
     global _notice_given  # noqa: PLW0603  once in a process
     stats = getattr(made, "stats", None)  # none where NUMBA_DISABLE_JIT is set
     if not _notice_given and stats is not None and stats.cache_misses and sys.stderr.isatty():

@@ -1,4 +1,4 @@
-"""The tracker's loops: states moved on along their arcs, corrected by what was measured, and read at the present."""
+"""The tracker's loops: states moved on along their arcs, corrected by measurements, and read at the present."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from foresee_dsl.kernels.compiling import FLAG, FLOAT, HYPERCUBE, INTS, TABLE, c
 from foresee_dsl.kernels.records import array_of, dtype_of
 
 DOUBT_MPS = 0.2
-"""Ours: by how much a second each side of a moving object grows while it is not seen; what a constant acceleration of
-0.3 m/s^2 adds to its way in 1.5 s."""
+"""Ours: how fast each side of a moving object grows while it is not seen; in 1.5 s, what a constant acceleration of
+0.3 m/s^2 adds to its distance."""
 STANDS_MPS = 0.25
-"""Ours: slower than this after smoothing is standing still; over three times the noise of a smoothed speed."""
+"""Ours: slower than this after smoothing counts as standing; over three times the noise of a smoothed speed."""
 SPEED_NOISE_MPS = 0.15
 HEADING_NOISE_RAD = math.radians(2.0)
 WALKER_HEADING_NOISE_RAD = math.radians(10.0)
@@ -23,22 +23,22 @@ PLACE_NOISE_M = 0.1
 PLACE_NOISE_PER_M = 0.003
 """Standard deviations that the filters assume, about those of the standard sensors (`simulate/sensing`)."""
 JUMP = 6.0
-"""Ours: an object this many standard deviations (of one measurement) off where it was expected has begun something new,
-and its filter starts again. Two of them are the noise of the prediction; noise alone hardly ever does that."""
+"""Ours: the filter of an object starts again where a measurement is this many of its standard deviations off the
+prediction, which has up to two of noise itself; noise alone hardly ever does that."""
 
 X, Y, HEADING, SPEED, LENGTH, WIDTH, ACCELERATION, YAW_RATE = range(8)
 """Columns of the filters' states, [A, 8]; the first six are measured."""
 MEASURED = 6
 DRIVES, STANDS, WALKS = range(3)
-"""How somebody moves, as far as the gains go."""
+"""Modes of motion, which have gains of their own."""
 OTHER, BICYCLE, PEDESTRIAN, OBSTACLE = range(4)
-"""Classes of objects that kernels tell apart (`Track.kind`)."""
+"""Classes of objects that kernels distinguish (`Track.kind`)."""
 SETTLED = 60
 """Gains have settled after so many measurements, 3 s."""
 BIN_M = 20.0
 BINS = 5
 PLACE_NOISES_M = PLACE_NOISE_M + PLACE_NOISE_PER_M * BIN_M * (np.arange(BINS) + 0.5)
-"""[bins] of places, by distance."""
+"""[bins] of positions, by distance."""
 _JUMPS = JUMP * np.array(
     [
         [PLACE_NOISES_M] * 3,
@@ -47,7 +47,7 @@ _JUMPS = JUMP * np.array(
         [[SPEED_NOISE_MPS] * BINS] * 3,
     ]
 )
-"""[4, mode, bins] differences of x, y, heading and speed from which on a filter starts again."""
+"""[4, mode, bins] differences of x, y, heading and speed above which a filter starts again."""
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -74,7 +74,7 @@ class Track(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """What is known of the measurements of an object: how many there were, when the last one was (s), its class."""
+    """The measurements of an object: how many there were, when the last one was (s), its class."""
 
     times: int
     last_s: float
@@ -96,23 +96,23 @@ TRACKS, _SIGHTINGS = array_of(Track), array_of(Sighting)
 
 @compiled(TABLE, FLOAT)
 def move(state: FloatArray, dt: float) -> None:
-    """Move everybody, [A, 8], on by `dt` along their arcs, in place; who is about to stand does not go backwards."""
+    """Move all states, [A, 8], on by `dt` along their arcs, in place; an object that brakes does not reverse."""
     for a in range(len(state)):
         speed, turned = state[a, SPEED], state[a, YAW_RATE] * dt
         after = max(speed + state[a, ACCELERATION] * dt, 0.0)
-        # The noise of a speed that cannot be negative would carry on who stands.
-        way = 0.0 if speed < STANDS_MPS else (speed + after) * (dt / 2)
+        # The noise of a speed that cannot be negative would make standing objects drift.
+        distance = 0.0 if speed < STANDS_MPS else (speed + after) * (dt / 2)
         middle = state[a, HEADING] + turned / 2
-        state[a, X] += way * math.cos(middle)
-        state[a, Y] += way * math.sin(middle)
+        state[a, X] += distance * math.cos(middle)
+        state[a, Y] += distance * math.sin(middle)
         state[a, HEADING] += turned
         state[a, SPEED] = after
 
 
 @compiled(TABLE, _SIGHTINGS, FLOAT, FLOAT, FLAG)
 def present(state: FloatArray, sightings: Records, time_s: float, measured_s: float, some_lost: bool) -> Records:
-    """Return the tracks [A] of a state [A, 8] of `measured_s`, carried on to `time_s`: the lost ones have grown, the
-    standing ones have no speed. `some_lost`: not everybody was in the last object list."""
+    """Return the tracks [A] of a state [A, 8] of `measured_s`, predicted to `time_s`: the lost ones have grown, the
+    standing ones have no speed. `some_lost`: some objects were not in the last object list."""
     tracks = np.empty(len(state), TRACK)
     if time_s > measured_s:
         state = state.copy()
@@ -134,7 +134,7 @@ def present(state: FloatArray, sightings: Records, time_s: float, measured_s: fl
 
 @compiled(TABLE, _SIGHTINGS, FLOAT, FLOAT)
 def fade(state: FloatArray, sightings: Records, measured_s: float, share: float) -> float:
-    """Let acceleration and yaw rate fade of who is not seen, in place; return how long the longest is lost, s."""
+    """Reduce acceleration and yaw rate of objects that are not seen, in place; return the longest time lost, s."""
     longest = 0.0
     for a in range(len(state)):
         last_s = sightings[a]["last_s"]
@@ -149,11 +149,11 @@ def fade(state: FloatArray, sightings: Records, measured_s: float, share: float)
 def correct(
     state: FloatArray, sightings: Records, which: IntArray, measured: FloatArray, scans: Records, gains: FloatArray
 ) -> None:
-    """Correct some states by what was measured, in place.
+    """Correct some states by their measurements, in place.
 
     Args:
         state: [A, 8]. sightings: [A]. which: [N] the actors that were measured. measured: [N, 6].
-        scans: [1] of what list that is. gains: [8, mode, bins, times].
+        scans: [1] the object list. gains: [8, mode, bins, times].
     """
     scan, off = scans[0], np.empty(8)
     for n in range(len(which)):
@@ -162,7 +162,7 @@ def correct(
             off[column] = measured[n, column] - one[column]
         off[HEADING] = (off[HEADING] + math.pi) % (2 * math.pi) - math.pi
         off[ACCELERATION], off[YAW_RATE] = off[SPEED], off[HEADING]
-        # A filter that waited knows less: it goes on as one that has seen less.
+        # A filter without measurements for a while is less certain: it continues as one with fewer of them.
         missed = int(np.rint((scan["measured_s"] - seen["last_s"]) * (1 / scan["passed_s"]))) - 1
         count = max(seen["times"] - 2 * max(missed, 0), 1)
         seen["last_s"] = scan["measured_s"]

@@ -25,8 +25,7 @@ from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.campaign.verify import Status, verify_files
-from foresee_dsl.drivers.external import ExternalDriver
-from foresee_dsl.drivers.external.messages import plain, read_control, read_ready, reset_line, step_line
+from foresee_dsl.drivers.external import ExternalDriver, plain, read_control, read_ready, reset_line, step_line
 from foresee_dsl.drivers.external.process import LONGEST_LINE
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Observation, SeenActor
 from foresee_dsl.drivers.registry import load_driver, recorded_address, recorded_driver

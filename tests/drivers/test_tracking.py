@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from foresee_dsl.drivers.protocol import EgoState, Observation, SeenActor
-from foresee_dsl.drivers.tracking import COAST_S, DOUBT_MPS, STANDING_COAST_S, Tracker, Tracks
+from foresee_dsl.drivers.tracking import COAST_S, STANDING_COAST_S, Tracker, Tracks
+from foresee_dsl.kernels.tracks import DOUBT_MPS
 from tests.support.senses import blurred
 
 STEP_S = 0.05

@@ -1,32 +1,47 @@
 """The driver `external`: any program in any language that speaks JSON lines over its standard input and output.
 
 docs/external.md describes the protocol. The program is started at `reset` and ended at `close`: a fresh process for
-each run, so that nothing of one run can reach the next.
+each run, so that nothing of one run can reach the next. Messages have the fields of the protocol's dataclasses, so that
+a new field is sent without a change here.
 """
 
 from __future__ import annotations
 
-import contextlib
+import json
 import math
 import os
+import re
 import shlex
 import shutil
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Any, TypeVar
 
-from foresee_dsl.drivers.external.messages import end_line, read_control, read_ready, reset_line, step_line
+import numpy as np
+
 from foresee_dsl.drivers.external.process import Program
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.errors import DriverError
 
 STEP_DEADLINE_S = 1.0
-"""Wall time for an answer, unless FORESEE_STEP_DEADLINE_S says otherwise. Ours: twenty times real time, so that a busy
-machine changes no verdict."""
+"""Wall time for an answer, unless FORESEE_STEP_DEADLINE_S is set. Ours: twenty times real time, so that a busy machine
+changes no verdict."""
 RESET_DEADLINE_S = 10.0
-"""Wall time from the start of the program to its first line, unless FORESEE_RESET_DEADLINE_S says otherwise. Ours: an
+"""Wall time from the start of the program to its first line, unless FORESEE_RESET_DEADLINE_S is set. Ours: an
 interpreter that imports a framework for learned models takes some seconds."""
+T = TypeVar("T")
 USAGE = 'write external:COMMAND, such as --driver "external:python3 my_driver.py"'
+PROTOCOL_VERSION = 1
+LONGEST_ARRAY = 20_000
+"""Ours: larger arrays (and all with three or more dimensions) are pictures and are not sent; 10,000 points of a
+centreline, 1 m apart, are under it, a raster of 150 by 150 pixels is not."""
+SHOWN = 80
+"""Ours: how many characters of an invalid answer a message shows."""
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
+_LEFT_OUT = object()
 
 
 class ExternalDriver:
@@ -36,10 +51,7 @@ class ExternalDriver:
     version = "1"
 
     def __init__(self, command_line: str) -> None:
-        """Take up a command line; nothing is started yet.
-
-        Args:
-            command_line: split as a shell would split it; no shell runs.
+        """Check a command line, which is split as a shell would do it; nothing is started yet, and no shell ever.
 
         Raises:
             DriverError: it is empty or cannot be split, there is no such program, or a deadline's setting is no time.
@@ -52,15 +64,11 @@ class ExternalDriver:
         self._program: Program | None = None
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
         self.name = f"external:{command_line}"
-        self.version = ""  # the program says it in its first line
+        self.version = ""  # read from the program's first line
 
     @classmethod
     def from_argument(cls, argument: str) -> ExternalDriver:
-        """Make the driver that `external:ARGUMENT` names.
-
-        Raises:
-            DriverError: the argument is no command.
-        """
+        """Make the driver that `external:ARGUMENT` names."""
         return cls(argument)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
@@ -72,9 +80,7 @@ class ExternalDriver:
         self.close()
         self._program = Program(self._command)
         self._last_resort = weakref.finalize(self, self._program.kill)
-        line = self._exchange(reset_line(mission, vehicle, seed), self._reset_s)
-        with self._blaming():
-            self.version = " ".join(read_ready(line))
+        self.version = " ".join(self._exchange(reset_line(mission, vehicle, seed), self._reset_s, read_ready))
 
     def step(self, observation: Observation) -> Control:
         """Send one observation and return the program's answer.
@@ -82,36 +88,25 @@ class ExternalDriver:
         Raises:
             DriverError: `reset` was not called, or the program does not answer as it must.
         """
-        line = self._exchange(step_line(observation), self._step_s)
-        with self._blaming():
-            return read_control(line)
+        return self._exchange(step_line(observation), self._step_s, read_control)
 
     def close(self) -> None:
-        """Tell the program that the run is over, and see to it that it ends."""
+        """Tell the program that the run is over, and end it."""
         if self._program is not None:
             self._program.end(end_line())
         self._forget()
 
-    def _exchange(self, line: bytes, deadline_s: float) -> bytes:
+    def _exchange(self, line: bytes, deadline_s: float, read: Callable[[bytes], T]) -> T:
+        """Return what `read` makes of the answer to a line; a program that breaks the protocol is ended and named."""
         if self._program is None:
             raise DriverError("an external driver was stepped before reset, or after it broke")
-        with self._blaming():
-            return self._program.exchange(line, deadline_s)
-
-    @contextlib.contextmanager
-    def _blaming(self) -> Iterator[None]:
-        """End the program when it breaks the protocol, and say which it was."""
         try:
-            yield
-        except DriverError as err:
-            if self._program is not None:
-                self._program.kill()
+            return read(self._program.exchange(line, deadline_s))
+        except BaseException as err:  # Ctrl-C too: the program may still answer the last line, so it can take no other
+            self._program.kill()
             self._forget()
-            raise DriverError(f"{shlex.join(self._command)}: {err}") from err
-        except BaseException:  # such as Ctrl-C: the run is over, close will not be polite to a program out of step
-            if self._program is not None:
-                self._program.kill()
-            self._forget()
+            if isinstance(err, DriverError):
+                raise DriverError(f"{shlex.join(self._command)}: {err}") from err
             raise
 
     def _forget(self) -> None:
@@ -143,3 +138,122 @@ def _seconds(variable: str, default: float) -> float:
     if not 0 < seconds <= 3600:
         raise DriverError(f"{variable} is {text!r}, not a time in seconds above 0 and up to 3600")
     return seconds
+
+
+# --- messages -----------------------------------------------------------------------------------------------------
+
+
+def reset_line(mission: Mission, vehicle: VehicleLimits, seed: int) -> bytes:
+    """Return the first line of a run."""
+    return _line({"foresee": PROTOCOL_VERSION, "type": "reset", "mission": mission, "vehicle": vehicle, "seed": seed})
+
+
+def step_line(observation: Observation) -> bytes:
+    """Return the line of one step."""
+    return _line({"type": "step", "observation": observation})
+
+
+def end_line() -> bytes:
+    """Return the last line of a run."""
+    return _line({"type": "end"})
+
+
+def read_ready(line: bytes) -> tuple[str, str]:
+    """Return the program's name and version from its first line.
+
+    Raises:
+        DriverError: the line is another one.
+    """
+    answer = _object(line)
+    if answer.get("type") != "ready":
+        raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_shown(line)}')
+    return _name(answer, "name"), _name(answer, "version")
+
+
+def read_control(line: bytes) -> Control:
+    """Return the control that a program answered; the simulator clips values out of range.
+
+    Raises:
+        DriverError: the line is no JSON object with the finite numbers steer, throttle and brake.
+    """
+    answer = _object(line)
+    return Control(*(_number(answer, key, line) for key in ("steer", "throttle", "brake")))
+
+
+def plain(value: object) -> Any:  # noqa: ANN401  what JSON can say
+    """Return a value as dicts, lists, texts, finite numbers, booleans and None; what JSON cannot express is left out.
+
+    Dataclasses become objects with a key for each field, arrays lists, numbers that are not finite None.
+    """
+    found = _plain(value)
+    return None if found is _LEFT_OUT else found
+
+
+def _plain(value: object) -> object:  # noqa: PLR0911  one return a kind
+    if value is None or isinstance(value, (str, bool, int)):
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, (tuple, list)):
+        return [v for v in map(_plain, value) if v is not _LEFT_OUT]
+    if isinstance(value, dict):
+        return {key: v for key, v in ((str(k), _plain(v)) for k, v in value.items()) if v is not _LEFT_OUT}
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, np.ndarray):
+        if value.ndim > 2 or value.size > LONGEST_ARRAY:
+            return _LEFT_OUT
+        return _plain(value.tolist())
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain({name: getattr(value, name) for name in _names(type(value))})
+    return _LEFT_OUT
+
+
+@lru_cache(maxsize=256)
+def _names(cls: type) -> tuple[str, ...]:
+    return tuple(f.name for f in fields(cls))
+
+
+def _line(message: dict[str, object]) -> bytes:
+    return json.dumps(plain(message), allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
+def _object(line: bytes) -> dict[str, Any]:
+    try:
+        found = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as err:  # ValueError: no UTF-8, no JSON, a number with too many digits
+        raise DriverError(f"its line is no JSON: {_shown(line)}") from err
+    if not isinstance(found, dict):
+        raise DriverError(f"its line is no JSON object: {_shown(line)}")
+    return found
+
+
+def _no_constant(word: str) -> float:
+    raise ValueError(f"{word} is no JSON")
+
+
+def _number(answer: dict[str, Any], key: str, line: bytes) -> float:
+    if key not in answer:
+        raise DriverError(f"its answer has no {key}: {_shown(line)}")
+    value = answer[key]
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise DriverError(f"its {key} is no number: {_shown(line)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise DriverError(f"its {key} is not finite: {_shown(line)}")
+    return number
+
+
+def _name(answer: dict[str, Any], key: str) -> str:
+    value = answer.get(key)
+    if not isinstance(value, str) or not _NAME.fullmatch(value):
+        raise DriverError(f"its {key} must be a text of letters, digits and . _ + - (64 at most), not {value!r:.80}")
+    return value
+
+
+def _shown(line: bytes) -> str:
+    text = line.decode("utf-8", errors="replace").strip()
+    return repr(text if len(text) <= SHOWN else text[:SHOWN] + "...")

@@ -1,8 +1,7 @@
-"""A program in a process group of its own, spoken to line by line with deadlines, and ended for certain.
+"""A program in a process group of its own, which exchanges lines with deadlines and surely ends.
 
 The group is led by a guard: a shell that waits for its input to end and then kills the group, itself included. Its
-input is a pipe that only this process holds, so that the program ends with this process in whatever way that happens,
-SIGKILL included.
+input is a pipe that only this process holds, so that the program ends with this process even after a SIGKILL.
 """
 
 from __future__ import annotations
@@ -21,11 +20,11 @@ from foresee_dsl.errors import DriverError
 LONGEST_LINE = 65_536
 """Bytes of a line from the program. Ours: an answer needs under 100."""
 FAREWELL_S = 1.0
-"""How long a program may take to end by itself after `end`. Ours: time to close a log file."""
+"""How long a program may take to end after the line `end`. Ours: time to close a log file."""
 LAST_WORDS_S = 0.2
-"""How long the exit code and the last of stderr are waited for once the program has closed its output (ours)."""
+"""Ours: how long to wait for the exit code and the rest of stderr once the program has closed its output."""
 LAST_WORDS = 400
-"""Ours: so many characters of stderr's end are in a message: the last line of a traceback, and where."""
+"""Ours: how many characters of stderr's end a message has: the last line of a traceback, and its place."""
 _STDERR_KEPT = 4096
 _CHUNK = 65_536
 _TICK_S = 0.05
@@ -107,7 +106,7 @@ class Program:
         raise DriverError(f"it did not {doing} within {deadline_s:g} s{self._last_words()}")
 
     def end(self, farewell: bytes) -> None:
-        """Say farewell, give it a moment to end by itself, then kill what is left. Never raises."""
+        """Send a last line, wait up to `FAREWELL_S` for the program to end, then kill what is left. Never raises."""
         until = time.monotonic() + FAREWELL_S
         with contextlib.suppress(OSError):
             self._send(memoryview(farewell), until)
@@ -140,7 +139,7 @@ class Program:
             _pipe(self._guard.stdin).close()
 
     def _send(self, data: memoryview, until: float) -> memoryview:
-        """Write, reading meanwhile (or two full pipes would wait for each other); return what was not taken."""
+        """Write, reading meanwhile (two full pipes would wait for each other); return the bytes that were not read."""
         self._selector.register(self._in, selectors.EVENT_WRITE)
         try:
             while data:
@@ -155,7 +154,7 @@ class Program:
         return data
 
     def _wait(self, until: float) -> bool:
-        """Read what comes until something happens, a tick at most; False when the time is over."""
+        """Wait for input or output, `_TICK_S` at most, and read it; False when the time is over."""
         left = until - time.monotonic()
         if left <= 0:
             return False
@@ -165,7 +164,7 @@ class Program:
         return True
 
     def _read(self, stream: IO[bytes]) -> None:
-        """Take one chunk of what there is, if any."""
+        """Read one chunk, if there is any."""
         if not self._open(stream):
             return
         try:

@@ -1,8 +1,8 @@
 """The bundled driver `frenetix`: the modular stack of industry around a sampling planner of a third party.
 
 Perception (tracks), prediction, a behaviour layer with named states, the planner of the package `frenetix` (LGPL-3.0,
-an extra of its own, used as it is installed), and PID tracking. Unlike `pdm` it keeps state between steps: its tracks,
-the plan, the integral of its speed controller and the colours of signals that it saw.
+an extra of its own, used as it is installed), and PID tracking. Between steps it keeps its tracks, the plan, the
+integral of its speed controller and the colours of signals that it saw.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as package_version
 from typing import TYPE_CHECKING
 
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.bundled import BundledDriver
+from foresee_dsl.drivers.protocol import Mission, VehicleLimits
 from foresee_dsl.errors import DriverError
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def _version() -> str:
         return "1"
 
 
-class FrenetixDriver:
+class FrenetixDriver(BundledDriver["Stack"]):
     """Behaviour states, frenetix's sampled trajectories, PID tracking: the modular stack (package frenetix, LGPL).
 
     `seed` changes nothing; the same observations after the same `reset` give the same answers.
@@ -41,28 +42,17 @@ class FrenetixDriver:
 
     def __init__(self) -> None:
         try:
-            import frenetix as _  # noqa: F401  says early, and in words, that it is not there
+            import frenetix as _  # noqa: F401  an early and clear message where it is not installed
         except ImportError as err:
             raise DriverError(f"{MISSING} ({err})" if "No module" not in str(err) else MISSING) from err
-        self._stack: Stack | None = None
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
-        """Forget everything and take up a new mission; the seed is not used."""
+        """Forget everything and start a new mission; the seed is not used."""
         from foresee_dsl.drivers.frenetix.stack import Stack
 
-        self._stack = Stack(mission, vehicle)
-
-    def step(self, observation: Observation) -> Control:
-        """Answer one observation.
-
-        Raises:
-            DriverError: `reset` was not called.
-        """
-        return self.stack.step(observation)
+        self._state = Stack(mission, vehicle)
 
     @property
     def stack(self) -> Stack:
-        """What it is thinking: the behaviour's state, the plan, and how often there was none."""
-        if self._stack is None:
-            raise DriverError("the driver frenetix was stepped before reset")
-        return self._stack
+        """The behaviour's state, the plan, and how often there was no feasible one."""
+        return self.state

@@ -1,7 +1,7 @@
-"""The behaviour layer: a named state, where to stop, whom to follow, and beside the lane's middle by how much.
+"""The behaviour layer: a named state, where to stop, what to follow, and which lateral offsets to try.
 
-It says what the planner shall try; the planner says how. Signals, right of way and queues are judged by the functions
-of `pdm`, people on foot also by those of `idm`.
+It decides what the planner tries. Signals, right of way and queues are judged by the functions of `pdm`, pedestrians
+also by those of `idm`.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from foresee_dsl.kernels.pdm.right_of_way import find_wall
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])
 """A plan's frame is every so many frames of a prediction."""
 AT_LINE_M = 2.0
-"""Ours: a stop this near to a stop line is for the signal (or the queue behind it), any other gives way."""
+"""Ours: a stop this near to a stop line is for the signal (or the queue beyond it), any other one gives way."""
 FOLLOWS_S = 6.0
-"""Ours: a vehicle that is reached later than this at the present speed is not followed yet."""
+"""Ours: a vehicle that would be reached later than this at the present speed is not followed yet."""
 WALKER_AIR_M = 1.5
-"""Ours: it stops this far before somebody on foot, half more than a car keeps from a conflict."""
+"""Ours: it stops this far before a pedestrian, half more than before a conflict with a car."""
 WALKER_BRAKING_MPS2 = 1.0
-"""Ours: it gives way to somebody on foot once that takes this much braking: until then it is mostly sensor noise that
-turns people on the pavement towards the road."""
+"""Ours: it gives way to a pedestrian once that takes this much braking: until then it is mostly sensor noise that makes
+people on the pavement head for the road."""
 WALKER_TIMES = 3
 WALKER_URGENT_MPS2 = 3.0
-"""Ours: and once three plans in a row (0.3 s) say so, or this much is needed. One plan in four did for somebody
-who only walked along the pavement."""
+"""Ours: and only when three plans in a row (0.3 s) ask for it, or this much braking is needed. One plan in four asked
+to stop for a pedestrian that only walked along the pavement."""
 BESIDE_M = 0.3
-"""Ours: air on either side within which somebody who is not aligned with the road counts as standing in the way."""
+"""Ours: an actor that is not aligned with the road and this near to the ego's side is in its corridor."""
 
 
 class State(StrEnum):
-    """What the car is about."""
+    """What the car does."""
 
     CRUISE = "cruise"
     FOLLOW = "follow"
@@ -55,9 +55,9 @@ class Behaviour:
     """What the planner is asked for.
 
     Attributes:
-        state: its name. stop_s: the length along the route that the front bumper may not pass; None: the way is free.
+        stop_s: the length along the route that the front bumper may not pass; None: nowhere.
         offsets: [O] m, the lateral offsets to try, the middle of the lane first.
-        leaders: [O, T] `Leader`s, the rear of what is in front on each of them (far away: nothing).
+        leaders: [O, T] `Leader`s, the rear of the nearest actor ahead at each of them (far away: none).
     """
 
     state: State
@@ -67,13 +67,13 @@ class Behaviour:
 
 
 class Patience:
-    """Gives way to people on foot once it is sure that they want to cross: with noisy headings some only seem to."""
+    """Gives way to pedestrians once they surely want to cross: with noisy headings some only seem to."""
 
     def __init__(self) -> None:
         self._times = 0
 
     def walker(self, situation: Situation) -> float | None:
-        """Return where it stops for somebody on foot, m along the route; call it once a plan."""
+        """Return where to stop for a pedestrian, m along the route; to be called once per plan."""
         gap = walkers(situation, read_others(situation))
         if gap is None:
             self._times = 0
@@ -91,9 +91,8 @@ def decide(situation: Situation, foes: Records, matches: Records, prediction: Re
     """Return what to do now.
 
     Args:
-        situation: what is seen. foes: [F] the crossing streams of the junctions that are near.
-        matches: [A, F] who is on which one's path. prediction: [A, T] where the others will be, at `pdm`'s frames.
-        patience: what lasts from plan to plan.
+        situation: of this step. foes: [F] the crossing streams of near junctions. matches: [A, F] of their paths.
+        prediction: [A, T] where the others will be, at `pdm`'s frames. patience: it lasts from plan to plan.
     """
     egos, ego, actors, route = situation.egos, situation.ego, situation.actors, situation.route
     find_passable(egos, actors, route.points, route.junctions)
@@ -116,9 +115,9 @@ def decide(situation: Situation, foes: Records, matches: Records, prediction: Re
 
 
 def _is_ahead(situation: Situation) -> BoolArray:
-    """Tell who may be a leader: who drives along the route, or is in the corridor already (on wheels): [A].
+    """Tell which actors may be leaders, [A]: vehicles that drive along the route, or are in the corridor already.
 
-    Those who cross are no leaders at the moment when they will be in the way: a plan keeps clear of where they are.
+    Crossing actors are not: each candidate is checked against their predicted places.
     """
     actors = situation.actors
     road = situation.route.points[actors["point"]]

@@ -1,4 +1,4 @@
-"""What a candidate costs, which of them are free of collisions, and the cheapest of those."""
+"""What the candidates cost, which of them are free of collisions, and the cheapest of those."""
 
 from __future__ import annotations
 
@@ -8,25 +8,24 @@ import numpy as np
 
 from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.behaviour import STRIDE, Behaviour
-from foresee_dsl.drivers.frenetix.plan import TIMES_S, Plan
-from foresee_dsl.drivers.frenetix.planner import SHARED, Candidates
+from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Motion, Plan
+from foresee_dsl.drivers.frenetix.planner import Candidates
 from foresee_dsl.drivers.pdm.situation import Situation
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.pdm.records import ROLLED, BoolArray, Records
 from foresee_dsl.kernels.pdm.scoring import conflicts
 
 LEAVES_M = 0.05
-"""Ours: rounding and smoothing of the lanes' edges."""
+"""Ours: tolerance for rounding and smoothing of the lanes' edges."""
 STANDS_MPS = 0.5
 PASSES_M = 0.3
 """Ours: how far a sample may pass the place where it shall stop; stop places lie half a metre before the line."""
 
 
 def at_frames(situation: Situation, prediction: Records) -> Records:
-    """Return a prediction at the frames of a plan, those who move growing longer with time, as their speed may change.
+    """Return a prediction at the frames of a plan; moving actors grow longer with time, as their speed may change.
 
-    Without that the cheapest way is to pass a hand's breadth behind (or in front of) who crosses, and the next plan
-    finds that it will not do.
+    Else the cheapest plan passes just behind (or in front of) a crossing actor, and the next one finds it not free.
     """
     frames = prediction[:, ::STRIDE].copy()
     doubt = np.minimum(cfg.DOUBT_MPS * TIMES_S, cfg.DOUBT_M)
@@ -40,7 +39,7 @@ def choose(
     """Return the cheapest candidate that keeps to the lanes, the stop place and its distance to all others.
 
     Args:
-        situation: what is seen. behaviour: what is asked for. prediction: at the frames of a plan.
+        situation: of this step. behaviour: what is asked for. prediction: at the frames of a plan.
         candidates: what the library offers. last: the plan that is driven now.
 
     Returns:
@@ -50,12 +49,12 @@ def choose(
     order = np.flatnonzero(np.isfinite(cost))
     order = order[np.argsort(cost[order], kind="stable")]
     best, best_cost = None, np.inf
-    # Air can only add to a cost: once the next batch's cheapest costs more than the best so far, that is the best.
+    # Nearness to others only adds to a cost: once a batch's cheapest costs more than the best so far, that is the best.
     for first in range(0, len(order), cfg.BATCH):
         batch = order[first : first + cfg.BATCH]
         if cost[batch[0]] >= best_cost:
             break
-        found = _conflicts(situation, candidates.take(batch), prediction)
+        found = _conflicts(situation, candidates.take(batch), candidates.offset[batch], prediction)
         near, pressed = found["close"].mean(axis=1), found["ttc"].mean(axis=1)
         total = cost[batch] + cfg.NEAR_WEIGHT * near + cfg.PRESSED_WEIGHT * pressed
         total = np.where(found["hit"].any(axis=1), np.inf, total)
@@ -66,36 +65,30 @@ def choose(
 
 
 def joined(candidates: Candidates, plans: Sequence[Plan]) -> Candidates:
-    """Append plans that were made without the library; they cost what they are beside the middle of the lane."""
+    """Append plans that were made without the library; their cost is that of their offset."""
     if not plans:
         return candidates
-    rows = {row: np.vstack([getattr(candidates, row), *(getattr(plan, row) for plan in plans)]) for row in SHARED}
+    rows = {name: np.vstack([getattr(motion, name) for motion in (candidates, *plans)]) for name in MOTION}
     offset = np.concatenate([candidates.offset, [plan.offset for plan in plans]])
     cost = np.concatenate([candidates.cost, [cfg.OFFSET_WEIGHT * abs(plan.offset) for plan in plans]])
     return Candidates(**rows, offset=offset, cost=cost, samples=(*candidates.samples, *(None for _ in plans)))
 
 
 def is_free(situation: Situation, behaviour: Behaviour, prediction: Records, plan: Plan) -> bool:
-    """Tell whether a plan that begins now meets nobody and does not pass the stop place.
-
-    Args:
-        situation: what is seen. behaviour: what is asked for. prediction: at the frames of a plan. plan: the plan.
-    """
-    rows = {row: getattr(plan, row)[None, :] for row in SHARED}
-    alone = Candidates(**rows, offset=np.array([plan.offset]), cost=np.zeros(1), samples=(None,))
+    """Tell whether a plan that begins now hits nothing and does not pass the stop place; arguments as `choose`."""
     front_s = float(plan.s[-1]) + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
     if behaviour.stop_s is not None and front_s > behaviour.stop_s + PASSES_M:
         return False
-    return not bool(_conflicts(situation, alone, prediction)["hit"].any())
+    return not bool(_conflicts(situation, plan, np.array([plan.offset]), prediction)["hit"].any())
 
 
 def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, last: Plan | None) -> FloatArray:
-    """Return what each candidate costs before the others' air is looked at, infinite where it is not allowed: [P]."""
+    """Return what each candidate costs, nearness to others not counted, infinite where it is not allowed: [P]."""
     vehicle, route = situation.vehicle, situation.route
     front = candidates.s + vehicle.wheelbase_m + vehicle.front_overhang_m
     speed = candidates.speed
     most = route.between("profile", candidates.s)
-    # Not what is missing to the allowed speed: to dawdle where that is low would then be the cheapest.
+    # Counted as speed, not as what is missing to the allowed one: else driving slowly where that is low is cheapest.
     cost = candidates.cost - cfg.SLOW_WEIGHT * speed.mean(axis=1)
     if last is not None:
         cost += cfg.CHANGE_WEIGHT * np.abs(candidates.offset - last.offset)
@@ -122,16 +115,16 @@ def _leaves_lanes(situation: Situation, candidates: Candidates) -> BoolArray:
     """Tell which candidates leave the lanes farther than the car does now: [P]."""
     route, half = situation.route, situation.vehicle.width_m / 2
     k = route.indices(candidates.s)
-    out = np.maximum(candidates.d + half - route.points["left"][k], half - candidates.d - route.points["right"][k])
+    out = np.maximum(candidates.d + half - route.columns["left"][k], half - candidates.d - route.columns["right"][k])
     return np.asarray(out.max(axis=1) > np.maximum(out[:, 0], 0.0) + LEAVES_M)
 
 
-def _conflicts(situation: Situation, candidates: Candidates, prediction: Records) -> Records:
-    """Return how the candidates meet the others, [P, T], by `pdm`'s rules."""
-    back, cos, sin = situation.ego.centre, np.cos(candidates.heading), np.sin(candidates.heading)
-    rolled = np.zeros(candidates.s.shape, ROLLED)
-    rolled["s"], rolled["d"], rolled["speed"] = candidates.s, candidates.d, candidates.speed
-    rolled["x"], rolled["y"] = candidates.x + back * cos, candidates.y + back * sin
+def _conflicts(situation: Situation, motion: Motion, offset: FloatArray, prediction: Records) -> Records:
+    """Return the conflicts of motions, [P, T] (or [T] of one), that head for offsets, [P], by `pdm`'s rules: [P, T]."""
+    back, cos, sin = situation.ego.centre, np.cos(motion.heading), np.sin(motion.heading)
+    rolled = np.zeros((len(offset), len(TIMES_S)), ROLLED)
+    rolled["s"], rolled["d"], rolled["speed"] = motion.s, motion.d, motion.speed
+    rolled["x"], rolled["y"] = motion.x + back * cos, motion.y + back * sin
     rolled["cos"], rolled["sin"] = cos, sin
-    found: Records = conflicts(situation.egos, situation.actors, prediction, rolled, candidates.offset)
+    found: Records = conflicts(situation.egos, situation.actors, prediction, rolled, offset)
     return found

@@ -1,9 +1,9 @@
-"""A plan: the trajectory that is driven, by time; and the plans that need no library: coming to rest along a path."""
+"""A plan: the trajectory that is driven, by time; and plans made without the library, which come to rest on a path."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +14,6 @@ from foresee_dsl.drivers.protocol import FloatArray
 
 TIMES_S = np.arange(round(cfg.HORIZON_S / cfg.PLAN_STEP_S) + 1) * cfg.PLAN_STEP_S
 """[T] the frames of every plan."""
-
-
-ROWS = (
-    *("s", "d", "x", "y", "heading", "speed", "acceleration", "curvature"),
-    *("s_dot", "s_ddot", "d_dot", "d_ddot"),
-)
-"""The arrays of a plan."""
 
 
 class Frenet(NamedTuple):
@@ -46,25 +39,37 @@ class Pose(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plan:
-    """The rear axle's motion from `begins_s` on. Arrays are [T].
+class Motion:
+    """Motions of the rear axle's middle at the frames of a plan; the last axis of each array is [T].
 
     Attributes:
-        s, d: on the route, m. x, y: m. heading: rad. speed: m/s. acceleration: m/s^2. curvature: 1/m.
-        s_dot, s_ddot, d_dot, d_ddot: derivatives over time, for the next plan to begin with.
-        offset: m beside the middle of the lane that it heads for. until_s: when it is there, with its last speed.
-        emergency: made without the library, to stop.
+        s, d: on the route, m. x, y: m. heading: rad. speed: m/s. curvature: 1/m.
     """
 
-    begins_s: float
     s: FloatArray
     d: FloatArray
     x: FloatArray
     y: FloatArray
     heading: FloatArray
     speed: FloatArray
-    acceleration: FloatArray
     curvature: FloatArray
+
+
+MOTION = tuple(f.name for f in fields(Motion))
+
+
+@dataclass(frozen=True)
+class Plan(Motion):
+    """The motion from `begins_s` on; arrays are [T].
+
+    Attributes:
+        acceleration: m/s^2. s_dot, s_ddot, d_dot, d_ddot: derivatives over time, for the next plan to begin with.
+        offset: m from the middle of the lane that it heads for. until_s: when it is there, with its last speed.
+        emergency: made without the library, to stop.
+    """
+
+    begins_s: float
+    acceleration: FloatArray
     s_dot: FloatArray
     s_ddot: FloatArray
     d_dot: FloatArray
@@ -76,19 +81,17 @@ class Plan:
     def frenet(self, time_s: float) -> Frenet:
         """Return the state along and across the route at a time."""
         k, w = self._frame(time_s)
-        rows = (self.s, self.s_dot, self.s_ddot, self.d, self.d_dot, self.d_ddot)
-        return Frenet(*(_mix(row, k, w) for row in rows))
+        return Frenet(*(_mix(getattr(self, name), k, w) for name in Frenet._fields))
 
     def pose(self, time_s: float) -> Pose:
         """Return where the rear axle shall be at a time."""
         k, w = self._frame(time_s)
-        rows = (self.x, self.y, self.heading, self.speed, self.acceleration, self.curvature)
-        return Pose(*(_mix(row, k, w) for row in rows))
+        return Pose(*(_mix(getattr(self, name), k, w) for name in Pose._fields))
 
     def from_now(self, time_s: float) -> Plan:
-        """Return what is left of it, its last frame held for the rest of the horizon."""
+        """Return the rest of it, its last frame held until the horizon."""
         at = np.minimum(TIMES_S + time_s - self.begins_s, TIMES_S[-1])
-        left = {name: np.interp(at, TIMES_S, getattr(self, name)) for name in ROWS}
+        left = {name: np.interp(at, TIMES_S, row) for name, row in vars(self).items() if isinstance(row, np.ndarray)}
         return replace(self, begins_s=time_s, **left)
 
     def _frame(self, time_s: float) -> tuple[int, float]:
@@ -109,15 +112,15 @@ def braking_plan(
     until = start.s_dot / braking_mps2
     t = np.minimum(TIMES_S, until)
     s_dot = start.s_dot - braking_mps2 * t
-    way = start.s_dot * t - braking_mps2 / 2 * t * t
-    s = start.s + way
+    travelled = start.s_dot * t - braking_mps2 / 2 * t * t
+    s = start.s + travelled
     slope = start.d_dot / start.s_dot if start.s_dot > cfg.CREEP_MPS / 10 else 0.0
     if last is None or last.s[-1] - last.s[0] < cfg.LEAST_WAY_M:
-        d = start.d + slope * cfg.FADE_M * (1.0 - np.exp(-way / cfg.FADE_M))
-        tilt = slope * np.exp(-way / cfg.FADE_M)
+        d = start.d + slope * cfg.FADE_M * (1.0 - np.exp(-travelled / cfg.FADE_M))
+        tilt = slope * np.exp(-travelled / cfg.FADE_M)
         bend = -tilt / cfg.FADE_M
     else:
-        # Beside the last plan by as much as the car is now.
+        # It keeps the distance from the last plan that the car has now.
         d = np.interp(s, last.s, last.d) + start.d - float(np.interp(start.s, last.s, last.d))
         tilt = np.interp(s, last.s, last.d_dot / np.maximum(last.s_dot, 0.1))
         bend = np.interp(s, last.s, last.curvature) - route.between("curvature", s)
@@ -130,7 +133,7 @@ def braking_plan(
         d=d,
         x=x,
         y=y,
-        heading=route.points["heading"][k] + np.arctan(tilt),
+        heading=route.columns["heading"][k] + np.arctan(tilt),
         speed=s_dot,
         acceleration=-braking_mps2 * moving,
         curvature=route.between("curvature", s) + bend,
@@ -146,9 +149,10 @@ def braking_plan(
 
 def place(route: Route, s: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return x and y of points given along and across the route (any shape), m."""
-    at = route.points[route.indices(s)]
-    part, cos, sin = s - at["s"], at["cos"], at["sin"]
-    return at["x"] + part * cos - d * sin, at["y"] + part * sin + d * cos
+    k = route.indices(s)
+    s0, x, y, cos, sin = (route.columns[name][k] for name in ("s", "x", "y", "cos", "sin"))
+    part = s - s0
+    return x + part * cos - d * sin, y + part * sin + d * cos
 
 
 def angle_between(a: float, b: float) -> float:

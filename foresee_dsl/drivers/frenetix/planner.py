@@ -1,10 +1,10 @@
-"""Sampling with the library: ends of motions go in, feasible trajectories with their costs come out."""
+"""Sampling with the library: ends of motions that suit the behaviour go in, feasible trajectories come out."""
 
 from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import frenetix
@@ -15,19 +15,24 @@ from frenetix.trajectory_functions import feasability_functions as feasibility
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.frenetix.plan import TIMES_S, Frenet, Plan, angle_between, place
+from foresee_dsl.drivers.frenetix.behaviour import Behaviour
+from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Frenet, Motion, Plan, angle_between, place
 from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.pdm.situation import Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
 from foresee_dsl.kernels.pdm import settings as pdm_settings
+from foresee_dsl.kernels.pdm.proposals import FAR_M
 from foresee_dsl.kernels.pdm.records import BoolArray
 from foresee_dsl.kernels.pdm.route import GRID_M
 
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects
 FRAMES = len(TIMES_S)
 READ_OUT = 4
-SHARED = ("s", "d", "x", "y", "heading", "speed", "curvature")
-"""The arrays that plans and candidates have in common."""
+STANDS_MPS = 0.5
+APART_M = 0.3
+"""Ours: keeping the present offset is offered where no other offset is nearer to it than this."""
+LEAST_S = 0.6
+"""Ours: the rest of a manoeuvre is sampled as long as it takes more than this; three frames of a plan."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +62,11 @@ def window_number(route: Route, s: float) -> int:
 def make_window(route: Route, number: int) -> Window:
     """Make the coordinates from `BEHIND_M` behind a stretch to beyond what a plan can reach from it."""
     stride = round(cfg.REFERENCE_STEP_M / GRID_M)
-    reach = cfg.WINDOW_M + float(route.points["profile"].max()) * cfg.HORIZON_S + 20.0
+    reach = cfg.WINDOW_M + float(route.columns["profile"].max()) * cfg.HORIZON_S + 20.0
     begin = number * cfg.WINDOW_M
     first = max(round((begin - cfg.BEHIND_M) / GRID_M), 0)
     last = min(round((begin + reach) / GRID_M), len(route.points))
-    part = route.points[first:last:stride]
-    points = np.column_stack([part["x"], part["y"]])
+    points = np.column_stack([route.columns[name][first:last:stride] for name in ("x", "y")])
     system = frenetix.CoordinateSystemWrapper(points)
     # The library puts points of its own in front of the first.
     line = np.array(system.ref_line)
@@ -83,28 +87,21 @@ class Ends:
 
 
 @dataclass(frozen=True)
-class Candidates:
-    """Feasible trajectories of the rear axle's middle, [P, T].
+class Candidates(Motion):
+    """Feasible trajectories; the arrays of `Motion` are [P, T].
 
     Attributes:
-        s, d: on the route. x, y, heading, speed, curvature. offset: [P] m, what each heads for.
-        cost: [P] jerk and offset, as the library computes them. samples: the library's own, in the same order.
+        offset: [P] m, what each heads for. cost: [P] jerk and offset, as the library computes them.
+        samples: the library's own, in the same order.
     """
 
-    s: FloatArray
-    d: FloatArray
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    speed: FloatArray
-    curvature: FloatArray
     offset: FloatArray
     cost: FloatArray
     samples: tuple[Any, ...]  # frenetix.TrajectorySample
 
     def take(self, which: NDArray[np.int64]) -> Candidates:
         """Return some of them, in this order."""
-        arrays = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name != "samples"}
+        arrays = {name: getattr(self, name)[which] for name in (*MOTION, "offset", "cost")}
         return Candidates(**arrays, samples=tuple(self.samples[k] for k in which.tolist()))
 
 
@@ -114,11 +111,11 @@ class Planner:
     Everything runs in this thread: the library's concurrent evaluation is not used.
 
     Two faults of frenetix 0.4.0 are worked around. The second derivatives of a filled sample (`s_ddot`, `d_ddot`, and
-    with them `a` and `kappa`) are half of what its positions say; its polynomials are right. And its headings jump from
-    pi to -pi, which its check of the yaw rate takes for a turn. So headings are those of the route with the sample's
+    with them `a` and `kappa`) are half of those of its positions; its polynomials are right. And its headings jump from
+    pi to -pi, which its check of the yaw rate takes for a turn. So headings are those of the route plus the sample's
     angle to it, accelerations and curvatures come from speeds, headings and polynomials, and the limits of the car are
     checked with those; the library's own check of the curvature is kept, as it can only reject what is far too sharp.
-    (Its bound of the curvature's rate, a fixed 0.4 1/(m s), rejects every way through a bend of 10 m: the lanes' own
+    (Its bound of the curvature's rate, a fixed 0.4 1/(m s), rejects every path through a bend of 10 m: the lanes' own
     curvature changes faster.)
     """
 
@@ -191,10 +188,10 @@ class Planner:
     def plan(self, candidates: Candidates, k: int, begins_s: float) -> Plan:
         """Turn one of the candidates into a plan."""
         d_dot, d_ddot, s_dot, s_ddot = _derivatives(candidates.samples[k])
-        speed, shared = candidates.speed[k], {row: getattr(candidates, row)[k] for row in SHARED}
+        speed, motion = candidates.speed[k], {name: getattr(candidates, name)[k] for name in MOTION}
         return Plan(
             begins_s=begins_s,
-            **shared,
+            **motion,
             acceleration=np.gradient(speed, cfg.PLAN_STEP_S, edge_order=2),
             s_dot=s_dot,
             s_ddot=s_ddot,
@@ -208,7 +205,7 @@ class Planner:
         """Return d d / d s: from the motion, or from the heading of a car that stands."""
         if start.s_dot > cfg.CREEP_MPS:
             return start.d_dot / start.s_dot
-        return math.tan(angle_between(heading_rad, float(self._route.points["heading"][self._route.index(start.s)])))
+        return math.tan(angle_between(heading_rad, float(self._route.columns["heading"][self._route.index(start.s)])))
 
     def _at(self, s: float) -> Window:
         number = window_number(self._route, s)
@@ -218,27 +215,27 @@ class Planner:
 
 
 def travel(start: Frenet, time: FloatArray, speed: FloatArray) -> FloatArray:
-    """Return the way of the library's quartic to an end speed (without acceleration there) in a time, m."""
+    """Return the length of the library's quartic to an end speed (without acceleration there) in a time, m."""
     return time / 2 * (start.s_dot + speed) + time * time / 12 * start.s_ddot
 
 
-def stop_time(start: Frenet, way_m: float) -> float | None:
-    """Return in what time the library's quartic comes to rest after a way; None where it cannot without reversing."""
-    # way = T v / 2 + T^2 a / 12; the speed stays above 0 for T <= 3 v / -a.
+def stop_time(start: Frenet, length_m: float) -> float | None:
+    """Return the time of the library's quartic that comes to rest after a length, s; None: it would have to reverse."""
+    # length = T v / 2 + T^2 a / 12; the speed stays above 0 for T <= 3 v / -a.
     v, a = start.s_dot, start.s_ddot
-    if way_m <= 0.0 or v <= 0.0:
+    if length_m <= 0.0 or v <= 0.0:
         return None
-    root = v * v / 4 + a * way_m / 3
+    root = v * v / 4 + a * length_m / 3
     if root < 0.0:
         return None
-    time = 2 * way_m / (v / 2 + math.sqrt(root))
+    time = 2 * length_m / (v / 2 + math.sqrt(root))
     return time if a >= 0.0 or time < 3 * v / -a else None
 
 
 def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> FloatArray:
     """Return what the library samples from, [P, 13]: times, state at the beginning, state at the end.
 
-    With a slope (low-velocity mode) lateral derivatives are over the way, else over time.
+    With a slope (low-velocity mode) lateral derivatives are over the length along the route, else over time.
     """
     d_dot, d_ddot, v = start.d_dot, start.d_ddot, start.s_dot
     if slope is not None:
@@ -254,15 +251,13 @@ def _matrix(start: Frenet, ends: Ends, own_s: float, slope: float | None) -> Flo
 
 
 def _read_out(samples: tuple[Any, ...], window: Window, route: Route) -> Candidates:
-    """Copy the samples' arrays: [P, T] each, cut at the horizon.
-
-    Reading an array out takes 2 us, more than computing it: what follows from the others is not read.
-    """
+    """Return the samples as candidates, cut at the horizon. Reading one array out takes 2 us, more than computing it:
+    what follows from the others is not read."""
     flat: list[Any] = []
     for sample in samples:
         frenet = sample.curvilinear
         flat += (frenet.s, frenet.d, frenet.s_dot, frenet.theta)
-    if any(len(row) != FRAMES for row in flat[::READ_OUT]):  # a stop that takes longer than the horizon
+    if any(len(row) != FRAMES for row in flat[::READ_OUT]):  # a stop that takes longer
         flat = [row[:FRAMES] for row in flat]
     rows = np.concatenate(flat) if flat else np.zeros(0)
     s, d, s_dot, turned = rows.reshape(len(samples), READ_OUT, FRAMES).transpose(1, 0, 2)
@@ -289,3 +284,48 @@ def _derivatives(sample: Any) -> tuple[FloatArray, FloatArray, FloatArray, Float
     first = np.array([across(x, 1.0) for x in at.tolist()])
     second = np.array([across(x, 2.0) for x in at.tolist()])
     return (first * v, second * v * v + first * a, v, a) if slow else (first, second, v, a)
+
+
+def ends(situation: Situation, behaviour: Behaviour, start: Frenet, last: Plan | None) -> Ends:
+    """Return each offset with each speed in each duration, the stops at the stop places, and the end of the last plan
+    (else a manoeuvre would never end: whatever else is sampled ends no sooner than `END_TIMES_S` from now)."""
+    offsets = behaviour.offsets
+    if np.abs(offsets - start.d).min() > APART_M:
+        offsets = np.append(offsets, round(start.d, 2))
+    route, s = situation.route, situation.ego.s
+    first, last_point = route.index(s), route.index(s + situation.ego.forward * cfg.HORIZON_S + 10.0)
+    top = float(route.columns["profile"][first : last_point + 1].max())
+    gain = cfg.RISE * min(situation.vehicle.acceleration_mps2, cfg.ACCELERATION_MPS2)
+    pairs = [
+        (time, speed)
+        for time in cfg.END_TIMES_S
+        for speed in _speeds(situation, start, min(top, start.s_dot + gain * time))
+    ]
+    pairs += [(time, cfg.STOP_SPEED_MPS) for time in _stops(situation, behaviour, start)]
+    left_s = 0.0 if last is None or last.emergency else last.until_s - situation.observation.time_s
+    if last is not None and left_s > LEAST_S:
+        pairs.append((left_s, max(float(last.s_dot[-1]), cfg.STOP_SPEED_MPS)))
+    time, speed = np.array(pairs).T
+    count = len(offsets)
+    return Ends(np.repeat(time, count), np.repeat(speed, count), np.tile(offsets, len(pairs)))
+
+
+def _speeds(situation: Situation, start: Frenet, most: float) -> list[float]:
+    """Return the end speeds: shares of the highest, the present one, that of the route here, and a stop."""
+    here = float(situation.route.between("profile", start.s))
+    found = [most * share for share in cfg.SPEED_SHARES]
+    found += [min(start.s_dot, most), min(here, most), cfg.STOP_SPEED_MPS]
+    return list(dict.fromkeys(round(max(speed, cfg.STOP_SPEED_MPS), 2) for speed in found))
+
+
+def _stops(situation: Situation, behaviour: Behaviour, start: Frenet) -> list[float]:
+    """Return the durations of the stops right at the stop place, and right behind standing actors ahead."""
+    front_s = start.s + situation.vehicle.wheelbase_m + situation.vehicle.front_overhang_m
+    places = [] if behaviour.stop_s is None else [behaviour.stop_s]
+    leaders = behaviour.leaders[:, 0]
+    standing = leaders["s"][leaders["speed"] < STANDS_MPS]
+    places += [float(s) - cfg.MINIMUM_GAP_M for s in np.unique(standing) if s < FAR_M]
+    reach = float(situation.route.columns["profile"].max()) * cfg.HORIZON_S
+    times = [stop_time(start, place - front_s) for place in places if place - front_s < reach]
+    found = [time for time in times if time is not None and time < cfg.LONGEST_STOP_S]
+    return found if start.s_dot > pdm_settings.COAST_MPS else []

@@ -1,6 +1,6 @@
 """The constants of the `frenetix` driver, each with its source.
 
-What it shares with `pdm` (signals, right of way, predictions, air beside others) is in `kernels.pdm.settings`.
+What it shares with `pdm` (signals, right of way, predictions, distance to others) is in `kernels.pdm.settings`.
 Werling: Werling, Ziegler, Kammel, Thrun 2010, "Optimal Trajectory Generation for Dynamic Street Scenarios in a Frenet
 Frame", the method that the library implements.
 """
@@ -18,22 +18,20 @@ END_TIMES_S = (2.0, 3.0, 4.0)
 """Ours: how long a sampled change of speed or lane takes; under 2 s it is uncomfortable, beyond 4 s nothing is
 predicted."""
 SPEED_SHARES = (1.0, 0.75, 0.5, 0.25)
-"""Ours: sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 come on
-top."""
+"""Ours: sampled end speeds as shares of the highest one; the present speed, that of the road here and 0 are added."""
 STOP_SPEED_MPS = 0.02
 """Ours: the end speed of a stop; with exactly 0 rounding makes the last frame run backwards, and the library rejects
 that."""
 LONGEST_STOP_S = 12.0
-"""Ours: a stop that takes longer, or a way that takes longer than the horizon at the route's highest speed, is not
-considered yet: a plan begins to brake 56 m before the place at 50 km/h, and stays within the library's
-coordinates."""
+"""Ours: a stop that takes longer, or is farther away than the route's highest speed reaches within the horizon, is not
+considered yet: a plan begins to brake 56 m before the place at 50 km/h, and stays within the library's coordinates."""
 ACCELERATION_MPS2 = 2.5
-"""Ours: the most a plan gains speed with, whatever the motor can; nuPlan calls up to 2.4 m/s^2 comfortable."""
+"""Ours: largest acceleration of a plan, even if the motor has more; nuPlan calls up to 2.4 m/s^2 comfortable."""
 RISE = 0.6
 """Ours: the mean acceleration of a sample is at most this share of the car's. A quartic's peak is 1.5 times its mean,
-which leaves a tenth in hand."""
+which leaves a margin of a tenth."""
 LOW_SPEED_MPS = 4.0
-"""The library's low-velocity mode (lateral motion over the way instead of over time) below this; the same
+"""The library's low-velocity mode (lateral motion over length instead of over time) below this; the same
 as the default of commonroad-reactive-planner (`low_vel_mode_threshold`). Published configurations of other planners of
 this family have 2 m/s."""
 LEAST_WAY_M = 0.6
@@ -43,7 +41,7 @@ CREEP_MPS = 1.0
 CREEP_BRAKING_MPS2 = (0.8, 1.6)
 """Ours: under this speed, coming to rest straight on is offered too; gentle enough not to nod."""
 HOLD_M = 1.5
-"""Ours: so slow and this near to its stop place it stops, instead of taking five seconds for the last metre."""
+"""Ours: slower than CREEP_MPS and this near to its stop place it stops, as the last metre would take five seconds."""
 
 # --- reference --------------------------------------------------------------------------------------------------
 REFERENCE_STEP_M = 1.0
@@ -62,24 +60,24 @@ HEADWAY_S = 1.5
 """IDM, table I: the time gap. Ours: the weight, per share of the wished gap (standing gap and 1.5 s) that is
 missing."""
 REACTION_S = 0.5
-"""Ours: its speed leaves room to stop behind a leader that brakes, after this time; a plan takes about as long to turn
-from cruising to braking. Without it a leader that stopped with 3 m/s^2 was touched."""
+"""Ours: the speed leaves room to stop behind a braking leader after this reaction time, about what a plan takes to
+change from cruising to braking. Without it a leader that stopped with 3 m/s^2 was touched."""
 OFFSET_WEIGHT = 0.4
-"""Ours: a metre beside the middle of the lane is worth 0.4 m/s: from a stand behind something parked, to set off at
-once wins 2.5 m/s, and 2.5 m aside must cost less."""
+"""Ours: cost of a metre from the middle of the lane: behind a parked actor, setting off at once gains 2.5 m/s, and the
+offset of 2.5 m that this needs must cost less."""
 LATERAL_JERK_WEIGHT = 0.1
 LONGITUDINAL_JERK_WEIGHT = 0.1
 """Werling weights jerk with 0.1 against the end state's errors."""
 NEAR_WEIGHT = 3.0
 PRESSED_WEIGHT = 3.0
-"""Ours: share of the frames with less air than `pdm` asks for, and with less than its time to collision."""
+"""Ours: per share of the frames with less distance than `pdm` asks for, and with less than its time to collision."""
 DOUBT_MPS = 0.5
 DOUBT_M = 1.5
-"""Ours: half the length of who moves grows by this much a second, up to 1.5 m: a speed that is 0.5 m/s off."""
+"""Ours: half the length of a moving actor grows by this much a second, up to 1.5 m: its speed may be 0.5 m/s off."""
 CORNER_M = 0.5
-"""Ours: half the length of what stands grows by this: its corners are passed within a tracking error of 0.1 m."""
+"""Ours: half the length of a standing actor grows by this: the tracking error near its corners is 0.1 m."""
 CHANGE_WEIGHT = 0.3
-"""Ours: per metre between the new plan's end offset and the last one's: no swaying between two equal ways."""
+"""Ours: per metre between the new plan's end offset and the last one's: no swaying between two equally good plans."""
 COMFORT_BRAKING_MPS2 = 2.0
 """Ours: the braking with which a stop or a slower leader is met; everyday braking, as in `pdm`."""
 MINIMUM_GAP_M = 2.0
@@ -92,22 +90,22 @@ BATCH = 24
 # --- when nothing is feasible -----------------------------------------------------------------------------------
 OLD_PLAN_S = 0.5
 """Ours: the last plan is kept while it is younger than this and free of collisions. In 0.5 s a pedestrian walks 0.7 m,
-about the air that a plan leaves."""
+about the distance that a plan keeps."""
 EMERGENCY_BRAKING_MPS2 = (3.0, 5.0)
 """Ours: braking that is tried along the present path before the strongest: what amber asks for, and the edge of what
 an ordinary driver uses."""
 FADE_M = 5.0
-"""Ours: without a plan the path of an emergency stop turns parallel to the lane over this way."""
+"""Ours: without a plan the path of an emergency stop turns parallel to the lane over this distance."""
 
 # --- tracking ---------------------------------------------------------------------------------------------------
 LAG_S = 0.2
-"""The mean lag of drivetrain and brakes: the plan's acceleration is asked for this much ahead."""
+"""The mean lag of drivetrain and brakes: the acceleration is read from the plan this much ahead."""
 SPEED_GAIN = 1.2
 PLACE_GAIN = 0.2
 INTEGRAL_GAIN = 0.1
 INTEGRAL_LIMIT_MPS2 = 0.4
-"""Ours: PID of the speed (1/s, 1/s^2, 1/s^2), well damped with the lags of 0.1 and 0.2 s; the integral is cut off where
-a slope of 4 % would be met."""
+"""Ours: PID of the speed (1/s, 1/s^2, 1/s^2), well damped with the lags of 0.1 and 0.2 s; the limit of the integral is
+enough for a slope of 4 %."""
 OFF_PLAN_M = 1.0
 OFF_PLAN_SIDE_M = 0.3
 OFF_PLAN_MPS = 1.0

@@ -1,4 +1,4 @@
-"""The stack's loop: perceive, predict, decide, plan, track; and what it does when no trajectory is feasible."""
+"""The stack's loop: perceive, predict, decide, plan, track; and what it does where no trajectory is feasible."""
 
 from __future__ import annotations
 
@@ -11,26 +11,25 @@ from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.behaviour import Behaviour, Patience, State, decide
 from foresee_dsl.drivers.frenetix.choice import at_frames, choose, is_free, joined
 from foresee_dsl.drivers.frenetix.plan import Frenet, Plan, Pose, angle_between, braking_plan
-from foresee_dsl.drivers.frenetix.planner import Planner
-from foresee_dsl.drivers.frenetix.sampling import ends
+from foresee_dsl.drivers.frenetix.planner import Planner, ends
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, to_centre, write_state
 from foresee_dsl.drivers.protocol import Control, EgoState, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker
 from foresee_dsl.kernels.pdm import settings as pdm_settings
-from foresee_dsl.kernels.pdm.control import pedals
+from foresee_dsl.kernels.pdm.decision import pedals
 from foresee_dsl.kernels.pdm.prediction import match, predict
+from foresee_dsl.kernels.pdm.proposals import decay_length
 from foresee_dsl.kernels.pdm.records import Records
-from foresee_dsl.kernels.pdm.rollout import decay_length
-from foresee_dsl.kernels.pdm.situation import near_foes
+from foresee_dsl.kernels.pdm.route import near_foes
 
 
 @dataclass
 class Count:
-    """How often it planned, and what it did where nothing that the library offered could be driven.
+    """How often it planned, and what it did where none of the library's trajectories could be driven.
 
     Attributes:
-        plans: all. kept: the last plan was driven on. emergencies: it braked along its present path.
+        plans: all. kept: it kept the last plan. emergencies: it braked along its present path.
     """
 
     plans: int = 0
@@ -39,11 +38,11 @@ class Count:
 
 
 class Stack:
-    """All that lasts from one `reset` to the next.
+    """What lasts from one `reset` to the next.
 
     Attributes:
-        state: what the behaviour layer is about. plan: the trajectory that is driven, None before the first step.
-        count: of plans and of what was done without one.
+        state: of the behaviour layer. plan: the trajectory that is driven, None before the first step.
+        count: of plans, and of replans without a feasible one.
     """
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
@@ -77,24 +76,19 @@ class Stack:
         return self._without(situation, behaviour, frames) if found is None else found
 
     def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan | None:
-        """Return the best of what the library offers (and, when slow, of coming to rest); None where none is free."""
+        """Return the best of the library's candidates (and, when slow, of plans to a stop); None where none is free."""
         now = situation.observation.time_s
         start, heading = self._start(situation)
         if start is None:
             return None
         candidates = self._planner.sample(start, heading, ends(situation, behaviour, start, self.plan))
-        rests = self._rests(situation, start) if start.s_dot < cfg.CREEP_MPS else ()
+        brakings = cfg.CREEP_BRAKING_MPS2 if start.s_dot < cfg.CREEP_MPS else ()
+        rests = [braking_plan(self._route, now, start, braking, self.plan, emergency=False) for braking in brakings]
         best = choose(situation, behaviour, prediction, joined(candidates, rests), self.plan)
         if best is None:
             return None
         count = len(candidates.samples)
         return self._planner.plan(candidates, best, now) if best < count else rests[best - count]
-
-    def _rests(self, situation: Situation, start: Frenet) -> tuple[Plan, ...]:
-        now = situation.observation.time_s
-        return tuple(
-            braking_plan(self._route, now, start, b, self.plan, emergency=False) for b in cfg.CREEP_BRAKING_MPS2
-        )
 
     def _start(self, situation: Situation) -> tuple[Frenet | None, float]:
         """Return where the next plan begins and the heading there: on the last plan, or where the car really is."""
@@ -111,7 +105,7 @@ class Stack:
             return None, state.heading_rad
 
     def _without(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan:
-        """Return what to drive when no trajectory is feasible: the last plan while it does, else an emergency stop."""
+        """Return a plan where no trajectory is feasible: the last one while that is free, else an emergency stop."""
         now = situation.observation.time_s
         last = self.plan
         young = last is not None and not last.emergency and now - last.begins_s <= cfg.OLD_PLAN_S
@@ -130,7 +124,7 @@ class Stack:
 
 
 def _standing(start: Frenet) -> Frenet:
-    """Take the braking off a car that has come to rest, or it could not set off again."""
+    """Set the braking of a standing car to zero: else it could not set off again."""
     return (
         start._replace(s_dot=0.0, s_ddot=0.0) if start.s_dot < pdm_settings.COAST_MPS and start.s_ddot <= 0.0 else start
     )
@@ -162,14 +156,14 @@ class TrackingController:
         moving = state.speed_mps > pdm_settings.COAST_MPS or ahead.speed > pdm_settings.COAST_MPS
         if not moving:
             self._integral = 0.0
-            return -1.0  # stands and shall stand
+            return -1.0  # it stands and is to stand
         most = cfg.INTEGRAL_LIMIT_MPS2
         self._integral = max(-most, min(most, self._integral + cfg.INTEGRAL_GAIN * wanted * self._step_s))
         place = max(-cfg.OFF_PLAN_M, min(cfg.OFF_PLAN_M, -along))
         return ahead.acceleration + cfg.SPEED_GAIN * wanted + cfg.PLACE_GAIN * place + self._integral
 
     def _steering(self, ahead: Pose, side: float, turned: float, state: EgoState) -> float:
-        """Return the front-wheel angle, rad: the error decays critically damped over the way travelled."""
+        """Return the front-wheel angle, rad: the error decays critically damped over the distance travelled."""
         car = self._vehicle
         length = decay_length(state.speed_mps, side, math.tan(car.steer_max_rad) / car.wheelbase_m)
         slope = math.tan(max(-1.0, min(1.0, turned)))

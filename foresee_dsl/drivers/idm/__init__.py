@@ -1,7 +1,7 @@
 """The driver `idm`: follows its route with the Intelligent Driver Model, gives way, and brakes in an emergency.
 
-The lower bound that other drivers are compared with: no change of lane, nobody predicted beyond constant speed. Route,
-tracker, signals and the steering are those of `pdm`; between steps it keeps no more than that does.
+The lower bound that other drivers are compared with: it never changes lanes, and predicts constant speeds only. Route,
+tracker, signals and the steering are those of `pdm`.
 
 The model is that of Treiber, Hennecke, Helbing 2000, Physical Review E 62, equations 2 and 3. Its constants are ours,
 for city traffic: those of the paper (table I) are for motorways, where 0.73 m/s^2 take half a minute to 50 km/h. They
@@ -12,23 +12,14 @@ from __future__ import annotations
 
 import math
 
-from foresee_dsl.drivers.idm.traffic import (
-    ACCELERATION_MPS2,
-    STANDS_MPS,
-    Leader,
-    giving_way,
-    leader,
-    read_others,
-    stop_line,
-    time_to_collision,
-    walkers,
-)
-from foresee_dsl.drivers.pdm.route import Route, build_route
+from foresee_dsl.drivers.bundled import BundledDriver
+from foresee_dsl.drivers.idm import traffic
+from foresee_dsl.drivers.idm.traffic import ACCELERATION_MPS2, Leader
+from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import Situation, read_situation
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker
-from foresee_dsl.errors import DriverError
-from foresee_dsl.kernels.pdm.control import pedals, steer
+from foresee_dsl.kernels.pdm.decision import pedals, steer
 
 TIME_GAP_S = 1.0
 MINIMUM_GAP_M = 2.0
@@ -45,7 +36,22 @@ SLOWEST_MPS = 0.5
 """Ours: least desired speed, so that nothing is divided by zero."""
 
 
-class IdmDriver:
+class _State:
+    """What lasts from one `reset` to the next."""
+
+    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
+        self._route, self._vehicle = build_route(mission, vehicle), vehicle
+        self._tracker, self._signals = Tracker(), SignalMemory()
+
+    def step(self, observation: Observation) -> Control:
+        """Hold the middle of the lane, and accelerate as the model says."""
+        tracks, signals = self._tracker.update(observation), self._signals.update(observation)
+        situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
+        angle = steer(situation.egos, self._route.points, 0.0)
+        return Control(*pedals(situation.egos, angle, _acceleration(situation)))
+
+
+class IdmDriver(BundledDriver[_State]):
     """Follows its lane with the Intelligent Driver Model, gives way, emergency brake (the floor).
 
     Its answer is a function of the observations since `reset`, the mission and the vehicle; `seed` changes nothing.
@@ -53,53 +59,30 @@ class IdmDriver:
 
     name = "idm"
     version = "1"
-
-    def __init__(self) -> None:
-        self._route: Route | None = None
-        self._vehicle: VehicleLimits | None = None
-        self._tracker, self._signals = Tracker(), SignalMemory()
-
-    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
-        """Forget everything and take up a new mission; the seed is not used."""
-        self._route = build_route(mission, vehicle)
-        self._vehicle = vehicle
-        self._tracker, self._signals = Tracker(), SignalMemory()
-
-    def step(self, observation: Observation) -> Control:
-        """Answer one observation.
-
-        Raises:
-            DriverError: `reset` was not called.
-        """
-        if self._route is None or self._vehicle is None:
-            raise DriverError("the driver idm was stepped before reset")
-        tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
-        angle = steer(situation.egos, self._route.points, 0.0)
-        return Control(*pedals(situation.egos, angle, _acceleration(situation)))
+    state_type = _State
 
 
 def _acceleration(situation: Situation) -> float:
     """Return the acceleration asked for, m/s^2."""
     ego, route = situation.ego, situation.route
-    speed, others = ego.forward, read_others(situation)
-    if speed > STANDS_MPS and time_to_collision(others, speed) < EMERGENCY_TTC_S:
+    speed, others = ego.forward, traffic.read_others(situation)
+    if speed > traffic.STANDS_MPS and traffic.time_to_collision(others, speed) < EMERGENCY_TTC_S:
         return -ego.strongest
-    ahead = float(route.between("profile", ego.s + PREVIEW_S * speed))
-    desired = max(ahead, SLOWEST_MPS)
-    # Bends are met by braking in time: the IDM's free term knows one desired speed and would come too late.
-    wish = min(free_acceleration(speed, desired), (ahead - speed) / PREVIEW_S)
-    # A place to wait at is a leader that stands further on by the gap which the IDM keeps.
-    places = [leader(others), _standing(walkers(situation, others))]
-    places += [_standing(gap, MINIMUM_GAP_M) for gap in (stop_line(situation), giving_way(situation))]
-    for place in places:
-        if place is not None:
-            wish = min(wish, idm_acceleration(speed, desired, place.gap_m, place.speed_mps))
+    allowed = float(route.between("profile", ego.s + PREVIEW_S * speed))
+    desired = max(allowed, SLOWEST_MPS)
+    # It brakes for bends in time: the IDM's free term knows one desired speed and would brake too late.
+    wish = min(free_acceleration(speed, desired), (allowed - speed) / PREVIEW_S)
+    # A place to wait at counts as a standing leader, farther ahead by the gap that the IDM keeps to it.
+    waits = (
+        (traffic.walkers(situation, others), 0.0),
+        (traffic.stop_line(situation), MINIMUM_GAP_M),
+        (traffic.giving_way(situation), MINIMUM_GAP_M),
+    )
+    places = [Leader(gap + farther, 0.0) for gap, farther in waits if gap is not None]
+    ahead = traffic.leader(others)
+    for place in places if ahead is None else [ahead, *places]:
+        wish = min(wish, idm_acceleration(speed, desired, place.gap_m, place.speed_mps))
     return max(wish, -ego.strongest)
-
-
-def _standing(gap_m: float | None, further_m: float = 0.0) -> Leader | None:
-    return None if gap_m is None else Leader(gap_m + further_m, 0.0)
 
 
 def free_acceleration(speed_mps: float, desired_mps: float) -> float:

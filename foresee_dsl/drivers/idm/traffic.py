@@ -1,7 +1,7 @@
-"""What the `idm` driver makes of the others: who is in its corridor, who comes into it, who has priority.
+"""What the `idm` driver reads from the others: which are in its corridor, which enter it, which have priority.
 
-Everybody is taken to go on with a constant speed in a straight line of the route's own coordinates: length along it
-and offset from it. Bends are followed that way; nothing else is predicted.
+All are predicted with constant speed in a straight line of the route's own coordinates (length along it and offset from
+it), so that they follow its bends; nothing else is predicted.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from foresee_dsl.drivers.pdm.situation import Situation, signal_braking
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.pdm.prediction import match
 from foresee_dsl.kernels.pdm.records import BoolArray, Ego, Records
-from foresee_dsl.kernels.pdm.situation import stops_before
+from foresee_dsl.kernels.pdm.route import stops_before
 
 ACCELERATION_MPS2 = 1.0
 """See the package's docstring."""
 CORRIDOR_MARGIN_M = 0.3
-"""Ours: air on either side within which somebody counts as in the way; a lane of 3.3 m has 0.7 m beside a car."""
+"""Ours: an actor this near to the ego's side counts as in its corridor; a lane of 3.3 m has 0.7 m beside a car."""
 TOUCH_MARGIN_M = 0.15
-"""Ours: the same for the time to collision, where a false alarm is a full braking."""
+"""Ours: the same for the time to collision, where a false alarm means full braking."""
 STANDS_MPS = 0.5
 STILL_MPS = 0.1
-"""Ours: two that move by less than this relative to each other stay as they are."""
+"""Ours: below this relative speed a distance is taken to be constant."""
 STOP_MARGIN_M = 0.5
 """Ours: the front bumper stops this far before a stop line."""
 JUNCTION_REACH_M = 80.0
-"""Ours: junctions nearer than this are thought about; the way to stop from 50 km/h at 1.5 m/s^2, and 15 m."""
+"""Ours: junctions nearer than this are considered; the stopping distance from 50 km/h at 1.5 m/s^2, and 15 m."""
 CONFLICT_MARGIN_M = 1.0
 """Ours: it waits this far before a conflict (the front corners swing out in a turn)."""
 YIELD_BRAKING_MPS2 = 4.0
-"""Ours: who can only stop harder than this has committed itself and goes."""
+"""Ours: an ego that would need more braking than this does not give way any more."""
 GAP_MARGIN_S = 1.5
-"""Ours: a gap is accepted when the one with priority arrives this much after the ego has cleared the conflict."""
+"""Ours: a gap is accepted when the vehicle with priority arrives this long after the ego has cleared the conflict."""
 WALKER_AIR_M = 0.8
 """Ours: about to step on the lane: within a stride of it."""
 WALKER_MARGIN_S = 1.0
-"""Ours: air in time before and after somebody on foot."""
+"""Ours: least time between the ego and a pedestrian at the same place."""
 WALKER_REACH_S = 6.0
-"""Ours: who comes into the way later than this is left for later; 6 s stop comfortably from 50 km/h."""
+"""Ours: pedestrians that enter the corridor later than this are ignored; 6 s are a comfortable stop from 50 km/h."""
 LEAST_ARRIVAL_MPS = 3.0
-"""Ours: a slow or standing ego counts as arriving with this speed, or it would start because it stands."""
+"""Ours: a slow or standing ego is assumed to arrive with this speed: else, as it never arrives, it would set off."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +66,14 @@ class Others:
 
 @dataclass(frozen=True)
 class Leader:
-    """What the ego has to stay behind: the gap (m) in front of its bumper, and how fast that moves (m/s)."""
+    """What the ego must stay behind: the gap (m) to its front bumper, and the speed along the route (m/s)."""
 
     gap_m: float
     speed_mps: float
 
 
 def read_others(situation: Situation) -> Others:
-    """Put the others into the route's coordinates."""
+    """Return the others in the route's coordinates."""
     ego, actors = situation.ego, situation.actors
     road = situation.route.points[actors["point"]]
     along = actors["cos"] * road["cos"] + actors["sin"] * road["sin"]
@@ -91,7 +91,7 @@ def read_others(situation: Situation) -> Others:
 
 
 def leader(others: Others) -> Leader | None:
-    """Return the nearest one in the corridor ahead; who comes towards the ego counts as standing."""
+    """Return the nearest actor ahead in the corridor; an oncoming one counts as standing."""
     inside = (np.abs(others.d) < others.side + CORRIDOR_MARGIN_M) & (others.ahead > -1.0)
     if not inside.any():
         return None
@@ -100,7 +100,7 @@ def leader(others: Others) -> Leader | None:
 
 
 def time_to_collision(others: Others, speed_mps: float) -> float:
-    """Return when the ego, going on along its corridor, would touch somebody first, s; infinite for never."""
+    """Return the time until the ego, at constant speed in its corridor, first touches an actor, s; infinite: never."""
     enters, leaves = _span(others.ahead, others.far, speed_mps - others.speed_s)
     comes, goes = _sideways(others, TOUCH_MARGIN_M)
     first = np.maximum(np.maximum(enters, comes), 0.0)
@@ -109,16 +109,16 @@ def time_to_collision(others: Others, speed_mps: float) -> float:
 
 
 def walkers(situation: Situation, others: Others) -> float | None:
-    """Return the gap to the nearest place where somebody on foot is, or will be, in the way with the ego."""
+    """Return the gap, m, to the nearest pedestrian that is, or will be, in the corridor when the ego is there."""
     if not situation.actors["pedestrian"].any():
         return None
     comes, goes = _sideways(others, WALKER_AIR_M)
     moving = np.abs(others.speed_d) > STILL_MPS
-    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # who stands beside the lane waits there
+    comes, goes = np.maximum(comes, 0.0), np.where(moving, goes, -np.inf)  # a standing one waits
     speed = max(situation.ego.forward, LEAST_ARRIVAL_MPS)
     enters, leaves = np.maximum(others.ahead, 0.0) / speed, others.far / speed
     meets = (enters < goes + WALKER_MARGIN_S) & (comes < leaves + WALKER_MARGIN_S) & (goes > 0)
-    # Who comes only after the ego, which cannot stop any more, is passed in front of.
+    # The ego passes in front of a pedestrian that comes after it if it cannot stop any more.
     stops_in = situation.ego.forward**2 / (2 * situation.ego.strongest)
     meets &= (comes < leaves) | (others.ahead > stops_in)
     found = situation.actors["pedestrian"] & meets & (others.ahead > -0.5) & (comes < WALKER_REACH_S)
@@ -126,7 +126,7 @@ def walkers(situation: Situation, others: Others) -> float | None:
 
 
 def stop_line(situation: Situation) -> float | None:
-    """Return the way to the first stop line whose signal asks to stop and where that can be done, m."""
+    """Return the distance to the first stop line whose signal asks to stop and where the ego can, m."""
     ego = situation.ego
     for k in np.flatnonzero(_near_junctions(situation)).tolist():
         passage = situation.route.passages[k]
@@ -139,7 +139,7 @@ def stop_line(situation: Situation) -> float | None:
 
 
 def giving_way(situation: Situation) -> float | None:
-    """Return the way to where it waits for a gap in a stream that has priority, m; None where it may go."""
+    """Return the distance to where the ego waits for a gap in a stream with priority, m; None: it may go."""
     ego, route = situation.ego, situation.route
     yields = route.foes["has_priority"] & ~route.foes["walking"]
     ahead = route.foes["own_s"] - CONFLICT_MARGIN_M > ego.front_s - STOP_MARGIN_M
@@ -159,13 +159,13 @@ def giving_way(situation: Situation) -> float | None:
 
 
 def _near_junctions(situation: Situation) -> BoolArray:
-    """Tell which junctions the ego is in or comes to, [J]."""
+    """Tell which junctions the ego is in or near, [J]."""
     ego, junctions = situation.ego, situation.route.junctions
     return np.asarray((ego.rear_s < junctions["end_s"]) & (junctions["stop_s"] - ego.front_s < JUNCTION_REACH_M))
 
 
 def _waiting_places(foes: Records, ego: Ego) -> list[float]:
-    """Return where along the route it waits for each: before the first of those it could not stand between."""
+    """Return where along the route the ego waits for each: before the first of those that leave it no room between."""
     length = ego.front_s - ego.rear_s
     conflicts = list(zip(foes["own_s"].tolist(), foes["own_until_s"].tolist(), strict=True))
     places = [0.0] * len(foes)
@@ -180,12 +180,12 @@ def _waiting_places(foes: Records, ego: Ego) -> list[float]:
 
 
 def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
-    """Tell whether somebody of a stream arrives before the ego has cleared the conflict, and leaves after it enters.
+    """Tell whether an actor of a stream arrives before the ego has cleared the conflict, and leaves after it enters.
 
     `matches` are the actors' [A] with this stream.
     """
-    enters = _way_time(float(foe["own_s"]) - ego.front_s, ego.speed)
-    clears = _way_time(float(foe["own_until_s"]) - ego.rear_s, ego.speed)
+    enters = _travel_time(float(foe["own_s"]) - ego.front_s, ego.speed)
+    clears = _travel_time(float(foe["own_until_s"]) - ego.rear_s, ego.speed)
     speed = np.maximum(matches["speed"], 1e-3)
     half = actors["half_length"]
     arrives = (foe["meets"] - matches["s"] - half) / speed
@@ -194,13 +194,13 @@ def _no_gap(ego: Ego, actors: Records, foe: np.void, matches: Records) -> bool:
     return bool((comes & (leaves > enters) & (arrives < clears + GAP_MARGIN_S)).any())
 
 
-def _way_time(way_m: float, speed_mps: float) -> float:
-    """Return how long the ego takes for a way, accelerating as the IDM does on a free road, s."""
-    return (math.sqrt(speed_mps**2 + 2 * ACCELERATION_MPS2 * max(way_m, 0.0)) - speed_mps) / ACCELERATION_MPS2
+def _travel_time(distance_m: float, speed_mps: float) -> float:
+    """Return how long the ego takes for a distance, accelerating as the IDM does on a free road, s."""
+    return (math.sqrt(speed_mps**2 + 2 * ACCELERATION_MPS2 * max(distance_m, 0.0)) - speed_mps) / ACCELERATION_MPS2
 
 
 def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return from when to when the ego is level with each, s; an empty span (inf, -inf) for never."""
+    """Return from when to when the ego is level with each, s; an empty span (inf, -inf): never."""
     level = (ahead <= 0) & (far >= 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         near, last = ahead / closing, far / closing
@@ -211,6 +211,6 @@ def _span(ahead: FloatArray, far: FloatArray, closing: FloatArray) -> tuple[Floa
 
 
 def _sideways(others: Others, margin_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return from when to when each is in the ego's corridor, s; an empty span (inf, -inf) for never."""
+    """Return from when to when each is in the ego's corridor, s; an empty span (inf, -inf): never."""
     width = others.side + margin_m
     return _span(others.d - width, others.d + width, -others.speed_d)

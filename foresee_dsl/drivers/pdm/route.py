@@ -1,5 +1,5 @@
-"""What the driver `pdm` derives from its mission: a smooth centreline on a fine grid with its speed profile, the
-junctions, and the paths of the streams that cross or join the ego's way."""
+"""What the bundled drivers derive from their mission: a smooth centreline on a fine grid with its speed profile, the
+junctions, and the paths of the streams that cross or join the ego's route."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SMOOTH_M = 1.3
 """Ours: standard deviation of the smoothing; moves an arc of radius 6 m inwards by 0.05 m, and turns the corners of
 the lanes' polylines into curvature that the steering rate can follow."""
 KEPT_ROUTES = 8
-"""Ours: a worker runs the children of one clip after the other; all of them have one mission."""
+"""Ours: a worker runs the mutants of a clip one after the other, and they have one mission."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,14 @@ class Route:
 
     Attributes:
         points: [N] `RoutePoint`s on an even grid. coarse: [4, N / COARSE] x, y, cos and sin of every `COARSE`th one.
+        columns: [N] each field of `points` once more, in one piece, from which numpy reads many places in less time.
         passages: the junctions as the mission has them. junctions: [J] the same as `Junction`s.
         foes: [F] `Foe`s, in the order of their junctions. paths: the `PathPoint`s of one foe after the other.
         signals: of each junction with one, its index and key.
     """
 
     points: Records
+    columns: dict[str, FloatArray]
     coarse: FloatArray
     passages: tuple[JunctionPassage, ...]
     junctions: Records
@@ -46,7 +48,7 @@ class Route:
     @property
     def origin_s(self) -> float:
         """The length along the route where its grid begins."""
-        return float(self.points["s"][0])
+        return float(self.columns["s"][0])
 
     def index(self, s: float) -> int:
         """Return the grid point at a length along the route, held within it."""
@@ -58,8 +60,8 @@ class Route:
         return np.minimum(np.maximum(k, 0), len(self.points) - 1)
 
     def between(self, column: str, s: FloatArray | float) -> FloatArray:
-        """Return a column of `points` at lengths, interpolated between grid points (see `grid_place`)."""
-        values = self.points[column]
+        """Return a column at lengths along the route, interpolated between grid points (see `grid_place`)."""
+        values = self.columns[column]
         place = np.clip((np.asarray(s) - self.origin_s) * (1.0 / GRID_M), 0.0, len(values) - 1.001)
         k = place.astype(np.int64)
         return np.asarray(values[k] + (place - k) * (values[k + 1] - values[k]))
@@ -75,9 +77,9 @@ class _Task:
 
 
 def build_route(mission: Mission, vehicle: VehicleLimits) -> Route:
-    """Derive the route from the mission; depends on nothing else, so that a restarted driver has the same.
+    """Return the route of a mission, a function of mission and vehicle alone, so that a restarted driver has the same.
 
-    The last ones are kept: the runs of a clip and of its mutants have the same mission, up to its end.
+    The last `KEPT_ROUTES` are kept: the runs of a clip and of its mutants have the same mission, up to its end.
     """
     m = mission
     arrays = [np.asarray(a, float) for a in (m.s, m.centreline, m.speed_limit_mps, m.left_m, m.right_m)]
@@ -123,7 +125,8 @@ def _built(task: _Task) -> Route:
     ]
     return Route(
         points=points,
-        coarse=np.stack([points[name][::COARSE] for name in ("x", "y", "cos", "sin")]),
+        columns=columns,
+        coarse=np.stack([columns[name][::COARSE] for name in ("x", "y", "cos", "sin")]),
         passages=mission.junctions,
         junctions=np.array(junctions, JUNCTION),
         foes=foes,
@@ -133,7 +136,7 @@ def _built(task: _Task) -> Route:
 
 
 def _smooth(values: FloatArray) -> FloatArray:
-    """Average with a Gaussian of `SMOOTH_M`, the ends going on in a straight line."""
+    """Average with a Gaussian of `SMOOTH_M`; both ends are prolonged straight."""
     reach = int(4 * SMOOTH_M / GRID_M)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * GRID_M / SMOOTH_M) ** 2)
     padded = np.pad(values, reach, mode="reflect", reflect_type="odd")
@@ -189,7 +192,7 @@ def _even_path(path: bytes, pedestrian: bool) -> tuple[Records, float, float]:
 
 
 def _prolonged(at_s: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
-    """Interpolate, and go on straight at both ends."""
+    """Interpolate, and extrapolate in a straight line at both ends."""
     first = (values[1] - values[0]) / (s[1] - s[0])
     last = (values[-1] - values[-2]) / (s[-1] - s[-2])
     beyond = np.minimum(at_s - s[0], 0.0) * first + np.maximum(at_s - s[-1], 0.0) * last

@@ -1,4 +1,4 @@
-"""What a driver sees, as the kernels take it: the ego and the others on the route, and what signals ask for.
+"""An observation as the kernels take it: the ego and the others on the route, and the braking that signals ask for.
 
 `pdm` does all of this within one kernel (`kernels.pdm.decision`); `idm` and `frenetix` call the same kernels in turn.
 """
@@ -17,18 +17,14 @@ from foresee_dsl.drivers.protocol import EgoState, FloatArray, JunctionPassage, 
 from foresee_dsl.drivers.tracking import Tracker, Tracks
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.records import ACTOR, EGO, Ego, Records
-from foresee_dsl.kernels.pdm.situation import place_actors, place_ego
+from foresee_dsl.kernels.pdm.route import place_actors, place_ego
 
 _STATE = slice(Ego._fields.index("x"), Ego._fields.index("s"))
 
 
 @dataclass(frozen=True)
 class Situation:
-    """One step's input, read.
-
-    Attributes:
-        observation: what was seen. egos: [1] `Ego`. actors: [A] `Actor`s. signals: the colours that are known.
-    """
+    """One step's input: egos: [1] `Ego`; actors: [A] `Actor`s; signals: the colours that are known."""
 
     route: Route
     vehicle: VehicleLimits
@@ -53,8 +49,8 @@ def read_situation(
     """Read an observation.
 
     Args:
-        route: where it goes. vehicle: the ego. observation: of this step.
-        tracks: the others as they were tracked; None: what a tracker makes of the observation at first sight.
+        route: of the mission. vehicle: the ego. observation: of this step.
+        tracks: the others as they were tracked; None: as a new tracker reads them from the observation.
         signals: the colours that are known; None: those of the observation.
     """
     egos, tracks = ego_record(vehicle), Tracker().update(observation) if tracks is None else tracks
@@ -104,7 +100,7 @@ def write_state(numbers: FloatArray, state: EgoState) -> None:
 
 
 def signal_brakings(route: Route, strongest_mps2: float, signals: Mapping[str, SignalColour]) -> FloatArray:
-    """Return `signal_braking` of each junction, negative where it may go: [J]."""
+    """Return `signal_braking` of each junction, negative where the ego may go: [J]."""
     braking = [-1.0] * len(route.passages)
     for k, _ in route.signals:
         wish = signal_braking(route.passages[k], strongest_mps2, signals)
@@ -116,9 +112,9 @@ def signal_brakings(route: Route, strongest_mps2: float, signals: Mapping[str, S
 def signal_braking(
     passage: JunctionPassage, strongest_mps2: float, signals: Mapping[str, SignalColour]
 ) -> float | None:
-    """Return the braking up to which it stops at a junction's line, m/s^2; None where its signal lets it go.
+    """Return the braking up to which the ego stops at a junction's line, m/s^2; None: the signal lets it go.
 
-    A signal that should be there and is not seen is approached ready to stop.
+    It is ready to stop at a signal that it does not see.
     """
     if passage.signal is None:
         return None

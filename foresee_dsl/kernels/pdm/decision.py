@@ -1,47 +1,93 @@
-"""One decision of the driver `pdm`, from tracks to the proposal that is driven, in one call."""
+"""One decision of the driver `pdm`, from tracks to the pedals, in one call; and the control that holds a decision."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from foresee_dsl.kernels.compiling import FLOATS, TABLE, compiled, inner
-from foresee_dsl.kernels.pdm.control import follow
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, TABLE, compiled, inner
+from foresee_dsl.kernels.pdm import proposals
+from foresee_dsl.kernels.pdm import records as r
+from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import FRAMES, match, predict
-from foresee_dsl.kernels.pdm.proposals import find_leaders, find_offsets, find_passable
-from foresee_dsl.kernels.pdm.records import (
-    ACTOR,
-    EGOS,
-    FOES,
-    JUNCTIONS,
-    PATHS,
-    ROLLED,
-    ROUTE,
-    FloatArray,
-    Records,
-)
+from foresee_dsl.kernels.pdm.records import ACTOR, ROLLED, FloatArray, Records
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
-from foresee_dsl.kernels.pdm.rollout import allowed_speeds, before_wall, proposals, roll
-from foresee_dsl.kernels.pdm.scoring import choose, find_conflicts, rate
-from foresee_dsl.kernels.pdm.situation import near_foes, place_actors, place_ego
+from foresee_dsl.kernels.pdm.route import curvature_at, near_foes, place_actors, place_ego
+from foresee_dsl.kernels.pdm.scoring import best_proposal, find_conflicts, rate
 from foresee_dsl.kernels.tracks import TRACKS
+
+
+@compiled(r.EGOS, r.ROUTE, FLOAT)
+def steer(egos: Records, route: Records, offset: float) -> float:
+    """Return the front-wheel angle, rad, with which the error decays critically damped over the distance travelled.
+
+    In the route's coordinates, d'' = -2 d' / l - (d - offset) / l^2 with l from `decay_length`; the curvature of the
+    route is fed forward. The rear axle is held to the inside of bends by as much as the middle of the car swings out.
+    """
+    ego = egos[0]
+    speed, s = ego["forward"], ego["s"]
+    bend = curvature_at(route, s + speed * cfg.CURVATURE_PREVIEW_S)
+    inwards = curvature_at(route, s) * ego["centre"] ** 2 / 2
+    error = ego["d"] - offset - inwards
+    length = proposals.decay_length(speed, error, ego["sharpest"])
+    slope = math.tan(max(-1.0, min(1.0, ego["heading_error"])))
+    curvature = bend - error / length**2 - 2.0 * slope / length
+    grip = ego["grip"] / max(speed, 1.0) ** 2
+    curvature = max(-grip, min(grip, curvature))
+    angle = math.atan(ego["wheelbase"] * curvature)
+    return float(max(-ego["steer_max"], min(ego["steer_max"], angle)))
+
+
+@compiled(r.EGOS, FLOAT, FLOAT)
+def pedals(egos: Records, angle: float, acceleration: float) -> tuple[float, float, float]:
+    """Return steering, throttle and brake, as shares of the largest, for a wheel angle and an acceleration; a standing
+    car that is not to accelerate is held by the brake."""
+    ego = egos[0]
+    steering_share = angle / ego["steer_max"]
+    if ego["speed"] < cfg.COAST_MPS and acceleration <= 0.0:
+        return steering_share, 0.0, cfg.HOLD_BRAKE
+    if acceleration >= 0.0:
+        return steering_share, min(acceleration / ego["motor"], 1.0), 0.0
+    return steering_share, 0.0, min(-acceleration / ego["brakes"], 1.0)
+
+
+@inner
+def _follow(egos: Records, route: Records, offset: float, acceleration: float) -> tuple[float, float, float]:
+    """Return steering, throttle and brake for an offset, m, and an acceleration; save for hard braking, the latter is
+    held near the present one (the drivetrain's lag does the rest)."""
+    ego = egos[0]
+    if acceleration >= -cfg.BRAKING_MPS2:
+        now = ego["acceleration"] if ego["speed"] > cfg.COAST_MPS else 0.0
+        acceleration = float(max(now - cfg.SMOOTHING_MPS2, min(now + cfg.SMOOTHING_MPS2, acceleration)))
+    return pedals(egos, steer(egos, route, offset), acceleration)
+
+
+@compiled(r.EGOS, r.ROUTE, TABLE, FLOAT, FLOAT)
+def hold(
+    egos: Records, route: Records, coarse: FloatArray, offset: float, acceleration: float
+) -> tuple[float, float, float]:
+    """Return steering, throttle and brake that hold an earlier decision; the ego's place is filled in."""
+    place_ego(egos, route, coarse)
+    return _follow(egos, route, offset, acceleration)
 
 
 @inner
 def _best(egos: Records, actors: Records, predicted: Records, route: Records, wall_s: float) -> tuple[float, float]:
-    """Roll out and score what is tried, and return offset and acceleration of the best proposal."""
-    ego, tried = egos[0], find_offsets(egos, actors, route)
-    leaders, count = find_leaders(egos, actors, predicted, tried), proposals(len(tried))
+    """Roll out and score the proposals, and return offset and acceleration of the best one."""
+    ego, offsets = egos[0], proposals.find_offsets(egos, actors, route)
+    leaders, count = proposals.find_leaders(egos, actors, predicted, offsets), proposals.count_proposals(len(offsets))
     rolled, offset = np.empty((count, FRAMES), ROLLED), np.empty(count)
-    allowed = allowed_speeds(ego, route, before_wall(ego, wall_s))
-    acceleration = roll(ego, leaders, tried, allowed, rolled, offset)
+    allowed = proposals.allowed_speeds(ego, route, wall_s)
+    acceleration = proposals.roll(ego, leaders, offsets, allowed, rolled, offset)
     found = find_conflicts(egos, actors, predicted, rolled, offset, route)
     score, collides = np.empty(count), np.empty(count, np.int64)
     rate(ego, route, rolled, found, offset, acceleration, score, collides)
-    best = choose(score, collides, rolled)
+    best = best_proposal(score, collides, rolled)
     return offset[best], acceleration[best]
 
 
-@compiled(EGOS, TRACKS, ROUTE, TABLE, FOES, PATHS, JUNCTIONS, FLOATS)
+@compiled(r.EGOS, TRACKS, r.ROUTE, TABLE, r.FOES, r.PATHS, r.JUNCTIONS, FLOATS)
 def decide(
     egos: Records,
     tracks: Records,
@@ -52,7 +98,7 @@ def decide(
     junctions: Records,
     braking: FloatArray,
 ) -> tuple[float, float, tuple[float, float, float]]:
-    """Try the proposals and take the best: the offset to steer for, m, the acceleration, and what `go_on` makes of it.
+    """Choose the best proposal: its offset, m, its acceleration, and steering, throttle and brake for them.
 
     Args:
         egos: [1] the ego; its place on the route is filled in. tracks: [A]. route: the route's points.
@@ -64,7 +110,7 @@ def decide(
     near = near_foes(egos, foes, junctions)
     matches = match(actors, near, paths)
     predicted = predict(egos, actors, near, paths, matches, route)
-    find_passable(egos, actors, route, junctions)
+    proposals.find_passable(egos, actors, route, junctions)
     wall_s = find_wall(egos, actors, near, matches, junctions, braking, route)
-    offset, wish = _best(egos, actors, predicted, route, wall_s)
-    return offset, wish, follow(egos, route, offset, wish)
+    offset, acceleration = _best(egos, actors, predicted, route, wall_s)
+    return offset, acceleration, _follow(egos, route, offset, acceleration)

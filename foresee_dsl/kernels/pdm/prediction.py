@@ -1,4 +1,4 @@
-"""Where the others will be: constant velocity, along a crossing stream's path, along the road, or straight on."""
+"""Where the others will be: at constant speed along a crossing stream's path, along the road, or straight on."""
 
 from __future__ import annotations
 
@@ -7,21 +7,10 @@ import math
 import numpy as np
 
 from foresee_dsl.kernels.compiling import compiled, inner
+from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import (
-    ACTORS,
-    EGOS,
-    FOES,
-    MATCH,
-    MATCHES,
-    PATHS,
-    PREDICTED,
-    ROUTE,
-    FloatArray,
-    Records,
-)
-from foresee_dsl.kernels.pdm.route import grid_point, project_predicted
-from foresee_dsl.kernels.pdm.situation import ALIGNED_COSINE, reach_of
+from foresee_dsl.kernels.pdm.records import MATCH, PREDICTED, FloatArray, Records
+from foresee_dsl.kernels.pdm.route import ALIGNED_COSINE, grid_point, project_predicted, reach_of
 
 TIMES_S: FloatArray = np.arange(round(cfg.HORIZON_S / cfg.ROLLOUT_STEP_S) + 1, dtype=np.float64) * cfg.ROLLOUT_STEP_S
 """[T] the frames of every roll-out and prediction."""
@@ -33,12 +22,12 @@ STEEPEST_BEND = 0.6
 """Ours: offset times curvature; at 1 the centre of the bend is reached, and the route's coordinates end."""
 CREEP_MPS = 4.0
 CREEP_BRAKING_MPS2 = 2.0
-"""Ours: a vehicle that waits inside the junction for the ego creeps slower than this, and is trusted to stop with this
+"""Ours: a vehicle that waits for the ego inside the junction creeps slower than this, and is expected to stop with this
 braking."""
 FOE_COSINE = math.cos(cfg.FOE_HEADING_RAD)
 
 
-@compiled(ACTORS, FOES, PATHS)
+@compiled(r.ACTORS, r.FOES, r.PATHS)
 def match(actors: Records, foes: Records, paths: Records) -> Records:
     """Find the actors on the paths of crossing streams, [A, F]; an actor in the ego's lane is on none."""
     matches = np.empty((len(actors), len(foes)), MATCH)
@@ -59,7 +48,7 @@ def match(actors: Records, foes: Records, paths: Records) -> Records:
             s = (i - start) * PATH_M - foe["added"] + rx * tx + ry * ty
             d = ry * tx - rx * ty
             cosine = one["cos"] * tx + one["sin"] * ty
-            # Somebody on foot may use a crossing in either direction; somebody who stands faces anywhere.
+            # Pedestrians use a crossing in either direction; standing ones may face anywhere.
             aligned = (abs(cosine) if on_foot else cosine) > FOE_COSINE or (on_foot and one["speed"] < cfg.COAST_MPS)
             there = aligned and abs(d) < reach and s < foe["length"]
             found["on"] = there and not one["own_lane"] and not one["obstacle"] and on_foot == one["pedestrian"]
@@ -69,7 +58,7 @@ def match(actors: Records, foes: Records, paths: Records) -> Records:
 
 @inner
 def _nearest_foe(matches: Records, pedestrian: bool) -> int:
-    """Return the stream whose path an actor is nearest to, of its matches [F]; -1 for none."""
+    """Return the stream whose path an actor is nearest to, of its matches [F]; -1: none."""
     best, nearest = -1, np.inf
     for f in range(len(matches)):
         if matches[f]["on"] and abs(matches[f]["d"]) < nearest:
@@ -80,8 +69,8 @@ def _nearest_foe(matches: Records, pedestrian: bool) -> int:
 
 @inner
 def _stopping_point(entry: float, conflict: float, front_s: float, speed: float) -> float:
-    """Return where somebody who must give way is trusted to stop: at the entry, else (creeping) at the conflict;
-    infinite for nowhere."""
+    """Return where an actor that must give way is expected to stop: at the entry, else (creeping) at the conflict;
+    infinite: nowhere."""
     if front_s < entry and speed * speed <= 2 * cfg.FOE_STOPS_MPS2 * (entry - front_s):
         return entry
     if front_s < conflict and speed < CREEP_MPS and speed * speed <= 2 * CREEP_BRAKING_MPS2 * (conflict - front_s):
@@ -91,8 +80,8 @@ def _stopping_point(entry: float, conflict: float, front_s: float, speed: float)
 
 @inner
 def _on_path(actor: np.void, found: np.void, foe: np.void, paths: Records, out: Records) -> None:
-    """Predict an actor along a crossing stream's path, its offset kept; one that must give way and can is taken to
-    stop. `found` is its match; `out` is filled, [T]."""
+    """Predict an actor along a crossing stream's path, its offset kept; one that must and can give way stops.
+    `found` is its match; `out` is filled, [T]."""
     s0, speed, d = found["s"], found["speed"], found["d"]
     begin, count, half, stop, room = foe["first"], foe["end"] - foe["first"], actor["half_length"], np.inf, 0.0
     if not foe["has_priority"] and speed > cfg.COAST_MPS:
@@ -164,7 +153,7 @@ def _add_reach(actors: Records, route: Records, out: Records) -> None:
             one["speed_s"] = (out[a, after]["s"] - out[a, before]["s"]) / ((after - before) * cfg.ROLLOUT_STEP_S)
 
 
-@compiled(EGOS, ACTORS, FOES, PATHS, MATCHES, ROUTE)
+@compiled(r.EGOS, r.ACTORS, r.FOES, r.PATHS, r.MATCHES, r.ROUTE)
 def predict(egos: Records, actors: Records, foes: Records, paths: Records, matches: Records, route: Records) -> Records:
     """Predict all actors over the horizon, [A, T].
 

@@ -8,27 +8,18 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.kernels.compiling import FLOATS, compiled, inner
+from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import (
-    ACTORS,
-    EGOS,
-    FOES,
-    JUNCTIONS,
-    MATCHES,
-    ROUTE,
-    FloatArray,
-    IntArray,
-    Records,
-)
-from foresee_dsl.kernels.pdm.route import profile_at
-from foresee_dsl.kernels.pdm.situation import near_junctions, stops_before
+from foresee_dsl.kernels.pdm.records import FloatArray, IntArray, Records
+from foresee_dsl.kernels.pdm.route import near_junctions, profile_at, stops_before
 
 PROFILE_STEP_M = 0.5
 STANDS_MPS = 0.5
 
 
 class Arrival(NamedTuple):
-    """When the ego's front bumper would be where, if nothing held it up: comfortable acceleration, the speed profile.
+    """When the ego's front bumper would reach each place if nothing held it up: comfortable acceleration up to the
+    speed profile.
 
     Attributes:
         times: s, at places from `first_s` on, `PROFILE_STEP_M` apart. limit_mps: the most that the profile allows.
@@ -41,12 +32,12 @@ class Arrival(NamedTuple):
 
 @inner
 def _signal_wall(egos: Records, stop_s: float, braking: float) -> float:
-    """Return where it stops for a signal, infinite for nowhere."""
+    """Return where the ego stops for a signal, infinite: nowhere."""
     front_s = egos[0]["front_s"]
     if braking < 0.0 or front_s > stop_s + cfg.STOP_MARGIN_M:
         return np.inf
     if front_s > stop_s - cfg.STOP_MARGIN_M and egos[0]["speed"] < STANDS_MPS:
-        return float(front_s)  # it stands at (or a hand's breadth over) the line, and stays
+        return float(front_s)  # it stands at the line, or just beyond it, and stays
     return stop_s - cfg.STOP_MARGIN_M if stops_before(egos, stop_s, braking) else np.inf
 
 
@@ -65,7 +56,7 @@ def _queue_end(ego: np.void, actors: Records) -> float:
 
 @inner
 def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
-    """Stay before the line while the queue behind the junction leaves no room for the ego; infinite: it may go."""
+    """Return the stop before the line while a queue beyond the junction leaves the ego no room; infinite: it may go."""
     ego, stop_s = egos[0], float(junction["stop_s"])
     stop, length = stop_s - cfg.STOP_MARGIN_M, ego["front_s"] - ego["rear_s"]
     full = stop_s < queue_end_s < junction["exit_s"] + length + cfg.MINIMUM_GAP_M
@@ -78,15 +69,15 @@ def _queue_wall(egos: Records, junction: np.void, queue_end_s: float) -> float:
 def _yield_wall(
     junction: int, egos: Records, actors: Records, foes: Records, matches: Records, route: Records
 ) -> float:
-    """Return the first waiting place of a junction that it must stop at, infinite for none."""
+    """Return the first place where the ego must wait at a junction for streams with priority, infinite: none."""
     ego = egos[0]
-    ahead, until_s, anybody = _ahead(junction, ego, foes, matches)
-    if not anybody:
+    ahead, until_s, any_actor = _ahead(junction, ego, foes, matches)
+    if not any_actor:
         return np.inf
     nearest, length = np.inf, ego["front_s"] - ego["rear_s"]
     arrival = arrivals(ego, route, until_s)
     wait, last = -np.inf, -np.inf
-    for n in range(len(ahead)):  # those without room to stand in between share the first's waiting place
+    for n in range(len(ahead)):  # conflicts without room for the ego between them share the first one's waiting place
         f = ahead[n]
         first, until = foes[f]["own_s"], foes[f]["own_until_s"]
         if first - last > length + cfg.YIELD_MARGIN_M:
@@ -95,7 +86,7 @@ def _yield_wall(
         if not _must_wait(ego, actors, foes[f], matches[:, f], arrival, wait):
             continue
         braking = ego["strongest"] if foes[f]["walking"] else cfg.YIELD_BRAKING_MPS2
-        # At `wait` it stands in no other conflict; beyond that place, right before this one.
+        # At `wait` it blocks no other conflict; if it is beyond that, it waits right before this one.
         for place in (wait, first - cfg.YIELD_MARGIN_M):
             margin_s = place + cfg.STOP_MARGIN_M
             if ego["front_s"] <= margin_s and stops_before(egos, margin_s, braking):
@@ -107,8 +98,8 @@ def _yield_wall(
 @inner
 def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tuple[IntArray, float, bool]:
     """Return a junction's streams with priority whose conflict is ahead, in their order along the route, where the last
-    of them ends, and whether anybody is on one of their paths."""
-    found, count, until_s, anybody = np.empty(len(foes), dtype=np.int64), 0, -np.inf, False
+    conflict ends, and whether any actor is on one of their paths."""
+    found, count, until_s, any_actor = np.empty(len(foes), dtype=np.int64), 0, -np.inf, False
     for f in range(len(foes)):
         if foes[f]["junction"] != junction or not foes[f]["has_priority"]:
             continue
@@ -117,7 +108,7 @@ def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tupl
             continue
         until_s = max(until_s, until)
         for a in range(len(matches)):
-            anybody |= matches[a, f]["on"]
+            any_actor |= matches[a, f]["on"]
         n = count
         while n > 0:
             before = foes[found[n - 1]]
@@ -128,16 +119,16 @@ def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tupl
             n -= 1
         found[n] = f
         count += 1
-    return found[:count], until_s, anybody
+    return found[:count], until_s, any_actor
 
 
 @inner
 def _must_wait(ego: np.void, actors: Records, foe: np.void, matches: Records, arrival: Arrival, wait_s: float) -> bool:
-    """Tell whether somebody with priority is, or will be, in the conflict zone when the ego would be.
+    """Tell whether an actor with priority is, or will be, in the conflict zone when the ego would be.
 
     Args:
         ego: the ego. actors: [A]. foe: the stream that has priority. matches: [A] of this stream.
-        arrival: when the ego would be where. wait_s: where it would wait.
+        arrival: of the ego. wait_s: where it would wait.
     """
     enters = arrives(arrival, foe["own_s"])
     leaves = arrives(arrival, foe["own_until_s"] + ego["front_s"] - ego["rear_s"])
@@ -157,7 +148,7 @@ def _must_wait(ego: np.void, actors: Records, foe: np.void, matches: Records, ar
 
 @inner
 def _walker_window(foe: np.void, s: float, speed: float) -> tuple[float, float]:
-    """Return when somebody on a crossing is on (or about to step on) the ego's lane; (inf, -inf) for never."""
+    """Return when a pedestrian on a crossing is on (or about to step on) the ego's lane; (inf, -inf): never."""
     first, last = foe["meets"] - cfg.PEDESTRIAN_AIR_M, foe["leaves"] + cfg.PEDESTRIAN_AIR_M
     if speed < 0:  # walking against the path's direction: mirror
         s, first, last, speed = -s, -last, -first, -speed
@@ -173,10 +164,8 @@ def _walker_window(foe: np.void, s: float, speed: float) -> tuple[float, float]:
 def _vehicle_window(
     foe: np.void, rear_s: float, front_s: float, speed: float, starting: bool, limit_mps: float
 ) -> tuple[float, float]:
-    """Return when a vehicle is in the conflict zone; (inf, -inf) for never.
-
-    Arrival is computed with acceleration to the limit where it is slower; leaving with its present speed.
-    """
+    """Return when a vehicle is in the conflict zone, (inf, -inf): never. It accelerates to the limit until it arrives,
+    and leaves with its present speed."""
     first, last = foe["meets"], foe["leaves"]
     if rear_s >= last:
         return np.inf, -np.inf
@@ -195,10 +184,8 @@ def _vehicle_window(
 
 @inner
 def arrivals(ego: np.void, route: Records, last_s: float) -> Arrival:
-    """Return the times at which the ego could be at places up to `last_s` and its own length beyond it.
-
-    The profile counts for the middle of the car.
-    """
+    """Return the times at which the ego could be at places up to `last_s` and its own length beyond it; the profile
+    applies to the middle of the car."""
     first_s, length = ego["front_s"], ego["front_s"] - ego["rear_s"]
     end_s = last_s + length + 2 * PROFILE_STEP_M
     step = (first_s + PROFILE_STEP_M) - first_s  # as numpy's arange has it
@@ -227,7 +214,7 @@ def arrives(arrival: Arrival, s: float) -> float:
     return time_s
 
 
-@compiled(EGOS, ACTORS, FOES, MATCHES, JUNCTIONS, FLOATS, ROUTE)
+@compiled(r.EGOS, r.ACTORS, r.FOES, r.MATCHES, r.JUNCTIONS, FLOATS, r.ROUTE)
 def find_wall(
     egos: Records,
     actors: Records,
@@ -237,7 +224,7 @@ def find_wall(
     braking: FloatArray,
     route: Records,
 ) -> float:
-    """Return the s where the front bumper must stop, infinite for nowhere.
+    """Return the s where the front bumper must stop, infinite: nowhere.
 
     Args:
         egos: [1]. actors: [A]. foes: [F] the crossing streams that `matches` [A, F] are of. junctions: [J], all.
@@ -253,6 +240,6 @@ def find_wall(
         if stop == np.inf:
             stop = _queue_wall(egos, junctions[k], queue_end_s)
         if stop < np.inf:
-            return min(nearest, stop)  # what lies behind does not matter now
+            return min(nearest, stop)  # junctions beyond do not matter now
         nearest = min(nearest, _yield_wall(k, egos, actors, foes, matches, route))
     return nearest

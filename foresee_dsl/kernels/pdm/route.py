@@ -1,4 +1,4 @@
-"""Look-ups on the route's grid: values at a length, and the place of vehicles and others on it."""
+"""The route's even grid: look-ups on it, and the ego, the others and the crossing streams placed on it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from foresee_dsl.kernels.compiling import FLOAT, TABLE, compiled, inner
-from foresee_dsl.kernels.pdm.records import ROUTE, BoolArray, FloatArray, Records
+from foresee_dsl.kernels.pdm import records as r
+from foresee_dsl.kernels.pdm import settings as cfg
+from foresee_dsl.kernels.pdm.records import FOE, BoolArray, FloatArray, IntArray, Records
+from foresee_dsl.kernels.tracks import BICYCLE, OBSTACLE, PEDESTRIAN, TRACKS
 
 GRID_M = 0.1
 """Spacing of the route's grid: fine enough to look speeds up without interpolating (0.04 m/s at 5 m/s)."""
@@ -25,10 +28,10 @@ def grid_point(route: Records, s: float) -> int:
 
 @inner
 def grid_place(route: Records, s: float) -> tuple[int, float]:
-    """Return the grid point before a length along a route, and the share of the way to the next one.
+    """Return the grid point before a length along a route, and the fraction of the step to the next one.
 
-    Where the grid lies depends on where the mission begins; what the driver decides must not, or a run that is resumed
-    in the middle would go differently: so values are interpolated.
+    Values are interpolated, as the grid starts where the mission does and decisions must not depend on that: else a run
+    that is resumed in the middle would go differently.
     """
     place = min(max((s - route[0]["s"]) * (1.0 / GRID_M), 0.0), len(route) - 1.001)
     k = max(int(place), 0)
@@ -52,12 +55,16 @@ def profile_at(route: Records, s: float) -> float:
 
 
 @inner
+def _point_by_division(route: Records, s: float) -> int:
+    """Return the grid point at a length: now and then another one than `grid_point`, which multiplies."""
+    return min(max(int((s - route[0]["s"]) / GRID_M), 0), len(route) - 1)
+
+
+@inner
 def least_room(route: Records, from_s: float, to_s: float) -> tuple[float, float]:
     """Return the least free width on the left and on the right on a stretch, m."""
     least_left, least_right = np.inf, np.inf
-    count, origin_s = len(route), route[0]["s"]
-    first = min(max(int((from_s - origin_s) / GRID_M), 0), count - 1)
-    last = min(max(int((to_s - origin_s) / GRID_M), 0), count - 1)
+    first, last = _point_by_division(route, from_s), _point_by_division(route, to_s)
     for i in range(first, last + 1):
         least_left, least_right = min(least_left, route[i]["left"]), min(least_right, route[i]["right"])
     return least_left, least_right
@@ -65,7 +72,7 @@ def least_room(route: Records, from_s: float, to_s: float) -> tuple[float, float
 
 @inner
 def _least(values: FloatArray) -> int:
-    """Return the place of the least one, the first of equal ones (a NaN is never less)."""
+    """Return the index of the least value, the first of equal ones (a NaN is never less)."""
     k, least = 0, np.inf
     for i in range(len(values)):
         if values[i] < least:
@@ -73,7 +80,7 @@ def _least(values: FloatArray) -> int:
     return k
 
 
-@compiled(FLOAT, FLOAT, FLOAT, ROUTE, TABLE)
+@compiled(FLOAT, FLOAT, FLOAT, r.ROUTE, TABLE)
 def locate(x: float, y: float, heading: float, route: Records, coarse: FloatArray) -> tuple[float, float, float]:
     """Return length along the whole route, offset and heading error of a place and heading.
 
@@ -102,10 +109,10 @@ def locate(x: float, y: float, heading: float, route: Records, coarse: FloatArra
 
 
 class Stretch(NamedTuple):
-    """A piece of the route where others are looked for: every `stride`th grid point from `first` on.
+    """A piece of the route that actors are projected on: every `stride`th grid point from `first` on.
 
     Attributes:
-        x, y: [M] these points. away: [M] to work in.
+        x, y: [M] these points. away: [M] work space.
     """
 
     first: int
@@ -118,9 +125,7 @@ class Stretch(NamedTuple):
 @inner
 def _stretch(route: Records, ego_s: float, ahead_m: float, stride: int) -> Stretch:
     """Return the stretch from `SEARCH_BEHIND_M` behind the ego to `ahead_m` before it."""
-    last, origin_s = len(route) - 1, route[0]["s"]
-    first = min(max(int((ego_s - SEARCH_BEHIND_M - origin_s) / GRID_M), 0), last)
-    until = min(max(int((ego_s + ahead_m - origin_s) / GRID_M), 0), last) + 1
+    first, until = _point_by_division(route, ego_s - SEARCH_BEHIND_M), _point_by_division(route, ego_s + ahead_m) + 1
     count = max((until - first + stride - 1) // stride, 1)
     x, y = np.empty(count), np.empty(count)
     for i in range(count):
@@ -131,7 +136,7 @@ def _stretch(route: Records, ego_s: float, ahead_m: float, stride: int) -> Stret
 
 @inner
 def _nearest(x: float, y: float, route: Records, part: Stretch) -> tuple[int, float, float]:
-    """Project a point on a stretch: the grid point, the way on, the offset."""
+    """Project a point on a stretch: the grid point, the distance beyond it along the route, the offset."""
     for i in range(len(part.x)):
         dx, dy = x - part.x[i], y - part.y[i]
         part.away[i] = dx * dx + dy * dy
@@ -166,3 +171,88 @@ def project_predicted(which: BoolArray, predicted: Records, route: Records, ego_
                 one = predicted[a, t]
                 k, along, across = _nearest(one["x"], one["y"], route, part)
                 one["s"], one["d"] = route[k]["s"] + along, across
+
+
+OWN_LANE_M = 1.2
+"""Ours: an aligned actor this near the centreline is in the ego's lane, whatever crossing stream runs there too."""
+BRAKING_ALREADY_MPS2 = -1.0
+"""Ours: an ego that brakes this hard has decided to stop, and keeps to it (no memory of the decision is needed)."""
+BRAKING_ALREADY_FACTOR = 1.5
+"""Ours: it then accepts this much more braking before it drives on; covers the lag of the brakes."""
+LEAST_REACH_M = 30.0
+ALIGNED_COSINE = math.cos(cfg.ALIGNED_RAD)
+
+
+@compiled(r.EGOS, r.ROUTE, TABLE)
+def place_ego(egos: Records, route: Records, coarse: FloatArray) -> None:
+    """Fill the ego's [1] place on the route."""
+    ego = egos[0]
+    back = ego["centre"]
+    x, y = ego["x"] - back * math.cos(ego["heading"]), ego["y"] - back * math.sin(ego["heading"])
+    ego["s"], ego["d"], ego["heading_error"] = locate(x, y, ego["heading"], route, coarse)
+    ego["forward"] = max(ego["speed"], 0.0)
+    middle_s = ego["s"] + back
+    ego["front_s"], ego["rear_s"] = middle_s + ego["length"] / 2, middle_s - ego["length"] / 2
+
+
+@inner
+def reach_of(ego: np.void) -> float:
+    """Return how far ahead of the ego predictions are projected on the route, m."""
+    return max(LEAST_REACH_M, float(ego["forward"] * cfg.HORIZON_S + 25.0))
+
+
+@compiled(r.EGOS, TRACKS, r.ROUTE, r.ACTORS)
+def place_actors(egos: Records, tracks: Records, route: Records, actors: Records) -> None:
+    """Fill the actors [A] from their tracks [A], but for `passable`; the ego has its place already."""
+    for a in range(len(tracks)):
+        track, one = tracks[a], actors[a]
+        kind, heading = track["kind"], track["heading"]
+        one["x"], one["y"], one["cos"], one["sin"] = track["x"], track["y"], math.cos(heading), math.sin(heading)
+        one["speed"] = track["speed"]
+        one["half_length"], one["half_width"] = track["length"] * 0.5, track["width"] * 0.5
+        one["pedestrian"], one["obstacle"], one["speeds_up"] = kind == PEDESTRIAN, kind == OBSTACLE, 0.0
+        if kind == PEDESTRIAN:
+            one["speeds_up"] = cfg.PEDESTRIAN_SPEEDS_UP_MPS2
+        if kind == BICYCLE:
+            one["speeds_up"] = cfg.BICYCLE_SPEEDS_UP_MPS2
+    project_actors(actors, route, egos[0]["s"], max(reach_of(egos[0]), cfg.JUNCTION_REACH_M))
+    for a in range(len(actors)):
+        one = actors[a]
+        road = route[one["point"]]
+        cosine = one["cos"] * road["cos"] + one["sin"] * road["sin"]
+        one["own_lane"] = abs(one["d"]) < OWN_LANE_M and cosine > ALIGNED_COSINE and not one["pedestrian"]
+        one["passable"] = False
+
+
+@compiled(r.EGOS, FLOAT, FLOAT)
+def stops_before(egos: Records, wall_s: float, braking: float) -> bool:
+    """Tell whether the ego can stop before a place with this braking (more, where it brakes already)."""
+    ego = egos[0]
+    if ego["acceleration"] < BRAKING_ALREADY_MPS2:
+        braking *= BRAKING_ALREADY_FACTOR
+    room = wall_s - ego["front_s"]
+    return bool(ego["speed"] < cfg.COAST_MPS or 2 * braking * room >= ego["speed"] ** 2)
+
+
+@inner
+def near_junctions(ego: np.void, junctions: Records) -> IntArray:
+    """Return the indices of the junctions that the ego is in or comes to."""
+    found, count = np.empty(len(junctions), dtype=np.int64), 0
+    for k in range(len(junctions)):
+        if ego["rear_s"] < junctions[k]["end_s"] and junctions[k]["stop_s"] < ego["front_s"] + cfg.JUNCTION_REACH_M:
+            found[count] = k
+            count += 1
+    return found[:count]
+
+
+@compiled(r.EGOS, r.FOES, r.JUNCTIONS)
+def near_foes(egos: Records, foes: Records, junctions: Records) -> Records:
+    """Return the crossing streams of the junctions that the ego is in or comes to."""
+    found, count = np.empty(len(foes), FOE), 0
+    near = near_junctions(egos[0], junctions)
+    for f in range(len(foes)):
+        for n in range(len(near)):
+            if foes[f]["junction"] == near[n]:
+                found[count] = foes[f]
+                count += 1
+    return found[:count]

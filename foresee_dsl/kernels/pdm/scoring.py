@@ -1,41 +1,32 @@
-"""Scores: no collision to blame, within the lanes; then progress, time to collision, comfort, clearance, centring."""
+"""Scores: no collision at fault, within the lanes; then progress, time to collision, comfort, clearance, centring."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from foresee_dsl.kernels.compiling import FLOATS, compiled, inner
+from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
-from foresee_dsl.kernels.pdm.records import (
-    ACTORS,
-    CONFLICT,
-    EGOS,
-    PREDICTION,
-    ROLLOUT,
-    BoolArray,
-    FloatArray,
-    IntArray,
-    Records,
-)
-from foresee_dsl.kernels.pdm.rollout import BRAKING, decay_length, place
+from foresee_dsl.kernels.pdm.proposals import BRAKING, decay_length, place_footprints
+from foresee_dsl.kernels.pdm.records import CONFLICT, BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.pdm.route import grid_point
 
 STEERS_ASIDE_M = 0.7
-"""Ours: a proposal that moves aside by more than this is to blame for what comes from behind."""
+"""Ours: a proposal that moves sideways by more than this is at fault in a collision with an actor from behind."""
 LEAVES_M = 0.05
 """Ours: rounding and smoothing of the lanes' edges."""
 STANDS_MPS = 0.1
 NEAR_M = 6.0
 """Ours: actors whose predicted footprints stay farther aside than this from the route are left out."""
 
-SLACK_M = 1e-6
-"""Ours: far over rounding."""
+ROUNDING_M = 1e-6
+"""Ours: far more than rounding errors."""
 
 
 @inner
 def _near(ego: np.void, predicted: Records, rolled: Records) -> tuple[BoolArray, bool]:
-    """Tell which actors come near the stretch that any proposal covers, [A], and whether anyone does."""
+    """Tell which actors come near the stretch that any proposal covers, [A], and whether any does."""
     found, anyone, ends_s = np.zeros(len(predicted), np.bool_), False, rolled[0, 0]["s"]
     for p in range(rolled.shape[0]):
         for t in range(rolled.shape[1]):
@@ -66,8 +57,8 @@ def _compare(
         dx, dy, ego_cos, ego_sin, v = other["x"] - own["x"], other["y"] - own["y"], own["cos"], own["sin"], own["speed"]
         along, across = dx * ego_cos + dy * ego_sin, dy * ego_cos - dx * ego_sin
         length = other["half_length"]
-        # Nobody is near outside of a box that holds all that is asked for below.
-        most = length + width + SLACK_M
+        # All tests below fail outside of this box.
+        most = length + width + ROUNDING_M
         if abs(along) > half_l + most + max(margin, v * cfg.TTC_S):
             continue
         if abs(across) > half_w + most + max(side, margin, pace * cfg.TTC_S):
@@ -82,7 +73,7 @@ def _compare(
             abs(across * turn_cos - along * turn_sin) - (width + half_l * size_sin + half_w * size_cos),
         )
         moves = v > STANDS_MPS
-        # It is not to blame when it stands, nor from behind unless it moves aside.
+        # The ego is not at fault when it stands, nor when hit from behind unless it moves sideways.
         if moves and (moves_aside or not (behind_at_first and along < -half_l)):
             found[t]["hit"] |= max(room_along, room_across, there) < margin
             found[t]["close"] |= room_along < margin and room_across < side and there < side
@@ -110,14 +101,14 @@ def _compare_all(
 def find_conflicts(
     egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray, route: Records
 ) -> Records:
-    """Return the conflicts of proposals that have no place on the map yet, [P, T]; arguments as `conflicts`."""
+    """Return the conflicts, [P, T], of proposals whose footprints are not placed yet; arguments as `conflicts`."""
     near, anyone = _near(egos[0], predicted, rolled)
     if anyone:
-        place(egos[0], route, rolled)
+        place_footprints(egos[0], route, rolled)
     return _compare_all(egos[0], actors, near, predicted, rolled, offsets)
 
 
-@compiled(EGOS, ACTORS, PREDICTION, ROLLOUT, FLOATS)
+@compiled(r.EGOS, r.ACTORS, r.PREDICTION, r.ROLLOUT, FLOATS)
 def conflicts(egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray) -> Records:
     """Compare footprints: return the conflicts of each proposal in each frame, [P, T].
 
@@ -151,13 +142,13 @@ def rate(
     points: FloatArray,
     collides: IntArray,
 ) -> None:
-    """Fill points and the frame of the first collision (their number for none), [P].
-
-    First `points` tells who is allowed: 0, else -1.
+    """Score the proposals.
 
     Args:
-        ego: the ego. route: the route's points. rolled: [P, T]. conflict: [P, T].
-        offset: [P] what each heads for. acceleration: [P] the first one. points, collides: see above.
+        ego: the ego. route: the route's points. rolled, conflict: [P, T].
+        offset: [P] m, what each heads for. acceleration: [P] the first one, m/s^2.
+        points: [P], filled: the score; -1 where the proposal collides or leaves the lanes.
+        collides: [P], filled: the frame of the first collision; T: none.
     """
     frames, best, half = rolled.shape[1], 0.0, ego["width"] / 2
     for p in range(len(points)):
@@ -167,7 +158,7 @@ def rate(
                 collides[p] = t
         brakes = p >= len(points) - BRAKING
         allowed = collides[p] == frames and (brakes or _keeps_lanes(rolled[p], route, half))
-        points[p] = 0.0 if allowed else -1.0
+        points[p] = 0.0 if allowed else -1.0  # 0: to be scored below, once `best` is known
         if allowed:
             best = max(best, rolled[p, frames - 1]["s"] - rolled[p, 0]["s"])
     for p in range(len(points)):
@@ -181,9 +172,9 @@ def rate(
         lateral = ego["forward"] ** 2 * abs(error) / decay_length(ego["forward"], error, ego["sharpest"]) ** 2
         comfort = acceleration[p] > -cfg.COMFORT_BRAKING_MPS2 and lateral < cfg.COMFORT_LATERAL_MPS2
         aside = 0.5 * abs(offset[p]) + 0.5 * abs(error)
-        way = rolled[p, frames - 1]["s"] - rolled[p, 0]["s"]
+        progress = rolled[p, frames - 1]["s"] - rolled[p, 0]["s"]
         points[p] = (
-            cfg.PROGRESS_WEIGHT * (min(way / best, 1.0) if best > 1.0 else 1.0)
+            cfg.PROGRESS_WEIGHT * (min(progress / best, 1.0) if best > 1.0 else 1.0)
             + (0.0 if touches > 0 else cfg.TTC_WEIGHT)
             + (cfg.COMFORT_WEIGHT if comfort else 0.0)
             + cfg.CLEARANCE_WEIGHT * (1.0 - near / frames)
@@ -192,12 +183,9 @@ def rate(
 
 
 @inner
-def choose(points: FloatArray, collides: IntArray, rolled: Records) -> int:
-    """Return the best proposal; where all collide (or leave the lanes) the latest collision, then the slowest one.
-
-    Args:
-        points, collides: of each proposal, [P]. rolled: [P, T].
-    """
+def best_proposal(points: FloatArray, collides: IntArray, rolled: Records) -> int:
+    """Return the best proposal; where all collide or leave the lanes, that with the latest collision, then the slowest.
+    `points` and `collides`: [P] as `rate` fills them. `rolled`: [P, T]."""
     best, latest, frames = 0, 0, rolled.shape[1]
     for p in range(len(points)):
         if points[p] > points[best]:
@@ -210,7 +198,7 @@ def choose(points: FloatArray, collides: IntArray, rolled: Records) -> int:
     for p in range(1, len(points)):
         impact = rolled[p, min(collides[p], frames - 1)]["speed"]
         least = rolled[best, min(collides[best], frames - 1)]["speed"]
-        # Within 2 s the speed at the impact counts, before that the time that is won.
+        # Within 2 s the speed at the impact counts most, for later collisions the time until then.
         if emergency:
             better = impact < least or (impact == least and collides[p] > collides[best])
         else:

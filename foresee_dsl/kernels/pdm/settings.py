@@ -30,12 +30,12 @@ KINEMATIC_FACTOR = 1.0
 """Ours: the IDM's braking is cut to BRAKING or this times closing speed^2 / gap, twice what is needed at constant
 speed: the plain IDM brakes with 8 m/s^2 for a slower car that cuts in 10 m ahead where 1.7 m/s^2 would do."""
 PASSABLE_GAP_M = 6.0
-"""Ours: how far behind something parked it waits when there is room to pass but not yet a chance; in the tests it gets
-out from 4 m behind a car, and 2 m are in hand."""
+"""Ours: how far behind a parked actor the ego waits when there is room to pass but not yet a gap; in the tests it can
+steer out from 4 m behind a car, which leaves a margin of 2 m."""
 PASS_CLEARANCE_M = 0.6
-"""Ours: air beside a parked thing when it is passed; the EU's cyclists ask for more, opened doors for 0.9 m."""
+"""Ours: air beside a parked actor when it is passed; cyclists and opened doors (0.9 m) would need more."""
 CORRIDOR_MARGIN_M = 0.15
-"""Ours: air on either side within which something counts as being in the way."""
+"""Ours: air on either side of the ego within which an actor counts as being in its corridor."""
 LANE_MARGIN_M = 0.1
 """Ours: what an offset leaves between the car and the edge of its lanes."""
 
@@ -50,11 +50,11 @@ COAST_MPS = 0.1
 """Ours: under this a car stands."""
 HOLD_M = 1.0
 HOLD_MPS = 0.3
-"""Ours: who is this slow this near to a stop line stays there, and does not creep the rest of the way."""
+"""Ours: an ego this slow this near to a stop line stays there, and does not creep the rest of the distance."""
 
 # --- prediction -------------------------------------------------------------------------------------------------
 ALIGNED_RAD = 0.52
-"""Ours: 30 degrees; within it (or against it) an actor near the route is taken to follow the road."""
+"""Ours: 30 degrees; an actor near the route that heads along or against it within this is predicted along the road."""
 ALIGNED_REACH_M = 6.0
 """Ours: how far from the centreline the road still bends like the route: one lane of 3.5 m on and a half."""
 DRIFT_DEADBAND_RAD = 0.035
@@ -65,8 +65,9 @@ FOE_HEADING_RAD = 0.785
 FOE_EXTENSION_M = 60.0
 """Ours: a foe's approach is prolonged straight by this much; at 50 km/h a gap of 5 s is 70 m, the path shows 60 m."""
 FOE_STOPS_MPS2 = 3.5
-"""Ours: who must give way to the ego is trusted to stop while less braking than this does it; above the 3 m/s^2 of the
-amber decision, so that a law-abiding late braker raises no alarm, and a runner is seen about 2 s before the line."""
+"""Ours: an actor that must give way to the ego is expected to stop while less braking than this is enough. It is above
+the 3 m/s^2 of the amber decision, so that lawful late braking raises no alarm; one that will not stop is recognised
+about 2 s before the line."""
 FOE_ACCELERATION_MPS2 = 1.5
 """PDM's acceleration, taken for a priority vehicle that is slower than the limit."""
 
@@ -81,25 +82,26 @@ STOP_MARGIN_M = 0.5
 AMBER_BRAKING_MPS2 = 3.0
 """ITE's signal timing practice uses 10 ft/s^2 (3.05 m/s^2) as the braking a driver accepts at the onset of amber."""
 UNSEEN_BRAKING_MPS2 = 2.0
-"""Ours: braking before a signal that is not seen, from where it takes no more than this (everyday braking); who is
-nearer than that goes on by what it saw last."""
+"""Ours: braking for a signal that is not seen, as long as no more than this (everyday braking) is needed; nearer to the
+line the ego drives on by the colour that it saw last."""
 YIELD_BEFORE_S = 1.5
-"""Ours: time between the ego's leaving a conflict zone and the arrival of who has priority."""
+"""Ours: least time from the ego's leaving a conflict zone to the arrival of an actor with priority."""
 YIELD_AFTER_S = 0.3
-"""Ours: time between their leaving and the ego's arrival."""
+"""Ours: least time from that actor's leaving to the ego's arrival."""
 PEDESTRIAN_AIR_M = 0.8
 """Ours: about to step on the lane: within a stride of it."""
 YIELD_MARGIN_M = 1.0
 """Ours: the front bumper waits this far before a conflict zone (the front corners swing out in a turn)."""
 YIELD_BRAKING_MPS2 = 4.0
-"""Ours: who can only stop harder than this has committed itself; for pedestrians it brakes as hard as it can."""
+"""Ours: an ego that would need more braking than this does not give way any more; for pedestrians the limit is what it
+can do."""
 AT_WAIT_M = 1.5
-"""Ours: nearer to the waiting place than this, vehicles that stand are taken to let the ego go (or have red):
-until then they may be about to start with the same green."""
+"""Ours: nearer to the waiting place than this, standing vehicles are assumed to let the ego go (or to have red);
+farther from it they may be about to start with the same green."""
 QUEUE_MPS = 1.5
 """Ours: a vehicle ahead slower than this may be the end of a queue that reaches back into the junction."""
 JUNCTION_REACH_M = 80.0
-"""Ours: junctions nearer than this are thought about: the way to stop from 50 km/h at 1.5 m/s^2, and 15 m."""
+"""Ours: junctions nearer than this are considered: the stopping distance from 50 km/h at 1.5 m/s^2, and 15 m."""
 
 # --- scoring -----------------------------------------------------------------------------------------------------
 PROGRESS_WEIGHT = 5.0
@@ -134,8 +136,9 @@ CURVATURE_PREVIEW_S = 0.15
 """Ours: the wheels are turned for the curvature this much ahead; makes up for the steering rate (best of 0,
 0.15 and 0.3 s on turns of 6, 10 and 30 m)."""
 SMOOTHING_MPS2 = 0.8
-"""Ours: the wish differs by no more than this from the present acceleration; with a lag of 0.2 s in the drivetrain
-(0.1 s in the brakes) the jerk stays under 4 (8) m/s^3, nuPlan's bound. Not held when braking harder than BRAKING."""
+"""Ours: the acceleration asked for differs by no more than this from the present one; with a lag of 0.2 s in the
+drivetrain (0.1 s in the brakes) the jerk stays under 4 (8) m/s^3, nuPlan's bound. Not held when braking harder than
+BRAKING."""
 HOLD_BRAKE = 0.3
 """Ours: brake of a standing car."""
 FRICTION_SHARE = 0.9

@@ -1,0 +1,51 @@
+"""What the drivers `pdm`, `idm` and `frenetix` share: all they know begins with `reset`."""
+
+from __future__ import annotations
+
+from typing import Generic, Protocol, TypeVar
+
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.errors import DriverError
+
+
+class Steps(Protocol):
+    """What lasts from one `reset` to the next."""
+
+    def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None: ...
+
+    def step(self, observation: Observation) -> Control:
+        """Answer one observation."""
+        ...
+
+
+S = TypeVar("S", bound=Steps)
+
+
+class BundledDriver(Generic[S]):
+    """A driver whose answer is a function of the observations since `reset`, the mission and the vehicle."""
+
+    name: str
+    version: str
+    state_type: type[S]
+    """Made at each `reset` from the mission and the vehicle."""
+
+    _state: S | None = None
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
+        """Forget everything and start a new mission; the seed is not used."""
+        self._state = self.state_type(mission, vehicle)
+
+    def step(self, observation: Observation) -> Control:
+        """Answer one observation.
+
+        Raises:
+            DriverError: `reset` was not called.
+        """
+        return self.state.step(observation)
+
+    @property
+    def state(self) -> S:
+        """What the driver knows since `reset`."""
+        if self._state is None:
+            raise DriverError(f"the driver {self.name} was stepped before reset")
+        return self._state
