@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.nets.safe_xml import parse_net
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 
@@ -53,7 +53,7 @@ def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: b
         ElementTree(routes).write(folder / out.name, encoding="UTF-8", xml_declaration=True)
         return Imported(cases=len(addresses), left_out=+left_out)
 
-    return write_together(out.parent, write)
+    return import_together(out.parent, write)
 
 
 def _town(case: TestCase) -> str:

@@ -47,7 +47,7 @@ from foresee_dsl.exchange.carla.ways import NEAR_M
 from foresee_dsl.exchange.maps.bridges import Heights, bridges
 from foresee_dsl.exchange.maps.opendrive import left_out_of, notes_on
 from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
 from foresee_dsl.language.model import Catalogue, VehicleModel
 from foresee_dsl.language.project.loading import bundled_models
 
@@ -222,7 +222,7 @@ def run(
         cases = sum(len(file.cases) for file in files)
         return Imported((), cases, dict(town.taken), +town.left_out, tuple(town.notes))
 
-    return write_together(out, write)
+    return import_together(out, write)
 
 
 def _put_network(map_file: Path, folder: Path) -> Path:

@@ -150,9 +150,9 @@ def _ends(network: RoadNetwork, edges: tuple[str, ...], route: CarlaRoute, spec:
 
 
 def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: ModelSpec) -> tuple[str, ...]:
-    """Return the edges of a way, and where need be the fewest more to which only the goal's lane leads.
+    """Return the edges of a way, where needed with the fewest edges beyond it that only the goal's lane leads to.
 
-    Of the lanes that need no change a line takes the rightmost; which do need none depends on what is behind the goal.
+    A line takes the rightmost of the lanes that need no change; which these are depends on what follows the goal.
     """
     if _ends(network, way.edges, route, spec).goal_off_m <= BESIDE_GOAL_M:
         return way.edges
@@ -174,7 +174,7 @@ def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: Mod
 def _front_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]:
     """Return the length along a line and the offset of the front of a vehicle whose middle is at a place.
 
-    The nearest point of a line is not quite it in a bend: offsets turn with the line, segment by segment.
+    In a bend the nearest point of the line is not exact: offsets turn with the line, segment by segment.
     """
     s = length_to(line, place, 0.0)
     beside = line.project(place.x, place.y, s)[1]
@@ -188,7 +188,7 @@ def _front_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float
 
 
 def turns_back(route: PlacedRoute) -> bool:
-    """Say whether the way turns back on itself from one point to the next: lanes of the net that overlap wrongly."""
+    """Say whether the way turns back on itself between two points: lanes of the net overlap wrongly."""
     marks, angles = route.line.marks, route.line.angles
     return any(
         route.s <= at <= route.goal_s and abs(wrap(b - a)) > _BACK_RAD
@@ -199,7 +199,7 @@ def turns_back(route: PlacedRoute) -> bool:
 def strays(network: RoadNetwork, route: PlacedRoute) -> tuple[float, float, float]:
     """Return how far the way leaves the road, m, and where (x, y in m); 0 where it stays on it.
 
-    Lanes of a map may end beside those that follow: the line goes straight from the one to the other.
+    A lane of a map may end beside the one that follows it; the line then goes straight from one to the other.
     """
     import numpy as np
 

@@ -17,7 +17,7 @@ from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
 from foresee_dsl.exchange.maps.starter import starter
 from foresee_dsl.exchange.naming import name_of, sentence
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
 
 NET = ".net.xml"
 Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
@@ -78,7 +78,7 @@ def with_starter(
         flat = bridge_notes(bridges(RoadNetwork.of(parts), Heights.of(net)))
         return Imported((), 1, taken, +left_out, (drive, *notes, *flat))
 
-    return write_together(out, write)
+    return import_together(out, write)
 
 
 def counts(parts: Topology) -> dict[str, int]:

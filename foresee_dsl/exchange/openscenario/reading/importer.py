@@ -21,7 +21,7 @@ from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source, read_source
 from foresee_dsl.exchange.openscenario.reading.storyboard import ConditionReader, Event, read_events
 from foresee_dsl.exchange.openscenario.writing.participants import CLEAR_M
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_text, write_together
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
@@ -70,7 +70,7 @@ def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow
 
         return Imported((), 1, taken, +left_out, tuple(notes))
 
-    return write_together(out, write)
+    return import_together(out, write)
 
 
 def _scenario(

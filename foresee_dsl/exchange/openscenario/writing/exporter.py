@@ -29,7 +29,7 @@ from foresee_dsl.exchange.openscenario.writing.library import (
     reference_position,
 )
 from foresee_dsl.exchange.openscenario.writing.participants import entities, init
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, write_together
+from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
@@ -106,7 +106,7 @@ def run(
         document.write_xml(str(folder / f"{name}.xosc"))
         return Imported((), 1, taken, +left_out, (f"driven by {driver}: {result.reason}",))
 
-    return write_together(out, write)
+    return import_together(out, write)
 
 
 def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, int]:
