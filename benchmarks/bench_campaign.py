@@ -14,9 +14,8 @@ from pathlib import Path
 from benchmarks.figures import Figure, peak_mb
 from foresee_dsl.campaign import records
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.execution.engine import Listener, run_campaign
-from foresee_dsl.campaign.execution.executors import RunOptions
-from foresee_dsl.campaign.execution.pool import Task, WorkerPool
+from foresee_dsl.campaign.execution.engine import run_campaign
+from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import AnyStep
 from foresee_dsl.campaign.steps.child import ChildStep
@@ -85,9 +84,7 @@ def _campaign(folder: Path, cases: int, repeat: int) -> tuple[float, int]:
     options = RunOptions(jobs=2, executor=lambda how: Idle(how.jobs))
     began = time.perf_counter()
     with Store(out / "store") as store:
-        result = run_campaign(
-            load_test_cases([file]), settings, out=out, store=store, listener=Listener(), options=options
-        )
+        result = run_campaign(load_test_cases([file]), settings, out=out, store=store, options=options)
     took_s = time.perf_counter() - began
     runs = len(result.seeds) + len(result.clips) + result.row().children
     if runs != cases + 4 * cases + 16 * repeat * cases:

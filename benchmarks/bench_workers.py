@@ -16,10 +16,9 @@ from pathlib import Path
 
 from benchmarks.figures import Figure, costs, peak_mb
 from benchmarks.library import cases
-from foresee_dsl.campaign.execution.engine import Listener, run_campaign
-from foresee_dsl.campaign.execution.executors import RunOptions
+from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.isolation import Worker
-from foresee_dsl.campaign.execution.pool import WorkerPool
+from foresee_dsl.campaign.execution.pool import RunOptions, WorkerPool
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 
@@ -72,9 +71,7 @@ def measure(jobs: int) -> tuple[float, int, float, float]:
     with tempfile.TemporaryDirectory() as name, Store(Path(name) / "store") as store:
         began = time.perf_counter()
         options = RunOptions(jobs=jobs, executor=pool)
-        result = run_campaign(
-            loaded, SETTINGS, out=Path(name) / "out", store=store, listener=Listener(), options=options
-        )
+        result = run_campaign(loaded, SETTINGS, out=Path(name) / "out", store=store, options=options)
         took_s = time.perf_counter() - began
     if result.broken or result.interrupted:
         raise RuntimeError(f"the campaign did not go through: {result.broken}")

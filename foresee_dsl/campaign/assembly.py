@@ -35,11 +35,7 @@ class Assembly:
 
 
 def assemble(stages: Stages, out: Path) -> Assembly:
-    """Collect the results of all steps that have one.
-
-    Args:
-        stages: the campaign's. out: its folder, to which the texts' paths are relative.
-    """
+    """Collect the results of all steps that have one; `out` is the campaign's folder, where its texts will be."""
     found = Assembly()
     seeds: dict[Node, SeedOutcome] = {}
     clips: dict[Node, ClipOutcome] = {}
@@ -56,14 +52,8 @@ def assemble(stages: Stages, out: Path) -> Assembly:
                 seed = node.over("seed")
                 seeds[seed] = replace(seeds[seed], risky_points=record.points)
             case ClipOutcome():
-                clips[node] = replace(
-                    record,
-                    seed=node.case.id,
-                    family=node.case.family,
-                    name=node.name,
-                    file=node.file,
-                    rank=node.step.rank,
-                )
+                clips[node] = replace(record, seed=node.case.id, family=node.case.family, name=node.step.name,
+                                      file=node.file, rank=node.step.rank)  # fmt: skip
                 children[node] = []
             case Mutants():
                 pass  # their children are steps of their own
@@ -79,7 +69,7 @@ def assemble(stages: Stages, out: Path) -> Assembly:
 
 def _seed(node: Node, made: SeedOutcome, row: Row, found: Assembly) -> SeedOutcome:
     case = node.case
-    trace = f"traces/{node.name}.npz" if row.trace else ""
+    trace = f"traces/{node.step.name}.npz" if row.trace else ""
     if trace:
         found.traces[trace] = (row.trace, case.id if made.id != case.id else "")
     return replace(made, id=case.id, family=case.family, scenario=case.scenario.name, trace=trace)
@@ -88,8 +78,8 @@ def _seed(node: Node, made: SeedOutcome, row: Row, found: Assembly) -> SeedOutco
 def _child(node: Node, made: ChildOutcome, row: Row, found: Assembly, out: Path) -> ChildOutcome:
     if row.trace:
         file = (out / node.file).as_posix()
-        found.traces[f"traces/{node.name}.npz"] = (row.trace, file if made.file != file else "")
-    return replace(made, name=node.name, file=node.file)
+        found.traces[f"traces/{node.step.name}.npz"] = (row.trace, file if made.file != file else "")
+    return replace(made, name=node.step.name, file=node.file)
 
 
 def _headed(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
@@ -97,9 +87,9 @@ def _headed(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
     if not clip.failing:
         return clip
     parent = relative_path(node.case.source, out / node.folder)
-    text = headed(clip.text, "clip", node.name, parent, node.case.id.partition("::")[2])
+    text = headed(clip.text, "clip", node.step.name, parent, node.case.id.partition("::")[2])
     children = (
-        replace(child, text=headed(child.text, "mutant", child.name, f"{node.name}.foresee"))
+        replace(child, text=headed(child.text, "mutant", child.name, f"{node.step.name}.foresee"))
         if child.verdict.is_failure
         else child
         for child in clip.children

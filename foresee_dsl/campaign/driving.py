@@ -1,4 +1,4 @@
-"""One test case, compiled and driven through; how its files are named, and for how long it is simulated."""
+"""One test case, compiled and simulated with a driver; how its files are named, and for how long it is simulated."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from foresee_dsl.simulate.runner import run
 
 
 def run_test_case(case: TestCase, driver: str, seed: int) -> RunResult:
-    """Compile a test case and drive through it with a fresh driver."""
-    bundle = compile_test_case(case)
-    loaded = load_driver(driver)
+    """Compile a test case and simulate it with a fresh driver."""
     meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    return run(bundle, loaded, seed=seed, meta=meta)
+    return run(compile_test_case(case), load_driver(driver), seed=seed, meta=meta)
 
 
 def case_name(case: TestCase) -> str:

@@ -15,10 +15,10 @@ from foresee_dsl.campaign.storage.store import Store
 
 @dataclass(frozen=True)
 class StagePlan:
-    """All steps of one class.
+    """All steps of one class: those in the store, those that are missing, and how many may follow from these at most.
 
-    `done`: in the store. `to_run`: known of and not done. `at_most`: that may follow from what was not
-    run yet. `each_s`: wall time of one; `measured`: whether the store says so."""
+    `each_s`: wall time of one step; `measured`: whether it is the mean of those in the store.
+    """
 
     step: type[AnyStep]
     done: int
@@ -88,15 +88,11 @@ class CampaignPlan:
 
 
 def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> CampaignPlan:
-    """Look at what there is to do.
-
-    Args:
-        stages: the campaign's steps. store: what was run; None: nothing. jobs: workers, for the time.
-    """
+    """Look at what there is to do; `store` is None where nothing was run, `jobs` are the workers, for the time."""
     graph: nx.DiGraph[str] = nx.DiGraph()
     for node, row in stages.walk():
         state = "to_run" if row is None else "done"
-        graph.add_node(_name(node), kind=node.kind, name=node.name, key=node.key, state=state, count=1)
+        graph.add_node(_name(node), kind=node.step.kind, name=node.step.name, key=node.step.key, state=state, count=1)
         if node.above is not None:
             graph.add_edge(_name(node.above), _name(node))
         if row is None:
@@ -105,7 +101,7 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
 
 
 def _name(node: Node) -> str:
-    return f"{node.kind} {node.name}" + (f" seed {node.step.seed}" if node.kind == "mutants" else "")
+    return f"{node.step.kind} {node.step.name}" + (f" seed {node.step.seed}" if node.step.kind == "mutants" else "")
 
 
 def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings) -> None:
@@ -130,13 +126,7 @@ def _stage_plans(graph: nx.DiGraph[str], store: Store | None, settings: Campaign
         counts[data["kind"], data["state"]] += data["count"]
     measured = store.mean_wall_s(settings.driver) if store is not None else {}
     return tuple(
-        StagePlan(
-            step,
-            done=counts[step.kind, "done"],
-            to_run=counts[step.kind, "to_run"],
-            at_most=counts[step.kind, "at_most"],
-            each_s=measured.get(step.kind, step.usual_s),
-            measured=step.kind in measured,
-        )
+        StagePlan(step, counts[step.kind, "done"], counts[step.kind, "to_run"], counts[step.kind, "at_most"],
+                  each_s=measured.get(step.kind, step.usual_s), measured=step.kind in measured)
         for step in STEPS
-    )
+    )  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
-from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 
@@ -65,17 +65,10 @@ class FidelityFigures:
 
     def as_dict(self, driver: str) -> dict[str, Any]:
         """Return it for `campaign.json`."""
-        return {
-            "driver": driver,
-            "clips": self.clips,
-            "others": {
-                "actors": self.others,
-                "median_m": _metres(self.others_median_m),
-                "within_0.1_m": round(self.others_within, 4),
-                "max_m": _metres(self.others_max_m),
-            },
-            "ego": {"median_m": _metres(self.ego_median_m), "max_m": _metres(self.ego_max_m)},
-        }
+        others = {"actors": self.others, "median_m": _metres(self.others_median_m),
+                  "within_0.1_m": round(self.others_within, 4), "max_m": _metres(self.others_max_m)}  # fmt: skip
+        ego = {"median_m": _metres(self.ego_median_m), "max_m": _metres(self.ego_max_m)}
+        return {"driver": driver, "clips": self.clips, "others": others, "ego": ego}
 
 
 def _metres(value: float) -> float | None:
@@ -110,9 +103,7 @@ class CampaignResult:
             clips=len(clips),
             children=len(children),
             failures={kind.value: counts[kind] for kind in FAILURES},
-            simulated_s=sum(s.duration_s for s in seeds)
-            + sum(c.duration_s for c in clips)
-            + sum(c.duration_s for c in children),
+            simulated_s=sum(sum(run.duration_s for run in runs) for runs in (seeds, clips, children)),
             wall_s=sum(s.wall_s for s in seeds) + sum(c.wall_s for c in clips),
             fidelity_median_m=statistics.median(deviations) if deviations else 0.0,
             fidelity_max_m=max(deviations, default=0.0),
@@ -147,36 +138,26 @@ class CampaignResult:
         """Return the failing children that most deserve a look.
 
         Those that a careful driver would have avoided come first, those that nobody could have avoided last. Among
-        equals, anything but a neighbour steered into it, then late in the clip; at most one a clip until every clip had
-        its turn.
+        equals, anything but a neighbour steered into the ego, then late in the clip; at most one of each clip until
+        every clip had its turn.
         """
-        rounds: list[list[ChildOutcome]] = []
-        for clip in self.clips:
-            for k, child in enumerate(sorted(clip.failing, key=_interest)):
-                if k == len(rounds):
-                    rounds.append([])
-                rounds[k].append(child)
-        ordered = sorted((c for group in rounds for c in sorted(group, key=_interest)), key=_avoidable)
-        return tuple(ordered[:count])
+        turns = ((k, child) for clip in self.clips for k, child in enumerate(sorted(clip.failing, key=_interest)))
+        ordered = sorted(turns, key=lambda turn: (_avoidable(turn[1]), turn[0], _interest(turn[1])))
+        return tuple(child for _, child in ordered[:count])
 
     def as_dict(self) -> dict[str, Any]:
         """Return what `campaign.json` holds; everything but `wall_s` is the same for the same inputs."""
         total = self.row()
         return {
             "schema": 1,
-            "driver": self.settings.driver,
-            "ranker": self.settings.ranker,
-            "preset": self.settings.preset,
+            **{name: getattr(self.settings, name) for name in ("driver", "ranker", "preset")},
             "settings": self.settings.as_dict(),
             "seeds": {
                 "total": total.cases,
                 "passed": total.cases - total.cases_failed,
                 "failed": total.cases_failed,
             },
-            "risky_points": total.risky_points,
-            "clips": total.clips,
-            "children": total.children,
-            "failures": total.failures,
+            **{name: getattr(total, name) for name in ("risky_points", "clips", "children", "failures")},
             "preventability": {answer.value: count for answer, count in self.avoidable().items()},
             "fidelity_m": {"median": round(total.fidelity_median_m, 4), "max": round(total.fidelity_max_m, 4)},
             "fidelity": self.fidelity.as_dict(self.settings.driver),
@@ -207,9 +188,7 @@ def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
         "reason": seed.reason,
         "duration_s": round(seed.duration_s, 2),
         "risky_points": seed.risky_points,
-        "impact": seed.impact.as_dict() if seed.impact else None,
-        "near_misses": seed.near.as_dict() if seed.near else None,
-        "preventability": _preventability_dict(seed.preventability),
+        **_details(seed),
         "trace": seed.trace,
     }
 
@@ -219,11 +198,8 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
         "clip": clip.name,
         "test_case": clip.seed,
         "verdict": clip.verdict.value,
-        "deviation_m": {
-            "max": _metres(clip.largest_m),
-            "median_others": _metres(clip.median_m),
-            "ego": _metres(clip.ego_m),
-        },
+        "deviation_m": {"max": _metres(clip.largest_m), "median_others": _metres(clip.median_m),
+                        "ego": _metres(clip.ego_m)},
         "within_0.1_m": round(clip.within, 4),
         "children": [
             {
@@ -234,20 +210,22 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
                 "reason": child.reason,
                 "digest": child.digest,
                 "file": child.file if child.verdict.is_failure else None,
-                "impact": child.impact.as_dict() if child.impact else None,
-                "near_misses": child.near.as_dict() if child.near else None,
-                "preventability": _preventability_dict(child.preventability),
+                **_details(child),
             }
             for child in clip.children
         ],
+    }  # fmt: skip
+
+
+def _details(run: SeedOutcome | ChildOutcome) -> dict[str, Any]:
+    """Return the contact that a run ended with, its near misses, and whether its failure was preventable."""
+    found = vars(run.preventability) if run.preventability else {}
+    preventability = {name: round(value, 3) if isinstance(value, float) else value for name, value in found.items()}
+    return {
+        "impact": run.impact.as_dict() if run.impact else None,
+        "near_misses": run.near.as_dict() if run.near else None,
+        "preventability": preventability or None,
     }
-
-
-def _preventability_dict(found: Preventability | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    values = {name: round(value, 3) if isinstance(value, float) else value for name, value in vars(found).items()}
-    return {**values, "verdict": found.verdict.value}
 
 
 def sorted_outcomes(

@@ -6,6 +6,7 @@ import pkgutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -57,21 +58,6 @@ class Node:
     above: Node | None = None
 
     @property
-    def kind(self) -> str:
-        """The kind of step."""
-        return self.step.kind
-
-    @property
-    def key(self) -> str:
-        """The key of its result."""
-        return self.step.key
-
-    @property
-    def name(self) -> str:
-        """The name of its file, without folder and suffix."""
-        return self.step.name
-
-    @property
     def folder(self) -> str:
         """Where the files of the clips and children are, relative to the campaign's folder."""
         return f"children/{self.case.source.stem}"
@@ -79,7 +65,7 @@ class Node:
     @property
     def file(self) -> str:
         """Its own file there."""
-        return f"{self.folder}/{self.name}.foresee"
+        return f"{self.folder}/{self.step.name}.foresee"
 
     def over(self, kind: str) -> Node:
         """Return the step of a kind that it follows from (or itself).
@@ -87,12 +73,12 @@ class Node:
         Raises:
             ValueError: it follows from none of that kind.
         """
-        node: Node | None = self
-        while node is not None:
-            if node.kind == kind:
-                return node
+        node: Node = self
+        while node.step.kind != kind:
+            if node.above is None:
+                raise ValueError(f"{self.step.kind} {self.step.name} follows from no {kind}")
             node = node.above
-        raise ValueError(f"{self.kind} {self.name} follows from no {kind}")
+        return node
 
 
 class Stages:
@@ -106,11 +92,7 @@ class Stages:
         out: Path,
         shard: Shard = Shard(),  # noqa: B008 - immutable
     ) -> None:
-        """Compute the keys of the test cases.
-
-        Args:
-            cases: loaded. settings: what to do. store: where results are; None: there are none yet.
-            out: the campaign's folder. shard: which of the test cases are meant.
+        """Compute the keys of the test cases; `store` is None where there are no results yet.
 
         Raises:
             DriverError: there is no such driver.
@@ -122,11 +104,11 @@ class Stages:
         )
         self._after: dict[Node, tuple[Node, ...]] = {}
         """What follows from the steps looked at so far: a step is looked at before and after the run."""
-        self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.key))
+        self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
 
     def row(self, node: Node) -> Row | None:
         """Return the result of a step, if there is one."""
-        return self._store.get(node.key) if self._store is not None else None
+        return self._store.get(node.step.key) if self._store is not None else None
 
     def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
         """Say whether a run was ended because it took too long, and would now be given more time."""
@@ -134,14 +116,13 @@ class Stages:
 
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
-        if node.kind not in _NEXT:
-            return ()
-        if node not in self._after:
-            found, result = _NEXT[node.kind], decode(row.record, node.step.record)
+        found = _NEXT.get(node.step.kind)
+        if found is not None and node not in self._after:
+            result = decode(row.record, node.step.record)
             wanted = found.wanted(result, self.settings)
             steps = found.following(node.step, result, self._campaign) if wanted else ()
             self._after[node] = tuple(Node(step, node.case, node) for step in steps)
-        return self._after[node]
+        return self._after.get(node, ())
 
     def walk(self) -> Iterator[tuple[Node, Row | None]]:
         """Yield every step that is known of, what it follows from before it, with its result if there is one."""
@@ -155,7 +136,7 @@ class Stages:
 
     def task_steps(self, node: Node) -> tuple[AnyStep, ...]:
         """Return the steps that the task of a step runs: itself, and what follows from it in the same process."""
-        found = _NEXT.get(node.kind)
+        found = _NEXT.get(node.step.kind)
         if found is None or not found.same_task:
             return (node.step,)
         return node.step, *found.following(node.step, None, self._campaign)
@@ -164,8 +145,8 @@ class Stages:
         """Return what a worker has to do for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None
         work = Work(self.task_steps(node), files.ref(node.case), self.settings, self._out / node.folder, trace)
-        name = node.name if isinstance(node.step, ClipPart) else node.case.id
-        return Task(name, run_steps, work, self._deadline_s(node, limits), node.key)
+        name = node.step.name if isinstance(node.step, ClipPart) else node.case.id
+        return Task(name, run_steps, work, self._deadline_s(node, limits), node.step.key)
 
     def _seeds(self, cases: Sequence[TestCase]) -> Iterator[Node]:
         """Yield a step for each test case, with a name of its own for its files.
@@ -176,9 +157,8 @@ class Stages:
         owners: dict[str, str] = {}
         for case in cases:
             base = case_name(case)
-            name, number = base, 2
-            while owners.setdefault(name, case.id) != case.id:
-                name, number = f"{base}_{number}", number + 1
+            names = chain([base], (f"{base}_{number}" for number in count(2)))
+            name = next(name for name in names if owners.setdefault(name, case.id) == case.id)
             yield Node(SeedStep.of_case(case, name, self._campaign), case)
 
     def _deadline_s(self, node: Node, limits: Limits) -> float:

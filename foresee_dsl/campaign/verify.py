@@ -76,15 +76,13 @@ def verify_files(
         _refuse_programs(
             map(_address_in, files), "--run-programs starts what the files say, --driver names another driver"
         )
-    found: list[Recheck] = []
     with WorkerPool(jobs) as pool:
         pool.add(Task(str(file), recheck, VerifyTask(file, driver)) for file in files)
-        for task, outcome in pool.results():
-            if isinstance(outcome, Broken):
-                found.append(Recheck(task.name, Status.CHANGED, "", outcome.reason))
-            else:
-                found.append(outcome)
-    return tuple(sorted(found, key=lambda r: r.file))
+        found = (
+            Recheck(task.name, Status.CHANGED, "", outcome.reason) if isinstance(outcome, Broken) else outcome
+            for task, outcome in pool.results()
+        )
+        return tuple(sorted(found, key=lambda r: r.file))
 
 
 def recheck(task: VerifyTask) -> Recheck:
@@ -130,11 +128,9 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
     """
     runs = {f"{child.file} {when}": task for child in children for when, task in _tasks_of(child)}
     _refuse_programs((run.driver for run in runs.values()), "`foresee verify --run-programs` runs them")
-    ended: dict[str, str] = {}
     with WorkerPool(jobs) as pool:
         pool.add(Task(name, drive, run) for name, run in runs.items())
-        for task, outcome in pool.results():
-            ended[task.name] = outcome.reason if isinstance(outcome, Broken) else outcome
+        ended = {task.name: found.reason if isinstance(found, Broken) else found for task, found in pool.results()}
     return {child.file: (ended.get(f"{child.file} old", ""), ended[f"{child.file} new"])
             for child in children if child.new is not None}  # fmt: skip
 

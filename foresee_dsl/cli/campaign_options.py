@@ -25,7 +25,7 @@ from foresee_dsl.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from foresee_dsl.campaign.execution.executors import Executor, RunOptions
+    from foresee_dsl.campaign.execution.pool import Executor, RunOptions
     from foresee_dsl.campaign.settings import CampaignSettings, Shard
 
 CPUS = os.cpu_count() or 1
@@ -180,7 +180,7 @@ def of_other_versions(store: Path, count: int) -> str:
 
 def executor_of(name: str, scheduler: str) -> Callable[[RunOptions], Executor]:
     """Return what makes the executor that `--executor` and `--scheduler` mean."""
-    from foresee_dsl.campaign.execution.executors import local
+    from foresee_dsl.campaign.execution.pool import local
 
     if name == "dask":
         from foresee_dsl.campaign.execution.cluster import dask

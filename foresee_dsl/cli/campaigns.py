@@ -66,7 +66,7 @@ def campaign(
     from contextlib import ExitStack
 
     from foresee_dsl.campaign.execution.engine import run_campaign
-    from foresee_dsl.campaign.execution.executors import RunOptions
+    from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.settings import Limits
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
@@ -91,7 +91,7 @@ def campaign(
         raise InputError(mistakes)  # before there is a store
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
-        listener, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
+        listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
         stack.enter_context(stop.listening())
         results = []
         for settings in request.settings:
@@ -99,7 +99,7 @@ def campaign(
                 log.write("begin", test_cases=len(cases), settings=settings.as_dict(), jobs=flags.jobs,
                           store=str(store.folder))  # fmt: skip
             folder = request.folder(settings, flags.out)
-            result = run_campaign(cases, settings, out=folder, store=store, listener=listener, options=options)
+            result = run_campaign(cases, settings, out=folder, store=store, listeners=listeners, options=options)
             results.append((folder, result))
             if log is not None:
                 log.write("end", interrupted=result.interrupted, broken=len(result.broken),

@@ -8,11 +8,12 @@ from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import TextColumn
 from rich.table import Table
 from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
+from foresee_dsl.report.live import bars
 from foresee_dsl.report.terminal import plain_table
 from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 
@@ -20,19 +21,7 @@ from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 @contextmanager
 def runs_progress(console: Console, total: int) -> Iterator[Callable[[DriverRun], None]]:
     """Show a progress bar on a terminal, nothing elsewhere; yield what is told of each run that is done."""
-    progress = Progress(
-        TextColumn("runs"),
-        BarColumn(bar_width=None),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-        transient=True,
-        expand=True,
-    )
-    with progress:
+    with bars(console, TextColumn("runs")) as progress:
         task = progress.add_task("runs", total=total)
         yield lambda _: progress.advance(task)
 
@@ -54,8 +43,8 @@ def print_assessment(
         )
     )
     if failures:
-        for one in (one for one in runs if one.verdict is not Verdict.PASS):
-            console.print(Text(f"{one.driver}  {one.case}\n    {one.verdict.value}: {one.reason}"))
+        for run in (run for run in runs if run.verdict is not Verdict.PASS):
+            console.print(Text(f"{run.driver}  {run.case}\n    {run.verdict.value}: {run.reason}"))
     for what in broken:
         console.print(Text(f"could not be run: {what}", style="red"))
 
@@ -74,41 +63,26 @@ def as_dict(runs: Sequence[DriverRun], broken: Sequence[str], seed: int) -> dict
 
 def _row_dict(row: DriverRow) -> dict[str, Any]:
     return {
-        "driver": row.driver,
-        "family": row.family,
-        "cases": row.cases,
+        **{name: getattr(row, name) for name in ("driver", "family", "cases")},
         "verdicts": {v.value: row.verdicts[v] for v in Verdict if row.verdicts[v]},
         "arrived": round(row.share(Verdict.PASS), 4),
         "failed": round(row.failed, 4),
-        "mean_mps": round(row.mean_mps, 3),
-        "hard_brakings_per_km": round(row.hard_brakings_per_km, 3),
-        "step_ms": round(row.step_ms, 3),
+        **{name: round(getattr(row, name), 3) for name in ("mean_mps", "hard_brakings_per_km", "step_ms")},
     }
 
 
 def _table(title: str, first: str, rows: Sequence[tuple[str, DriverRow]]) -> Table:
-    kinds = tuple(kind.value for kind in COLLISIONS)
+    columns = {kind.value: (kind,) for kind in COLLISIONS} | {
+        "stuck": (Verdict.STUCK,), "late": (Verdict.TIMEOUT,), "other": (Verdict.CRASH, Verdict.INVALID)
+    }  # fmt: skip
     table = plain_table(
-        (first, "cases", "arrive", "fail", *kinds, "stuck", "late", "other", "km/h", "brake", "ms"),
-        (
-            (
-                label,
-                row.cases,
-                f"[bold]{row.share(Verdict.PASS):.0%}[/bold]",
-                f"[bold]{row.failed:.0%}[/bold]",
-                *(_share(row, kind) for kind in COLLISIONS),
-                _share(row, Verdict.STUCK),
-                _share(row, Verdict.TIMEOUT),
-                _share(row, Verdict.CRASH, Verdict.INVALID),
-                f"{row.mean_mps * 3.6:.0f}",
-                f"{row.hard_brakings_per_km:.1f}",
-                f"{row.step_ms:.2f}",
-            )
-            for label, row in rows
-        ),
+        (first, "cases", "arrive", "fail", *columns, "km/h", "brake", "ms"),
+        ((label, row.cases, f"[bold]{row.share(Verdict.PASS):.0%}[/bold]", f"[bold]{row.failed:.0%}[/bold]",
+          *(_share(row, *kinds) for kinds in columns.values()), f"{row.mean_mps * 3.6:.0f}",
+          f"{row.hard_brakings_per_km:.1f}", f"{row.step_ms:.2f}") for label, row in rows),
         title=title,
         gap=1,
-    )
+    )  # fmt: skip
     table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
     return table
 

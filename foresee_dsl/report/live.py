@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
@@ -43,25 +43,21 @@ class Figures(Listener):
         self._clock = clock
         self._began = clock()
         self.total: Counter[str] = Counter()
-        self.done: Counter[str] = Counter()
+        self.finished: Counter[str] = Counter()
         self.run_here: Counter[str] = Counter()
-        """Of `done`, those that were not in the store."""
+        """Of `finished`, those that were not in the store."""
         self.verdicts: Counter[str] = Counter()
 
     def planned(self, kind: str, count: int) -> None:
         """Count them."""
         self.total[kind] += count
 
-    def known(self, row: Row) -> None:
+    def done(self, row: Row, *, new: bool = True) -> None:
         """Count it."""
-        self.done[row.kind] += 1
+        self.finished[row.kind] += 1
+        self.run_here[row.kind] += new
         if row.kind == "child":
             self.verdicts[row.verdict] += 1
-
-    def finished(self, row: Row) -> None:
-        """Count it."""
-        self.known(row)
-        self.run_here[row.kind] += 1
 
     @property
     def failures(self) -> dict[str, int]:
@@ -71,38 +67,39 @@ class Figures(Listener):
 
     def line(self) -> str:
         """Return all of it in a line."""
-        parts = [f"{title} {self.done[kind]}/{self.total[kind]}" for kind, title in TITLES.items() if self.total[kind]]
+        there = [kind for kind in TITLES if self.total[kind]]
+        parts = [f"{TITLES[kind]} {self.finished[kind]}/{self.total[kind]}" for kind in there]
         failures = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
         parts.append(f"failures {failures}" if failures else "no failures")
         took_s = self._clock() - self._began
         rate = sum(self.run_here[kind] for kind in TITLES) / took_s if took_s > 0 else 0.0
         parts.append(f"{rate:.1f} runs/s")
         if rate:
-            left = sum(self.total[kind] - self.done[kind] for kind in TITLES)
+            left = sum(self.total[kind] - self.finished[kind] for kind in TITLES)
             parts.append(f"about {duration(left / rate)} left of what is known")
         return "; ".join(parts)
 
 
 class PlainProgress(Figures):
-    """A line every few seconds, on standard error."""
+    """A line every few seconds, on standard error; what did not go well at once."""
 
-    def __init__(self, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, print_line: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__(clock)
-        self._say = say
-        self._said_s = clock()
+        self._print_line = print_line
+        self._printed_s = clock()
 
-    def finished(self, row: Row) -> None:
-        """Say at once what did not go well, and now and then how far it is."""
-        super().finished(row)
-        if (told := _what_went_wrong(row)) is not None:
-            self._say(told)
-        if self._clock() - self._said_s >= EVERY_S:
-            self._said_s = self._clock()
-            self._say(self.line())
+    def done(self, row: Row, *, new: bool = True) -> None:
+        """Print now and then how far it is."""
+        super().done(row, new=new)
+        if new and (problem := _problem(row)):
+            self._print_line(problem)
+        if new and self._clock() - self._printed_s >= EVERY_S:
+            self._printed_s = self._clock()
+            self._print_line(self.line())
 
     def broken(self, what: str) -> None:
-        """Say it."""
-        self._say(f"could not be done: {what}")
+        """Print it."""
+        self._print_line(f"could not be done: {what}")
 
 
 class RichProgress(Figures):
@@ -110,60 +107,46 @@ class RichProgress(Figures):
 
     def __init__(self, console: Console) -> None:
         super().__init__()
-        self._progress = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
-            MofNCompleteColumn(),
-            _Rate(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            expand=True,
-        )
-        self._bars = {k: self._progress.add_task(title, total=None, visible=False) for k, title in TITLES.items()}
-
-    def __enter__(self) -> RichProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+        self.bars = bars(console, SpinnerColumn(), TextColumn("{task.description}"), rate=_Rate())
+        self._bars = {kind: self.bars.add_task(title, total=None, visible=False) for kind, title in TITLES.items()}
 
     def planned(self, kind: str, count: int) -> None:
         """Lengthen its bar."""
         super().planned(kind, count)
         if kind in self._bars:
-            self._progress.update(self._bars[kind], total=self.total[kind], visible=True)
+            self.bars.update(self._bars[kind], total=self.total[kind], visible=True)
 
-    def known(self, row: Row) -> None:
-        """Advance its bar."""
-        super().known(row)
+    def done(self, row: Row, *, new: bool = True) -> None:
+        """Advance its bar, and print what did not go well."""
+        super().done(row, new=new)
         if row.kind in self._bars:
-            self._progress.update(self._bars[row.kind], completed=self.done[row.kind])
+            self.bars.update(self._bars[row.kind], completed=self.finished[row.kind])
         if self.failures and row.kind == "child":
             counts = "  ".join(f"{kind} [red]{count}[/red]" for kind, count in self.failures.items())
-            self._progress.update(self._bars["child"], description=f"{TITLES['child']}  {counts}")
-
-    def finished(self, row: Row) -> None:
-        """Advance its bar, and say what did not go well."""
-        super().finished(row)
-        if (told := _what_went_wrong(row)) is not None:
-            self._progress.console.print(f"  {told}", style="dim", highlight=False, markup=False)
+            self.bars.update(self._bars["child"], description=f"{TITLES['child']}  {counts}")
+        if new and (problem := _problem(row)):
+            self.bars.console.print(f"  {problem}", style="dim", highlight=False, markup=False)
 
     def broken(self, what: str) -> None:
-        """Say it."""
-        self._progress.console.print(f"  could not be done: {what}", style="red", highlight=False, markup=False)
+        """Print it."""
+        self.bars.console.print(f"  could not be done: {what}", style="red", highlight=False, markup=False)
 
 
 class _Rate(ProgressColumn):
     """Runs a second, as of late."""
 
     def render(self, task: Bar) -> Text:
-        """Return the column's text."""
         return Text(f"{task.speed:.1f}/s" if task.speed else "", style="dim")
+
+
+def bars(console: Console, *title: ProgressColumn, rate: ProgressColumn | None = None) -> Progress:
+    """Return progress bars with these columns in front; nothing is shown where the console is no terminal."""
+    rates = () if rate is None else (rate,)
+    columns = (BarColumn(bar_width=None), MofNCompleteColumn(), *rates, TimeElapsedColumn(), TextColumn("left"))
+    return Progress(
+        *title, *columns, TimeRemainingColumn(), console=console, disable=not console.is_terminal, transient=True,
+        expand=True,
+    )  # fmt: skip
 
 
 class JsonLog(Listener):
@@ -181,53 +164,21 @@ class JsonLog(Listener):
         """Write it."""
         self.write("planned", stage=kind, count=count)
 
-    def known(self, row: Row) -> None:
+    def done(self, row: Row, *, new: bool = True) -> None:
         """Write it."""
-        self._step(row, "known")
-
-    def finished(self, row: Row) -> None:
-        """Write it."""
-        self._step(row, "done")
+        run = {"verdict": row.verdict, "reason": row.reason} if row.verdict else {}
+        self.write("done" if new else "known", stage=row.kind, name=row.name, key=row.key, **run,
+                   wall_s=round(row.wall_s, 4), simulated_s=round(row.simulated_s, 2), broken=row.broken)  # fmt: skip
 
     def broken(self, what: str) -> None:
         """Write it."""
         self.write("broken", what=what)
 
-    def _step(self, row: Row, event: str) -> None:
-        run = {"verdict": row.verdict, "reason": row.reason} if row.verdict else {}
-        self.write(event, stage=row.kind, name=row.name, key=row.key, **run, wall_s=round(row.wall_s, 4),
-                   simulated_s=round(row.simulated_s, 2), broken=row.broken)  # fmt: skip
 
-
-class Several(Listener):
-    """Tells several listeners."""
-
-    def __init__(self, listeners: Sequence[Listener]) -> None:
-        self._listeners = tuple(listeners)
-
-    def planned(self, kind: str, count: int) -> None:
-        """Tell them."""
-        for listener in self._listeners:
-            listener.planned(kind, count)
-
-    def known(self, row: Row) -> None:
-        """Tell them."""
-        for listener in self._listeners:
-            listener.known(row)
-
-    def finished(self, row: Row) -> None:
-        """Tell them."""
-        for listener in self._listeners:
-            listener.finished(row)
-
-    def broken(self, what: str) -> None:
-        """Tell them."""
-        for listener in self._listeners:
-            listener.broken(what)
-
-
-def progress(stack: ExitStack, console: Console, *, quiet: bool, log: Path | None) -> tuple[Listener, JsonLog | None]:
-    """Return the listener of a campaign, and the log; what has to be closed is put on the stack.
+def progress(
+    stack: ExitStack, console: Console, *, quiet: bool, log: Path | None
+) -> tuple[list[Listener], JsonLog | None]:
+    """Return the listeners of a campaign, and the log; what has to be closed is put on the stack.
 
     Args:
         console: where progress is shown (on standard error, so that standard output is the report's alone).
@@ -243,13 +194,15 @@ def progress(stack: ExitStack, console: Console, *, quiet: bool, log: Path | Non
         json_log = JsonLog(stack.enter_context(log.open("w", encoding="utf-8", newline="\n")))
         listeners.append(json_log)
     if not quiet and console.is_terminal:
-        listeners.append(stack.enter_context(RichProgress(console)))
+        rich = RichProgress(console)
+        stack.enter_context(rich.bars)
+        listeners.append(rich)
     elif not quiet:
         listeners.append(PlainProgress(lambda line: console.print(line, highlight=False, markup=False, soft_wrap=True)))
-    return Several(listeners), json_log
+    return listeners, json_log
 
 
-def _what_went_wrong(row: Row) -> str | None:
+def _problem(row: Row) -> str:
     if row.kind == "seed" and row.verdict != Verdict.PASS:
         return f"not usable: {row.name}: {row.reason}"
-    return f"broke: {row.name}: {row.reason}" if row.broken else None
+    return f"broke: {row.name}: {row.reason}" if row.broken else ""

@@ -48,7 +48,7 @@ def foresee(*arguments: object, expect: int = 0) -> str:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
         env={**os.environ, "NO_COLOR": "1", "COLUMNS": "100"},
     )
     assert done.returncode == expect, done.stdout + done.stderr

@@ -15,8 +15,7 @@ from typing import Any
 import pytest
 
 from foresee_dsl.campaign.execution.cluster import ClusterError, DaskExecutor, dask
-from foresee_dsl.campaign.execution.executors import RunOptions
-from foresee_dsl.campaign.execution.pool import Broken, Task
+from foresee_dsl.campaign.execution.pool import Broken, RunOptions, Task
 from foresee_dsl.campaign.storage.store import Row
 from tests.support.small_campaign import Heard, campaign, published, write_project
 
@@ -57,8 +56,8 @@ class Killer(Heard):
         super().__init__()
         self.pid = pid
 
-    def finished(self, row: Row) -> None:
-        super().finished(row)
+    def done(self, row: Row, *, new: bool = True) -> None:
+        super().done(row, new=new)
         if row.kind == "clip" and self.pid:
             os.kill(self.pid, signal.SIGKILL)
             self.pid = 0
@@ -71,7 +70,7 @@ def test_the_same_results_when_a_worker_is_killed_half_way(cluster: Any, tmp_pat
     options = RunOptions(executor=dask(cluster.scheduler_address))
     campaign(file, tmp_path / "cluster", options=options, heard=killer)
     assert killer.pid == 0  # it was killed
-    assert len(killer.done) == 24
+    assert len(killer.kinds) == 24
     campaign(file, tmp_path / "here", options=RunOptions(jobs=2))
     assert published(tmp_path / "cluster") == published(tmp_path / "here")
 

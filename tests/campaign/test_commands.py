@@ -25,7 +25,7 @@ def foresee(*arguments: object, expect: int = 0, **more: object) -> subprocess.C
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
         env={**os.environ, "NO_COLOR": "1", "COLUMNS": "200"},
         **more,  # type: ignore[call-overload]
     )
@@ -53,7 +53,7 @@ def begun(project: Path, out: Path, log: Path) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while process.poll() is None and time.monotonic() < deadline and all(e["event"] != "done" for e in events(log)):
         time.sleep(0.02)
     return process
@@ -68,7 +68,7 @@ def test_signals_stop_it_and_the_same_command_goes_on(project: Path, tmp_path: P
             os.killpg(process.pid, number)
         else:
             os.kill(process.pid, number)
-        text, _ = process.communicate(timeout=60)
+        text, _ = process.communicate(timeout=300)
         assert process.returncode == code, text
         assert "Traceback" not in text
         assert "Interrupted" in text and "same command continues from there" in text

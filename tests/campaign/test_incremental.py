@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from foresee_dsl.campaign.execution.executors import RunOptions
+from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.settings import Limits, Shard
@@ -50,7 +50,7 @@ def test_a_second_campaign_runs_nothing_and_gives_the_same(done: tuple[Path, Pat
     file, out, _ = done
     before = published(out)
     _, heard = campaign(file, out)
-    assert heard.done == []
+    assert heard.kinds == []
     assert len(heard.old) == 24
     assert published(out) == before
 
@@ -60,7 +60,7 @@ def test_another_folder_shares_the_store_under_its_own_names(done: tuple[Path, P
     file, out, _ = done
     other = tmp_path / "deep" / "er"
     _, heard = campaign(file, other, store=out / "store")
-    assert heard.done == []
+    assert heard.kinds == []
     mine, theirs = published(other), published(out)
     assert mine["json"] == theirs["json"]
     assert mine["files"].keys() == theirs["files"].keys() and mine["traces"].keys() == theirs["traces"].keys()
@@ -73,7 +73,7 @@ def test_a_comment_changes_nothing(again: tuple[Path, Path]) -> None:
     file, out = again
     file.write_text(file.read_text().replace("# Somebody", "# Another comment. Somebody"))
     _, heard = campaign(file, out)
-    assert heard.done == []
+    assert heard.kinds == []
 
 
 def test_one_edited_case_runs_what_depends_on_it_alone(again: tuple[Path, Path]) -> None:
@@ -109,8 +109,8 @@ def test_a_setting_runs_again_what_it_matters_to(
 ) -> None:
     file, out = again
     _, heard = campaign(file, out, replace(SETTINGS, **change))
-    assert set(heard.done) <= runs
-    assert ("forecast" in heard.done) == ("forecast" in runs)
+    assert set(heard.kinds) <= runs
+    assert ("forecast" in heard.kinds) == ("forecast" in runs)
 
 
 def test_repeating_mutates_the_same_clips_with_the_next_seeds(again: tuple[Path, Path]) -> None:
@@ -130,11 +130,11 @@ def test_parts_of_a_campaign_merge_into_the_whole(done: tuple[Path, Path, Heard]
         _, heard = campaign(
             file, tmp_path / f"part{k}", store=tmp_path / f"s{k}", options=RunOptions(shard=Shard(k, 2), jobs=2)
         )
-        kinds += heard.done
-    assert sorted(kinds) == sorted(whole.done)  # nothing twice, nothing left out
+        kinds += heard.kinds
+    assert sorted(kinds) == sorted(whole.kinds)  # nothing twice, nothing left out
     merge([tmp_path / "s1", tmp_path / "s2"], tmp_path / "joined")
     _, heard = campaign(file, tmp_path / "out", store=tmp_path / "joined")
-    assert heard.done == []
+    assert heard.kinds == []
     mine, theirs = published(tmp_path / "out"), published(out)
     assert mine["json"] == theirs["json"]
 
@@ -149,7 +149,7 @@ def test_a_part_that_is_none_is_refused(text: str) -> None:
 def test_time_that_is_up_begins_nothing_more(done: tuple[Path, Path, Heard], tmp_path: Path) -> None:
     file, _, _ = done
     result, heard = campaign(file, tmp_path / "out", options=RunOptions(limits=Limits(budget_s=0.0)))
-    assert result.interrupted and heard.done == []
+    assert result.interrupted and heard.kinds == []
     assert published(tmp_path / "out")["json"]["interrupted"] is True
 
 

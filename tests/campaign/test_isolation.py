@@ -29,7 +29,7 @@ def run(plug_in: Path, *arguments: object, expect: int = 0) -> dict[str, Any]:
         text=True,
         check=False,
         env=environment(plug_in),
-        timeout=120,
+        timeout=600,
     )
     assert done.returncode == expect, done.stderr
     assert "Traceback" not in done.stderr
@@ -40,12 +40,12 @@ def test_whatever_a_driver_does_is_one_row_and_the_rest_is_done(tmp_path: Path) 
     plug_in = install(tmp_path)
     file = scenario(tmp_path, 78, 79, 80, 81, 82, 83, 84, 85)
     out = tmp_path / "out"
-    options = (file, "--out", out, "--jobs", 2, "--deadline", 6, "--memory", 900)
+    options = (file, "--out", out, "--jobs", 2, "--deadline", 25, "--memory", 900)
     data = run(plug_in, *options)
     found = {case["test_case"].rpartition("::w")[2]: (case["verdict"], case["reason"]) for case in data["test_cases"]}
     assert {found[way][0] for way in ("78", "79", "80")} == {"pass"}
     assert found["81"] == ("crash", "its process died of SIGSEGV (a crash inside a library), 3 times")
-    assert found["82"] == ("timeout", "the run took longer than 6 s of wall time and was ended")
+    assert found["82"] == ("timeout", "the run took longer than 25 s of wall time and was ended")
     assert found["83"] == ("crash", "the run took more than 900 MB of memory and was ended")
     assert found["84"] == ("crash", "the driver raised ValueError: no idea")
     assert found["85"] == ("crash", "its process died of SIGABRT (a library gave up), 3 times")
@@ -57,7 +57,7 @@ def test_whatever_a_driver_does_is_one_row_and_the_rest_is_done(tmp_path: Path) 
     # nothing broken is tried again unless --retry asks for it
     assert not [line for line in log.read_text().splitlines() if json.loads(line)["event"] == "done"]
 
-    # The driver is mended: what stands on it is new.
+    # With another driver's code, everything is run again.
     driver = plug_in / "breaker.py"
     driver.write_text(driver.read_text().replace(">= 1.0", ">= 1e9"))
     assert run(plug_in, *options)["seeds"] == {"total": 8, "passed": 8, "failed": 0}
@@ -107,14 +107,14 @@ def test_a_killed_campaign_leaves_no_process_not_even_one_that_hangs_in_c(tmp_pa
         env=environment(plug_in),
         stdout=subprocess.DEVNULL,
     )  # fmt: skip
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while process.poll() is None and time.monotonic() < deadline and steps(log) < 5:
         time.sleep(0.05)  # three were planned and two are done: the third hangs
     below = children_of(process.pid)
     assert len(below) >= 3  # the fork server, its tracker, and a worker
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    for _ in range(100):
+    for _ in range(1200):  # a minute: a loaded machine is slow to end what is killed
         if not alive(below):
             break
         time.sleep(0.05)

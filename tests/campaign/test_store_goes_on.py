@@ -12,8 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.campaign import keys
-from foresee_dsl.campaign.execution.executors import RunOptions
-from foresee_dsl.campaign.execution.pool import Task, WorkerPool
+from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.settings import Limits
 from foresee_dsl.campaign.storage.maintenance import sweep
 from foresee_dsl.campaign.storage.store import Store
@@ -47,15 +46,15 @@ def test_a_run_that_took_too_long_runs_again_when_it_gets_more_time_and_not_befo
     assert [seed.verdict for seed in result.seeds] == ["timeout"] * 3
     for again in (0.3, 0.2):
         result, heard = campaign(file, out, options=given(again))
-        assert heard.done == [] and len(result.seeds) == 3
+        assert heard.kinds == [] and len(result.seeds) == 3
     result, heard = campaign(file, out, options=given(0.4, Hanging))
-    assert heard.done == ["seed"] * 3
+    assert heard.kinds == ["seed"] * 3
     assert all("longer than 0.4 s" in seed.reason for seed in result.seeds)
     _, heard = campaign(file, out, options=given(None))
     assert [heard.count(kind) for kind in KINDS] == WHOLE
     whole = published(out)
     _, heard = campaign(file, out, options=given(0.1))
-    assert heard.done == [], "what ended in time stays, however little time there is now"
+    assert heard.kinds == [], "what ended in time stays, however little time there is now"
     assert published(out) == whole
 
 
@@ -89,7 +88,7 @@ def test_another_versions_results_are_kept_and_not_taken_and_it_is_said_what_to_
         assert sweep(store, older=True).rows == 24
         assert store.of_other_versions() == 0
     _, heard = campaign(file, out)
-    assert heard.done == []
+    assert heard.kinds == []
 
 
 def test_the_command_says_it_too_and_only_when_it_is_so(older: Path) -> None:

@@ -32,7 +32,7 @@ class Breaker:
             elif self.how == 82:
                 time.sleep(1000)
             elif self.how == 83:
-                self.hoard = [bytearray(b"x") * 10_000_000 for _ in range(1000)]
+                self.hoard = b"x" * 1_500_000_000
                 time.sleep(1000)
             elif self.how == 84:
                 raise ValueError("no idea")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.execution.engine import Listener, run_campaign
-from foresee_dsl.campaign.execution.executors import RunOptions
+from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row, Store
@@ -71,19 +71,19 @@ class Heard(Listener):
     """Remembers which steps were done, and which were known."""
 
     def __init__(self) -> None:
-        self.done: list[str] = []
+        self.kinds: list[str] = []
         self.names: list[str] = []
         self.old: list[str] = []
 
-    def finished(self, row: Row) -> None:
-        self.done.append(row.kind)
-        self.names.append(row.name)
-
-    def known(self, row: Row) -> None:
-        self.old.append(row.kind)
+    def done(self, row: Row, *, new: bool = True) -> None:
+        if new:
+            self.kinds.append(row.kind)
+            self.names.append(row.name)
+        else:
+            self.old.append(row.kind)
 
     def count(self, kind: str) -> int:
-        return self.done.count(kind)
+        return self.kinds.count(kind)
 
 
 def campaign(
@@ -99,7 +99,9 @@ def campaign(
     heard = heard or Heard()
     cases = load_test_cases(file if isinstance(file, list) else [file])
     with Store(store or out / "store") as opened:
-        result = run_campaign(cases, settings, out=out, store=opened, listener=heard, options=options or RunOptions())
+        result = run_campaign(
+            cases, settings, out=out, store=opened, listeners=[heard], options=options or RunOptions()
+        )
     return result, heard
 
 

@@ -1,7 +1,8 @@
 """A Dask cluster as the executor: a task of Dask is a batch of ours, run by the same isolated workers as here.
 
-A Dask worker runs no simulation itself. It starts a host (`campaign.execution.batch_host`), a process that keeps a pool
-of isolated workers; so what a driver does to its process never reaches Dask. The host ends with the Dask worker.
+A Dask worker runs no simulation itself. It starts a host (this module as a program, with the arguments LIFELINE and
+MEMORY_MB), a process that keeps a pool of isolated workers; so what a driver does to its process never reaches Dask.
+Batches come on the host's standard input, outcomes leave on its standard output, and it ends with the Dask worker.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ import subprocess
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 from typing import IO, Any
 
-from foresee_dsl.campaign.execution.executors import RunOptions
-from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Task, Update
+from foresee_dsl.campaign.execution.isolation import Task, end_with
+from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Executor, RunOptions, Update, WorkerPool
+from foresee_dsl.campaign.settings import Limits
 from foresee_dsl.errors import ForeseeError
 
 _TICK_S = 0.2
@@ -44,10 +46,10 @@ def dask(scheduler: str = "") -> Callable[[RunOptions], DaskExecutor]:
     return lambda options: DaskExecutor(scheduler, jobs=options.jobs, memory_mb=options.limits.memory_mb)
 
 
-class DaskExecutor:
+class DaskExecutor(Executor):
     """Runs tasks on the workers of a Dask cluster."""
 
-    def __init__(self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = 4096) -> None:
+    def __init__(self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = Limits.memory_mb) -> None:
         """Connect.
 
         Args:
@@ -56,29 +58,19 @@ class DaskExecutor:
         Raises:
             ClusterError: there is no scheduler at the address, or `distributed` is not installed.
         """
+        super().__init__()
         self._client = _client(scheduler, jobs)
         self._memory_mb = memory_mb
-        self._numbers = 0
-        self._tasks: dict[int, Task] = {}
-        self._queue: list[tuple[tuple[int, ...], int]] = []
         self._batches: dict[Any, list[int]] = {}
         self._lost: Counter[int] = Counter()
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
-    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
-        """Queue more tasks; smaller priorities go first."""
-        for task in tasks:
-            self._numbers += 1
-            self._tasks[self._numbers] = task
-            heapq.heappush(self._queue, (priority, self._numbers))
-
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """Yield what becomes of the tasks until none is left, or `stop` says so."""
+        """See `Executor`; `stop` is asked five times a second."""
         while self._tasks and not stop():
             self._submit()
             with contextlib.suppress(queue.Empty):
-                future = self._ended.get(timeout=_TICK_S)
-                yield from self._take(future)
+                yield from self._take(self._ended.get(timeout=_TICK_S))
 
     def close(self) -> None:
         """Give up what is under way and leave the cluster; one that was started here ends."""
@@ -150,11 +142,11 @@ def run_batch(packed: bytes, memory_mb: float) -> bytes:
 
 
 class _Host:
-    """A process `campaign.execution.batch_host`, seen from the Dask worker's thread that it works for."""
+    """A process that runs batches (`serve_batches`), seen from the Dask worker's thread that it works for."""
 
     def __init__(self, memory_mb: float) -> None:
         line, self._lifeline = os.pipe()
-        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.batch_host", str(line), str(memory_mb)]
+        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", str(line), str(memory_mb)]
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, our own module
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[line], start_new_session=True
         )
@@ -164,8 +156,8 @@ class _Host:
         if self._process.stdin is None or self._process.stdout is None:
             raise ClusterError("the host of the isolated workers has no pipes")
         try:
-            write(self._process.stdin, packed)
-            answer = read(self._process.stdout)
+            _write(self._process.stdin, packed)
+            answer = _read(self._process.stdout)
         except OSError:
             answer = None
         if answer is None:
@@ -193,13 +185,13 @@ def _host(memory_mb: float) -> _Host:
     return host
 
 
-def write(stream: IO[bytes], data: bytes) -> None:
+def _write(stream: IO[bytes], data: bytes) -> None:
     """Write bytes with their length in front."""
     stream.write(struct.pack(">Q", len(data)) + data)
     stream.flush()
 
 
-def read(stream: IO[bytes]) -> bytes | None:
+def _read(stream: IO[bytes]) -> bytes | None:
     """Return the next bytes with a length in front, or None at the end of the stream."""
     head = stream.read(8)
     if len(head) < 8:
@@ -231,3 +223,26 @@ def _client(scheduler: str, jobs: int) -> Any:  # noqa: ANN401 - Dask's client; 
         return distributed.Client(cluster)
     except (OSError, ValueError) as err:
         raise ClusterError(f"no Dask scheduler at {scheduler or 'this machine'}: {err}") from err
+
+
+def serve_batches(lifeline: int, memory_mb: float) -> None:
+    """Be a host: work until standard input ends, or the process that started this one does (see `end_with`)."""
+    end_with(lifeline)
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a driver prints must not get between the answers
+    with WorkerPool(1, memory_mb=memory_mb) as pool:
+        while (packed := _read(sys.stdin.buffer)) is not None:
+            tasks: list[Task] = pickle.loads(packed)  # noqa: S301 - from the process that started this one
+            numbers = {id(task): index for index, task in enumerate(tasks)}
+            pool.add(tasks)
+            found = [(numbers[id(update.task)], _without_argument(update.value)) for update in pool.updates()]
+            _write(answers, pickle.dumps(found))
+
+
+def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
+    """Return what became of a task; of a broken one without what it was to do, which its giver has."""
+    return replace(value, task=replace(value.task, argument=None)) if isinstance(value, Broken) else value
+
+
+if __name__ == "__main__":
+    serve_batches(int(sys.argv[1]), float(sys.argv[2]))

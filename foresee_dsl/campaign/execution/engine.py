@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from foresee_dsl.campaign.assembly import assemble
-from foresee_dsl.campaign.execution.executors import Executor, RunOptions
-from foresee_dsl.campaign.execution.pool import Broken, Part, Update
+from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, RunOptions, Update
 from foresee_dsl.campaign.folder import CampaignFolder
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome, encode
 from foresee_dsl.campaign.results import CampaignResult
@@ -36,11 +35,8 @@ class Listener:
     def planned(self, kind: str, count: int) -> None:
         """So many more steps of a kind are known of."""
 
-    def known(self, row: Row) -> None:
-        """One of them was in the store."""
-
-    def finished(self, row: Row) -> None:
-        """One of them was done, and is in the store."""
+    def done(self, row: Row, *, new: bool = True) -> None:
+        """One of them is in the store; `new`: it was not there before."""
 
     def broken(self, what: str) -> None:
         """One of them cannot be done."""
@@ -52,7 +48,7 @@ def run_campaign(
     *,
     out: Path,
     store: Store,
-    listener: Listener,
+    listeners: Sequence[Listener] = (),
     options: RunOptions = RunOptions(),  # noqa: B008 - immutable
 ) -> CampaignResult:
     """Run a whole campaign and write its folder.
@@ -62,7 +58,7 @@ def run_campaign(
         settings: what to do.
         out: the campaign's folder; its `children` and `traces` are replaced, all at once, at the end.
         store: where results are kept, open to be written.
-        listener: is told of progress.
+        listeners: are told of progress.
         options: how to do it.
 
     Returns:
@@ -73,13 +69,12 @@ def run_campaign(
         StoreError: the store cannot be written any more; what was finished is in it.
     """
     started = time.monotonic()
-    mistakes = placement_mistakes(cases)
-    if mistakes:
+    if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
     stages = Stages(cases, settings, store, out, options.shard)
     folder = CampaignFolder(out)
     with folder.working() as work:
-        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listener, options).until_done(started)
+        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listeners, options).until_done(started)
         found = assemble(stages, out)
         wall_s = time.monotonic() - started
         result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
@@ -90,9 +85,11 @@ def run_campaign(
 class _Run:
     """What is under way in a campaign."""
 
-    def __init__(self, stages: Stages, store: Store, files: CaseFiles, listener: Listener, options: RunOptions) -> None:
+    def __init__(
+        self, stages: Stages, store: Store, files: CaseFiles, listeners: Sequence[Listener], options: RunOptions
+    ) -> None:
         self._stages, self._store, self._files = stages, store, files
-        self._listener, self._options = listener, options
+        self._listeners, self._options = listeners, options
         self._executor: Executor | None = None
         self._running: dict[str, Node] = {}
         """The step of each task that is under way, by its key."""
@@ -128,7 +125,8 @@ class _Run:
         ahead = list(reversed(tuple(nodes)))
         while ahead and not stop():
             node = ahead.pop()
-            self._listener.planned(node.kind, 1)
+            for listener in self._listeners:
+                listener.planned(node.step.kind, 1)
             row = self._stages.row(node)
             if row is not None and self._stages.has_more_time(node, row, self._options.limits):
                 self._store.drop(row.key)
@@ -136,16 +134,16 @@ class _Run:
             if row is None:
                 self._hand_out(node)
             else:
-                self._listener.known(row)
+                self._tell(row, new=False)
                 ahead.extend(reversed(self._stages.after(node, row)))
         self._stopped_early = self._stopped_early or bool(ahead)
 
     def _hand_out(self, node: Node) -> None:
-        self._waiting.setdefault(node.key, []).append(node)
-        if self._expected.get(node.key):
+        self._waiting.setdefault(node.step.key, []).append(node)
+        if self._expected.get(node.step.key):
             return  # a task that is under way gives it
         task = self._stages.task(node, self._files, self._options.limits)
-        self._running[node.key] = node
+        self._running[node.step.key] = node
         for step in self._stages.task_steps(node):
             self._expected[step.key] = self._expected.get(step.key, 0) + 1
         if self._executor is None:
@@ -164,14 +162,15 @@ class _Run:
             self._expected[key] -= 1
         if isinstance(update.value, Broken):
             # The part that it was at is the first that it has not given.
-            key = next((k for k in keys if not self._store.has(k)), node.key)
-            row = _broken_row(node, update.value) if key == node.key else None
+            key = next((k for k in keys if not self._store.has(k)), node.step.key)
+            row = _broken_row(node, update.value) if key == node.step.key else None
             if row is not None:
                 self._add(row, None, stop)
             else:
                 self._waiting.pop(key, None)
-                self._broken.append(f"{node.kind} {update.task.name}: {update.value.reason}")
-                self._listener.broken(self._broken[-1])
+                self._broken.append(f"{node.step.kind} {update.task.name}: {update.value.reason}")
+                for listener in self._listeners:
+                    listener.broken(self._broken[-1])
 
     def _store_result(self, made: Made, stop: Callable[[], bool]) -> None:
         run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
@@ -190,30 +189,28 @@ class _Run:
 
     def _add(self, row: Row, trace: bytes | None, stop: Callable[[], bool]) -> None:
         row = self._store.add(row, trace)
-        waiting = self._waiting.pop(row.key, [])
-        for k, node in enumerate(waiting):
-            if k == 0:
-                self._listener.finished(row)
-            else:
-                self._listener.known(row)
+        for k, node in enumerate(self._waiting.pop(row.key, [])):
+            self._tell(row, new=k == 0)
             self._visit(self._stages.after(node, row), stop)
+
+    def _tell(self, row: Row, *, new: bool) -> None:
+        for listener in self._listeners:
+            listener.done(row, new=new)
 
 
 def _broken_row(node: Node, broken: Broken) -> Row | None:
     """Return the row of a run that gave no result; None where no run broke, but a forecast or a mutation."""
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
-    how = {"raised": f"the run raised {broken.reason}", "crash": broken.reason}.get(
-        broken.how, f"the run {broken.reason}"
-    )
+    how = {"raised": "the run raised ", "crash": ""}.get(broken.how, "the run ") + broken.reason
     # A reason is one line, and goes into texts between double quotes.
     reason = " ".join(how.split()).replace('"', "'")[:_LONGEST_REASON]
     record = node.step.broken(node.case, node.file, verdict, reason)
     if record is None:
         return None
     return Row(
-        key=node.key,
-        kind=node.kind,
-        name=node.name,
+        key=node.step.key,
+        kind=node.step.kind,
+        name=node.step.name,
         record=encode(record),
         verdict=verdict.value,
         reason=reason,

@@ -7,10 +7,13 @@ that task is the cause, and nothing has to be run again to find it.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import multiprocessing
 import os
 import pickle
+import select
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -20,8 +23,6 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
-
-from foresee_dsl.campaign.execution.lifeline import end_with
 
 PRELOAD = ("foresee_dsl.campaign.execution.preloading",)
 """Imported once in the fork server, so that a new worker starts warm."""
@@ -49,14 +50,9 @@ class Task:
     key: str = ""
 
 
-@dataclass(frozen=True)
-class Message:
-    """What a worker says of the task with a number: `started`, `part` (with a value), `done` (with a value), `raised`
-    (with the exception in words)."""
-
-    what: str
-    number: int
-    value: Any = None
+Message = tuple[str, int, Any]
+"""What a worker reports of the task with this number: `started`, `part` (with a value), `done` (with a value), `raised`
+(with the exception in words)."""
 
 
 class Worker:
@@ -124,29 +120,26 @@ class Worker:
                 message: Message = self._pipe.recv()
             except (OSError, pickle.UnpicklingError) as err:  # killed in the middle of a message
                 raise EOFError from err
-            self._track(message)
+            self.since_s = time.monotonic()
+            if message[0] == "started":
+                self.current = self.waiting.pop(0)
+            elif message[0] in ("done", "raised"):
+                self.current = None
+                self.finished += 1
             yield message
-
-    def _track(self, message: Message) -> None:
-        self.since_s = time.monotonic()
-        if message.what == "started":
-            self.current = self.waiting.pop(0)
-        elif message.what in ("done", "raised"):
-            self.current = None
-            self.finished += 1
 
     def overdue(self) -> bool:
         """Whether what it does now has taken longer than it may."""
         limit_s = self.current[1].deadline_s if self.current else None
         return limit_s is not None and time.monotonic() - self.since_s > limit_s
 
-    def memory_bytes(self) -> int:
-        """Return how much memory the process has in use; 0 where the system does not say (no Linux)."""
+    def memory_mb(self) -> float:
+        """Return how much memory the process has in use; 0 where the system does not tell (no Linux)."""
         try:
             pages = Path(f"/proc/{self.pid}/statm").read_text(encoding="ascii").split()[1]
         except (OSError, IndexError):
-            return 0
-        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+            return 0.0
+        return int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
     def kill(self, *, gone: bool = False) -> str:
         """End the process now, or one that is `gone`, and say how it had ended."""
@@ -204,14 +197,40 @@ def _serve(pipe: Connection, lifeline: Connection) -> None:
 
 
 def _run_task(pipe: Connection, number: int, packed: bytes) -> None:
-    pipe.send(Message("started", number))
+    pipe.send(("started", number, None))
     try:
         task: Task = pickle.loads(packed)  # noqa: S301 - from the process that started this one
         outcome = task.function(task.argument)
         if isgenerator(outcome):
             for part in outcome:
-                pipe.send(Message("part", number, part))
+                pipe.send(("part", number, part))
             outcome = None
-        pipe.send(Message("done", number, outcome))
+        pipe.send(("done", number, outcome))
     except Exception as err:  # an exception is this task's outcome, not this process's end
-        pipe.send(Message("raised", number, f"{type(err).__name__}: {err}"))
+        pipe.send(("raised", number, f"{type(err).__name__}: {err}"))
+
+
+def end_with(descriptor: int) -> None:
+    """End this process (by SIGKILL) with the one that started it, whatever ends that one.
+
+    The starter keeps the writing end of a pipe that nothing is ever written to; when it ends, also by SIGKILL, the
+    kernel closes that end. On Linux the kernel then sends the signal: a thread that waits for the end of the pipe would
+    get no turn while a library keeps Python's lock.
+
+    Args:
+        descriptor: the reading end, of a pipe that is this process's own.
+    """
+    set_signal = getattr(fcntl, "F_SETSIG", None)
+    if set_signal is None:  # not Linux: as good as a thread can do it
+        threading.Thread(target=_wait_and_exit, args=(descriptor,), daemon=True).start()
+        return
+    fcntl.fcntl(descriptor, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(descriptor, set_signal, signal.SIGKILL)
+    fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_ASYNC)
+    if select.select([descriptor], [], [], 0)[0]:  # closed before the kernel was asked to tell
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _wait_and_exit(descriptor: int) -> None:
+    select.select([descriptor], [], [])
+    os._exit(1)

@@ -1,4 +1,4 @@
-"""Worker processes: tasks in, outcomes out; a task that dies, hangs, or takes all memory is one broken outcome."""
+"""What runs a campaign's tasks: worker processes here; a task that dies, hangs, or takes all memory is one outcome."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ import heapq
 import math
 import multiprocessing.connection
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import count
 from typing import Any, Literal, Self
 
 from foresee_dsl.campaign.execution.isolation import Task, Worker
+from foresee_dsl.campaign.settings import Limits, Shard
 
-__all__ = ["BATCH", "DEATHS", "Broken", "Part", "Task", "Update", "WorkerPool"]
+__all__ = ["BATCH", "DEATHS", "Broken", "Executor", "Part", "RunOptions", "Task", "Update", "WorkerPool", "local"]
 
 DEATHS = 3
 """How many times a task's process has to die until the task counts as the cause. Ours: a `kill` from outside, or the
@@ -21,8 +24,6 @@ kernel's when memory is short, hits an innocent task now and then; a crash insid
 BATCH = 8
 """Tasks that a process gets at once, at most. Ours: handing one over costs 0.2 ms, so 8 hide it; more would leave other
 workers without work at the end."""
-MEMORY_MB = 4096
-"""Default for the memory of a worker. Ours: ten times what the bundled drivers take."""
 _TICK_S = 0.1
 """Interval at which deadlines and memory are checked. Ours: a process allocates some 200 MB in that time."""
 _STARTS = 5
@@ -60,7 +61,35 @@ class Update:
         return not isinstance(self.value, Part)
 
 
-class WorkerPool:
+class Executor(ABC):
+    """Runs tasks, isolated from each other: smaller priorities first, and among equals those added first."""
+
+    def __init__(self) -> None:
+        self._tasks: dict[int, Task] = {}
+        self._queue: list[tuple[tuple[int, ...], int]] = []
+        self._numbers = count(1)
+
+    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+        """Queue more tasks."""
+        for number, task in zip(self._numbers, tasks):  # noqa: B905 - numbers have no end
+            self._tasks[number] = task
+            heapq.heappush(self._queue, (priority, number))
+
+    @abstractmethod
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+        """Yield what becomes of the tasks until none is left, or `stop` says so (it is asked several times a second).
+
+        Raises:
+            RuntimeError: processes die as soon as they start, so nothing can be run at all.
+            ClusterError: the scheduler of a cluster does not answer.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the workers now; what they were doing is lost."""
+
+
+class WorkerPool(Executor):
     """Runs tasks in `jobs` processes; new ones may be added while others run.
 
     A process runs one task after the other, in batches, as long as all is well. When it dies at a task, the task is
@@ -68,20 +97,13 @@ class WorkerPool:
     others.
     """
 
-    def __init__(self, jobs: int, *, memory_mb: float = MEMORY_MB) -> None:
-        """Start nothing yet.
-
-        Args:
-            jobs: processes. memory_mb: what each of them may take.
-        """
+    def __init__(self, jobs: int, *, memory_mb: float = Limits.memory_mb) -> None:
+        """Start nothing yet; each process may take `memory_mb`."""
+        super().__init__()
         self._jobs = max(1, jobs)
-        self._memory = memory_mb * 1e6
         self._memory_mb = memory_mb
-        self._queue: list[tuple[tuple[int, ...], int]] = []
-        self._tasks: dict[int, Task] = {}
         self._deaths: Counter[int] = Counter()
         self._workers: list[Worker] = []
-        self._numbers = 0
         self._failed_starts = 0
         self._checked_s = 0.0
 
@@ -91,13 +113,6 @@ class WorkerPool:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
-        """Queue more tasks; smaller priorities go first, and among equals those added first."""
-        for task in tasks:
-            self._numbers += 1
-            self._tasks[self._numbers] = task
-            heapq.heappush(self._queue, (priority, self._numbers))
-
     def results(self) -> Iterator[tuple[Task, Any | Broken]]:
         """Yield each task with its outcome until none is left."""
         for update in self.updates():
@@ -105,11 +120,7 @@ class WorkerPool:
                 yield update.task, update.value
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """Yield what becomes of the tasks until none is left, or `stop` says so (it is asked ten times a second).
-
-        Raises:
-            RuntimeError: processes die as soon as they start, so nothing can be run at all.
-        """
+        """See `Executor`; `stop` is asked ten times a second."""
         while self._tasks and not stop():
             self._hand_out()
             busy = {worker.connection: worker for worker in self._workers if not worker.idle}
@@ -122,7 +133,7 @@ class WorkerPool:
                     yield from self._check_limits(worker)
 
     def close(self) -> None:
-        """End the workers now; what they were doing is lost."""
+        """See `Executor`."""
         self._queue.clear()
         self._tasks.clear()
         for worker in self._workers:
@@ -187,15 +198,14 @@ class WorkerPool:
 
     def _receive(self, worker: Worker) -> Iterator[Update]:
         try:
-            for message in worker.messages():
+            for what, number, value in worker.messages():
                 self._failed_starts = 0
-                task = self._tasks[message.number]
-                if message.what == "part":
-                    yield Update(task, Part(message.value))
-                elif message.what == "done":
-                    yield self._ended(message.number, message.value)
-                elif message.what == "raised":
-                    yield self._ended(message.number, Broken(task, message.value, "raised"))
+                if what == "part":
+                    yield Update(self._tasks[number], Part(value))
+                elif what == "done":
+                    yield self._ended(number, value)
+                elif what == "raised":
+                    yield self._ended(number, Broken(self._tasks[number], value, "raised"))
         except EOFError:
             yield from self._died(worker)
 
@@ -228,7 +238,7 @@ class WorkerPool:
             return  # it has sent more than was read
         if worker.current is None:
             # Between two batches: a process that has grown is replaced before it costs an innocent task its run.
-            if worker.idle and worker.memory_bytes() > self._memory / 2:
+            if worker.idle and worker.memory_mb() > self._memory_mb / 2:
                 self._drop(worker)
             return
         number, task = worker.current
@@ -236,7 +246,7 @@ class WorkerPool:
             self._drop(worker)
             reason = f"took longer than {task.deadline_s:g} s of wall time and was ended"
             yield self._ended(number, Broken(task, reason, "timeout"))
-        elif worker.memory_bytes() > self._memory:
+        elif worker.memory_mb() > self._memory_mb:
             alone = not worker.finished
             self._drop(worker)
             if alone:
@@ -245,3 +255,26 @@ class WorkerPool:
             else:  # what earlier tasks left behind may be to blame
                 self._deaths[number] += 1
                 self._requeue([number])
+
+
+def local(options: RunOptions) -> Executor:
+    """Return the executor that runs tasks in processes here."""
+    return WorkerPool(options.jobs, memory_mb=options.limits.memory_mb)
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a campaign is done; none of it changes a result.
+
+    Attributes:
+        jobs: worker processes here. limits: what a run may take. shard: the part of the campaign.
+        retry: run again what broke in an earlier campaign (died, hung, raised).
+        executor: makes what runs the tasks. stop: asked ten times a second whether to stop.
+    """
+
+    jobs: int = 1
+    limits: Limits = field(default_factory=Limits)
+    shard: Shard = field(default_factory=Shard)
+    retry: bool = False
+    executor: Callable[[RunOptions], Executor] = local
+    stop: Callable[[], bool] = lambda: False

@@ -43,9 +43,8 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         """Yield a child for each mutant."""
         again = f"_s{above.seed}" if above.seed != campaign.settings.seed else ""
         for mutant in result.drafts if result is not None else ():
-            key = campaign.key(
-                cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver, seed=above.seed
-            )
+            key = campaign.key(cls, clip=above.draft.pin, meaning=mutant.meaning, driver=campaign.driver,
+                               seed=above.seed)  # fmt: skip
             yield cls(key, f"{above.name}{again}_m{mutant.number}", above.seed, above.draft, mutant)
 
     @staticmethod

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import longest_s, relative_path
+from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.derive.clipping.clip import clip as make_clip
@@ -55,16 +55,6 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         """Only a run that passed is studied."""
         return result.verdict is Verdict.PASS
 
-    @staticmethod
-    def at_most(settings: CampaignSettings) -> int:  # noqa: ARG004
-        """One."""
-        return 1
-
-    @staticmethod
-    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004
-        """It may take as long as its run."""
-        return longest_s(case)
-
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Forecast, None]:
         """Rank, and cut the clips."""
         if trace is None:
@@ -74,10 +64,8 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         drafts = []
         for point in points[: s.risky_points]:
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
-            clip = clip_around(
-                case, trace, point, file, before_s=s.before_s, after_s=s.after_s, handover_s=s.handover_s
-            )
-            drafts.append(_draft(clip, point.rank))
+            window = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
+            drafts.append(_draft(clip_around(case, trace, point, file, **window), point.rank))
         return Forecast(len(points), tuple(drafts)), None
 
 
@@ -96,16 +84,9 @@ def clip_around(
     Raises:
         ValueError: the hand-over is too long (see `derive.clipping.clip`).
     """
-    return make_clip(
-        case,
-        trace,
-        point,
-        before_s=before_s,
-        after_s=after_s,
-        name=file.stem,
-        parent=relative_path(case.source, file.parent),
-        handover_s=handover_s,
-    )
+    parent = relative_path(case.source, file.parent)
+    return make_clip(case, trace, point, before_s=before_s, after_s=after_s, name=file.stem, parent=parent,
+                     handover_s=handover_s)  # fmt: skip
 
 
 def _draft(clip: Clip, rank: int) -> Draft:

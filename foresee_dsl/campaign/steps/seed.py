@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import SeedOutcome
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.derive.preventability import assess
@@ -69,11 +69,6 @@ class SeedStep(Step[None, None]):
             preventability=avoided,
         )
         return outcome, result.trace
-
-    @staticmethod
-    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004
-        """Return what the scenario says."""
-        return longest_s(case)
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> SeedOutcome:  # noqa: ARG002
         """Return the test case with how its run broke."""

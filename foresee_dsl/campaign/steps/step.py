@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
+from foresee_dsl.campaign.driving import longest_s
 from foresee_dsl.campaign.records import Draft, Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, Ref, load_case, load_trace
 from foresee_dsl.language.project.document import TestCase
@@ -77,12 +78,14 @@ class Step(ABC, Generic[Above, Result]):
     Attributes:
         key: of its result. name: of its file, without folder and suffix. seed: of all its random choices.
 
-    What a class says of itself:
+    Attributes of a class:
         kind: its name in the store. title: of many such steps, for people. follows: the kind that it follows from.
-        record: the class of its result. drives: whether it is a run, with a verdict. reads: the kind of the run above
-        whose trace it needs, or "". same_task: whether it is known without the result of the step above, and so runs
-        in the same process right after it. turn: lower ones are run first. usual_s: wall time where the store has none
-        of its kind; ours: the bundled scenarios with `pdm`.
+        record: the class of its result. drives: whether it is a run, with a verdict.
+        reads: the kind of the run above whose trace it needs, or "".
+        same_task: whether it is known without the result of the step above; it then runs in the same process, right
+            after it.
+        turn: lower ones are run first.
+        usual_s: wall time where the store has none of its kind (ours: the bundled scenarios with `pdm`).
     """
 
     kind: ClassVar[str]
@@ -108,9 +111,9 @@ class Step(ABC, Generic[Above, Result]):
         """
 
     @staticmethod
-    @abstractmethod
-    def at_most(settings: CampaignSettings) -> int:
+    def at_most(settings: CampaignSettings) -> int:  # noqa: ARG004 - of the classes that ask
         """Return how many of this class follow from one step above at most."""
+        return 1
 
     @abstractmethod
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Record, Trace | None]:
@@ -125,9 +128,9 @@ class Step(ABC, Generic[Above, Result]):
         return True
 
     @staticmethod
-    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004 - see `SeedStep`
-        """Return for how long the step simulates at most: the length of a clip, unless it says otherwise."""
-        return settings.before_s + settings.after_s
+    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004 - see `ClipPart`
+        """Return for how long the step simulates at most, or may take as if it did."""
+        return longest_s(case)
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Record | None:  # noqa: ARG002
         """Return the result of a run that gave none (its process died or hung); None of what is no run.
@@ -148,6 +151,11 @@ class ClipPart(Step[Above, Result]):
     """A step that has to do with a clip."""
 
     draft: Draft
+
+    @staticmethod
+    def simulated_s(case: TestCase, settings: CampaignSettings) -> float:  # noqa: ARG004 - as above
+        """The length of a clip."""
+        return settings.before_s + settings.after_s
 
     @property
     def rank(self) -> int:

@@ -4,31 +4,20 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.stages import STEPS
-from foresee_dsl.campaign.storage.store import Row, Store, StoreError
+from foresee_dsl.campaign.storage.store import Store, StoreError
 from foresee_dsl.campaign.storage.traces import name_of
 
 TABLE = (
-    "key",
-    "kind",
-    "name",
-    "driver",
-    "tool",
-    "verdict",
-    "reason",
-    "broken",
-    "simulated_s",
-    "wall_s",
-    "trace",
-    "made_s",
-)
+    "key", "kind", "name", "driver", "tool", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "made_s"
+)  # fmt: skip
 """The columns of an exported table: a row's, without its record."""
 _STALE_S = 3600.0
 """A half-written blob older than this belongs to no running process. Ours: writing one takes milliseconds."""
@@ -39,9 +28,8 @@ class Statistics:
     """What is in a store.
 
     Attributes:
-        kinds: by kind of step, its number by verdict ("" where it is no run). tools: rows by version of this tool.
-        broken: runs that crashed, hung, or took too much. traces, trace_bytes: blobs. database_bytes: the rows.
-        simulated_s, wall_s: all runs together.
+        kinds: number of results by kind of step and verdict ("" where it is no run). tools: by version of this tool.
+        broken: runs that crashed, hung, or took too much. simulated_s, wall_s: all runs together.
     """
 
     kinds: dict[str, dict[str, int]]
@@ -98,9 +86,7 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
         older: also the rows of other versions of this tool, which no campaign of this version uses.
         damaged: also read every trace, and delete those whose content has changed.
     """
-    rows = 0
-    if older:
-        rows += _deleted(store, "DELETE FROM runs WHERE tool != ?", (__version__,))
+    rows = _deleted(store, "DELETE FROM runs WHERE tool != ?", (__version__,)) if older else 0
     needed = {name for (name,) in store.execute("SELECT DISTINCT trace FROM runs WHERE trace != ''")}
     files, size, there = 0, 0, set()
     for name, file in list(store.blobs.files()):
@@ -156,35 +142,25 @@ def export(store: Store, file: Path) -> int:
         StoreError: another suffix, or `pyarrow` is not installed.
         OSError: the file cannot be written.
     """
+    if file.suffix not in (".csv", ".parquet"):
+        raise StoreError(f"{file} must end in .parquet or .csv")
+    rows = [[getattr(row, column) for column in TABLE] for row in store.rows(records=False)]
     if file.suffix == ".csv":
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(TABLE)
-            count = 0
-            for row in _bare(store):
-                writer.writerow([getattr(row, column) for column in TABLE])
-                count += 1
-        return count
-    if file.suffix != ".parquet":
-        raise StoreError(f"{file} must end in .parquet or .csv")
+            csv.writer(stream, lineterminator="\n").writerows((TABLE, *rows))
+        return len(rows)
     try:
         arrow: Any = import_module("pyarrow")
         parquet: Any = import_module("pyarrow.parquet")
     except ImportError as err:
         raise StoreError("Parquet needs pyarrow: pip install 'foresee-dsl[parquet]'; or export to a .csv file") from err
-    rows = list(_bare(store))
-    table = arrow.table({column: [getattr(row, column) for row in rows] for column in TABLE})
+    table = arrow.table({column: [row[k] for row in rows] for k, column in enumerate(TABLE)})
     file.parent.mkdir(parents=True, exist_ok=True)
     parquet.write_table(table, file, compression="zstd")
     return len(rows)
 
 
-def _bare(store: Store) -> Iterator[Row]:
-    return (replace(row, record=b"") for row in store.rows(records=False))
-
-
 def _deleted(store: Store, statement: str, values: tuple[object, ...]) -> int:
-    before = store.execute("SELECT count(*) FROM runs")[0][0]
     store.execute(statement, values)
-    return int(before - store.execute("SELECT count(*) FROM runs")[0][0])
+    return int(store.execute("SELECT changes()")[0][0])

@@ -12,7 +12,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +29,6 @@ CREATE TABLE runs (
   trace TEXT NOT NULL, made_s REAL NOT NULL, record BLOB NOT NULL
 )
 """
-COLUMNS = (
-    "key", "kind", "name", "record", "driver", "verdict", "reason", "broken", "simulated_s", "wall_s", "trace", "tool",
-    "made_s",
-)  # fmt: skip
-"""In the order of `Row`'s fields."""
-_BROKEN = COLUMNS.index("broken")
-_SELECT = f"SELECT {', '.join(COLUMNS)} FROM runs"  # noqa: S608 - no value of anybody's
-_INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - no value of anybody's
 _BUSY_MS = 10_000
 """How long a statement waits for a reader that holds the database. Ours: `stat` reads a large store in a second."""
 
@@ -70,6 +62,10 @@ class Row:
     trace: str = ""
     tool: str = __version__
     made_s: float = 0.0
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+_INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - names of our own fields
 
 
 class Store:
@@ -106,12 +102,8 @@ class Store:
 
     def get(self, key: str) -> Row | None:
         """Return the row of a key, or None; None too where its trace is gone."""
-        with self._errors():
-            found = self._db.execute(f"{_SELECT} WHERE key = ?", (key,)).fetchone()
-        if found is None:
-            return None
-        row = _row(found)
-        return row if not row.trace or self.blobs.has(row.trace) else None
+        row = next(self.rows("WHERE key = ?", (key,)), None)
+        return row if row is not None and (not row.trace or self.blobs.has(row.trace)) else None
 
     def has(self, key: str) -> bool:
         """Say whether `get` would return a row, without reading its record."""
@@ -129,7 +121,7 @@ class Store:
         """
         with self._errors():
             name = self.blobs.put(trace) if trace is not None else ""
-            row = Row(**{**vars(row), "trace": name, "made_s": row.made_s or time.time()})
+            row = replace(row, trace=name, made_s=row.made_s or time.time())
             with self._db:
                 if not self.has(row.key):
                     self._db.execute("DELETE FROM runs WHERE key = ?", (row.key,))
@@ -149,7 +141,8 @@ class Store:
         columns = ", ".join(column if records or column != "record" else "x''" for column in COLUMNS)
         with self._errors():
             for found in self._db.execute(f"SELECT {columns} FROM runs {where} ORDER BY key", values):  # noqa: S608
-                yield _row(found)
+                row = dict(zip(COLUMNS, found, strict=True))
+                yield Row(**{**row, "broken": bool(row["broken"])})
 
     def mean_wall_s(self, driver: str) -> dict[str, float]:
         """Return the mean wall time of each kind of step, of those that this driver drove or nobody did."""
@@ -213,28 +206,20 @@ class Store:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.DatabaseError as err:
+        except (sqlite3.DatabaseError, OSError) as err:
             raise StoreError(_explained(self.folder, err)) from err
-        except OSError as err:
-            raise StoreError(_explained(self.folder, err)) from err
-
-
-def _row(found: tuple[Any, ...]) -> Row:
-    values = list(found)
-    values[_BROKEN] = bool(values[_BROKEN])
-    return Row(*values)
 
 
 def _check_schema(schema: int, folder: Path) -> None:
     if schema == SCHEMA:
         return
-    if schema > SCHEMA:
-        what = "a newer version of foresee-dsl made it: use that version"
-    else:
-        what = (
-            "an older version of foresee-dsl, whose results this one would not take, or something else made it: move "
-            "it away"
-        )
+    newer, older = (
+        "a newer version of foresee-dsl",
+        "an older version of foresee-dsl, whose results this one would not take",
+    )
+    what = (
+        f"{newer} made it: use that version" if schema > SCHEMA else f"{older}, or something else made it: move it away"
+    )
     raise StoreError(
         f"the store {folder} has schema {schema}, this version ({__version__}) reads {SCHEMA}: {what}, or name another "
         "folder with --store; nothing was changed"
