@@ -3,93 +3,76 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Forecast, Mutants, Record, SeedOutcome, decode
 from foresee_dsl.campaign.results import sorted_outcomes
 from foresee_dsl.campaign.stages import Node, Stages
-from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.simulate.trace import Trace
 
 
-@dataclass
-class Assembly:
+class Assembly(NamedTuple):
     """What was found.
 
     Attributes:
         seeds, clips: sorted by name. traces: the blobs to show, by their file in the campaign's folder; each with
             the id of its test case where another campaign knew it by another one, else "".
-        missing: steps that have no result.
     """
 
-    seeds: tuple[SeedOutcome, ...] = ()
-    clips: tuple[ClipOutcome, ...] = ()
-    traces: dict[str, tuple[str, str]] = field(default_factory=dict)
-    missing: list[Node] = field(default_factory=list)
+    seeds: tuple[SeedOutcome, ...]
+    clips: tuple[ClipOutcome, ...]
+    traces: dict[str, tuple[str, str]]
 
 
 def assemble(stages: Stages, out: Path) -> Assembly:
     """Collect the results of all steps that have one; `out` is the campaign's folder, where its texts will be."""
-    found = Assembly()
     seeds: dict[Node, SeedOutcome] = {}
     clips: dict[Node, ClipOutcome] = {}
     children: dict[Node, list[ChildOutcome]] = {}
-    for node, row in stages.walk():
-        if row is None:
-            found.missing.append(node)
-            continue
+    traces: dict[str, tuple[str, str]] = {}
+    for node, row in ((node, row) for node, row in stages.walk() if row is not None):
         record: Record = decode(row.record, node.step.record)
+        case, trace = node.case, f"traces/{node.step.name}.npz"
         match record:
             case SeedOutcome():
-                seeds[node] = _seed(node, record, row, found)
+                if row.trace:
+                    traces[trace] = (row.trace, case.id if record.id != case.id else "")
+                seeds[node] = replace(record, id=case.id, family=case.family, scenario=case.scenario.name,
+                                      trace=trace if row.trace else "")  # fmt: skip
             case Forecast():
                 seed = node.over("seed")
                 seeds[seed] = replace(seeds[seed], risky_points=record.points)
             case ClipOutcome():
-                clips[node] = replace(record, seed=node.case.id, family=node.case.family, name=node.step.name,
-                                      file=node.file, rank=node.step.rank)  # fmt: skip
+                clips[node] = replace(record, seed=case.id, family=case.family, name=node.step.name, file=node.file,
+                                      rank=node.step.rank)  # fmt: skip
                 children[node] = []
             case Mutants():
                 pass  # their children are steps of their own
             case ChildOutcome():
-                children[node.over("clip")].append(_child(node, record, row, found, out))
+                if row.trace:
+                    file = (out / node.file).as_posix()
+                    traces[trace] = (row.trace, file if record.file != file else "")
+                children[node.over("clip")].append(replace(record, name=node.step.name, file=node.file))
             case _:
                 assert_never(record)
-    whole = (replace(clip, children=tuple(children[node])) for node, clip in clips.items())
-    named = (_headed(clip, node, out) for clip, node in zip(whole, clips, strict=True))
-    found.seeds, found.clips = sorted_outcomes(seeds.values(), named)
-    return found
+    named = (_with_headers(replace(clip, children=tuple(children[node])), node, out) for node, clip in clips.items())
+    return Assembly(*sorted_outcomes(seeds.values(), named), traces)
 
 
-def _seed(node: Node, made: SeedOutcome, row: Row, found: Assembly) -> SeedOutcome:
-    case = node.case
-    trace = f"traces/{node.step.name}.npz" if row.trace else ""
-    if trace:
-        found.traces[trace] = (row.trace, case.id if made.id != case.id else "")
-    return replace(made, id=case.id, family=case.family, scenario=case.scenario.name, trace=trace)
-
-
-def _child(node: Node, made: ChildOutcome, row: Row, found: Assembly, out: Path) -> ChildOutcome:
-    if row.trace:
-        file = (out / node.file).as_posix()
-        found.traces[f"traces/{node.step.name}.npz"] = (row.trace, file if made.file != file else "")
-    return replace(made, name=node.step.name, file=node.file)
-
-
-def _headed(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
+def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
     """Give the texts that will be files (a failing child's and its clip's) the names that they have here."""
     if not clip.failing:
         return clip
     parent = relative_path(node.case.source, out / node.folder)
-    text = headed(clip.text, "clip", node.step.name, parent, node.case.id.partition("::")[2])
+    text = with_header(clip.text, "clip", node.step.name, parent, node.case.id.partition("::")[2])
     children = (
-        replace(child, text=headed(child.text, "mutant", child.name, f"{node.step.name}.foresee"))
+        replace(child, text=with_header(child.text, "mutant", child.name, f"{node.step.name}.foresee"))
         if child.verdict.is_failure
         else child
         for child in clip.children
@@ -97,10 +80,10 @@ def _headed(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
     return replace(clip, text=text, children=tuple(children))
 
 
-def headed(text: str, kind: str, name: str, parent: str, case: str = "") -> str:
+def with_header(text: str, kind: str, name: str, parent: str, case: str = "") -> str:
     """Return a clip's or mutant's text as it is called in this campaign: another one may have written it."""
     begins = f'{kind} {name} of "{parent}"{f" case {case}" if case else ""} pin '
-    if text.split("\n", 3)[2:3] and text.split("\n", 3)[2].startswith(begins):
+    if "".join(text.split("\n", 3)[2:3]).startswith(begins):
         return text
     model = parse(text, name).model
     if isinstance(model, Clip):

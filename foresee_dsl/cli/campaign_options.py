@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from foresee_dsl.cli.common import (
-    AllowOutsideOption,
-    DriverOption,
-    HandoverOption,
-    OutOption,
-    PresetOption,
-    RankerOption,
-    SeedOption,
-    counted,
-)
+from foresee_dsl.cli import common
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -40,26 +31,25 @@ Paths = Annotated[
 class Flags:
     """The options of `campaign` and `plan`, in the order of their help."""
 
-    driver: DriverOption = "pdm"
-    ranker: RankerOption = "foresee"
-    preset: PresetOption = "focused"
+    driver: common.DriverOption = "pdm"
+    ranker: common.RankerOption = "foresee"
+    preset: common.PresetOption = "focused"
     before: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip before its risky point.")] = 5.0
     after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")] = 5.0
     risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")] = 4
     children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4
-    handover: HandoverOption = 0.0
+    handover: common.HandoverOption = 0.0
     repeat: Annotated[
         int, typer.Option(min=1, max=10_000, help="How many times each clip is mutated, each time with another seed.")
     ] = 1
     jobs: Jobs = CPUS
-    seed: SeedOption = 0
-    out: OutOption = Path("out")
+    seed: common.SeedOption = 0
+    out: common.OutOption = Path("out")
     store: Annotated[
-        Path | None,
-        typer.Option("--store", help="Folder in which results are stored; by default OUT/store."),
+        Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
     ] = None
     shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = ""
-    allow_outside: AllowOutsideOption = False
+    allow_outside: common.AllowOutsideOption = False
 
     @property
     def store_folder(self) -> Path:
@@ -74,7 +64,8 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
     """
     own = inspect.signature(command, eval_str=True).parameters
     kinds = get_type_hints(Flags, include_extras=True)
-    shared = [_option(field.name, kinds[field.name], field.default) for field in fields(Flags)]
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    shared = [inspect.Parameter(f.name, keyword, annotation=kinds[f.name], default=f.default) for f in fields(Flags)]
 
     def run(**values: Any) -> None:  # noqa: ANN401 - as typer gives them
         flags = Flags(**{option.name: values.pop(option.name) for option in shared})
@@ -82,14 +73,10 @@ def with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
     update_wrapper(run, command)
     every = [option for name in own for option in (shared if name == "flags" else [own[name]])]
-    every = [option.replace(kind=inspect.Parameter.KEYWORD_ONLY) for option in every]
+    every = [option.replace(kind=keyword) for option in every]
     run.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]  # functions may have one
     run.__annotations__ = {option.name: option.annotation for option in every}
     return run
-
-
-def _option(name: str, kind: object, default: object) -> inspect.Parameter:
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=default)
 
 
 @dataclass(frozen=True)
@@ -114,10 +101,7 @@ class Request:
 def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float | None = None) -> Request:
     """Return what to do, checked: unknown names are reported before anything runs.
 
-    A campaign's file gives settings; those that the command line gives take precedence.
-
-    Args:
-        ctx: knows which options were given. paths: the arguments. flags: the options. budget: minutes, or None.
+    A campaign's file gives settings; those that the command line gives (`ctx` knows which) take precedence.
     """
     from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
     from foresee_dsl.errors import ForeseeError
@@ -172,9 +156,10 @@ def shard_of(text: str) -> Shard:
 
 def of_other_versions(store: Path, count: int) -> str:
     """Return the message about results that other versions of this tool computed."""
+    results = f"{common.counted(count, 'result')} in {store} {'is' if count == 1 else 'are'}"
     return (
-        f"{counted(count, 'result')} in {store} {'is' if count == 1 else 'are'} of another version of foresee-dsl and "
-        f"may differ: not used (foresee store gc {store} --older deletes them)"
+        f"{results} of another version of foresee-dsl and may differ: not used "
+        f"(foresee store gc {store} --older deletes them)"
     )
 
 

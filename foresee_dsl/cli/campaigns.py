@@ -157,8 +157,7 @@ class StopSignal:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _receive(self, number: int, frame: FrameType | None) -> None:
-        del frame
+    def _receive(self, number: int, _: FrameType | None) -> None:
         if self.number and number == signal.SIGINT:
             raise KeyboardInterrupt
         if not self.number:
@@ -192,12 +191,8 @@ def plan(
     folder, part = flags.store_folder, shard_of(flags.shard)
     stored = (folder / "runs.sqlite").is_file()
     with Store(folder, write=False) if stored else nullcontext() as store:
-        plans = [
-            plan_campaign(
-                Stages(cases, settings, store, request.folder(settings, flags.out), part), store, jobs=flags.jobs
-            )
-            for settings in request.settings
-        ]
+        stages = [Stages(cases, s, store, request.folder(s, flags.out), part) for s in request.settings]
+        plans = [plan_campaign(one, store, jobs=flags.jobs) for one in stages]
         others = store.of_other_versions() if store is not None else 0
     for settings, found in zip(request.settings, plans, strict=True):
         if format == "json":

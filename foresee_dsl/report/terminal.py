@@ -29,11 +29,6 @@ FAMILY_TITLES = {
 """The paper's five scenarios in a few words (table of scenarios)."""
 
 
-def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
-    """Print the report of a campaign; it fits 80 columns."""
-    console.print(campaign_report(result, out))
-
-
 def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
     """Write the report to a file: an SVG picture, HTML, or plain text, by the file's suffix."""
     console = Console(record=True, width=100, file=io.StringIO(), highlight=False)
@@ -48,12 +43,9 @@ def save_campaign(file: Path, result: CampaignResult, out: Path) -> None:
 def plain_table(
     headings: Sequence[str], rows: Iterable[Sequence[object]], *, align: str = "", title: str = "", gap: int = 2
 ) -> Table:
-    """Return a table without lines.
+    """Return a table without lines, with `gap` spaces between columns.
 
-    Args:
-        headings: of the columns. rows: their cells. title: above the table.
-        align: a sign for each column, `<` or `>`; by default the first is left-aligned, the others right-aligned.
-        gap: spaces between columns.
+    `align`: a sign for each column, `<` or `>`; by default the first is left-aligned, the others right-aligned.
     """
     table = Table(
         title=title or None, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, gap, 0, 0)
@@ -66,8 +58,11 @@ def plain_table(
     return table
 
 
-def campaign_report(result: CampaignResult, out: Path) -> Group:
-    """Return the report: headline, a table a family, fidelity, and the files to open first."""
+def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
+    """Print the report of a campaign: headline, tables by family, fidelity, and the files to open first.
+
+    It fits 80 columns.
+    """
     total = result.row()
     rows = [*(result.row(family) for family in result.families), total]
     kinds = ", ".join(f"{kind.value} {kind.label}" for kind in COLLISIONS)
@@ -83,13 +78,12 @@ def campaign_report(result: CampaignResult, out: Path) -> Group:
     ]
     if result.interrupted:
         parts.append(Text(f"\nInterrupted: what was finished is kept in {out}.", style="yellow"))
-    return Group(*parts)
+    console.print(Group(*parts))
 
 
 def _headline(result: CampaignResult, total: FamilyRow) -> Text:
     settings = result.settings
-    text = Text()
-    text.append(f"\n{total.failed} failures", style="bold red" if total.failed else "bold green")
+    text = Text.assemble((f"\n{total.failed} failures", "bold red" if total.failed else "bold green"))
     text.append(f" in {total.children} children of {total.clips} clips from {total.cases} test cases")
     text.append(f", in {duration(result.wall_s)}")
     if total.failed:
@@ -179,9 +173,8 @@ def _open_first(result: CampaignResult, out: Path) -> list[Text]:
     children = result.to_open_first()
     lines = [Text("\nOpen these first:", style="bold")] if children else []
     for child in children:
-        line = Text("  ")
-        line.append(str(out / child.file), style="cyan")
-        line.append(f"\n    {child.reason} ({', '.join(child.operators)})")
+        found = f"\n    {child.reason} ({', '.join(child.operators)})"
+        line = Text.assemble("  ", (str(out / child.file), "cyan"), found)
         if child.preventability:
             line.append(f"\n    {child.preventability.verdict.value}: {child.preventability.why}")
         lines.append(line)
@@ -197,10 +190,8 @@ def duration(seconds: float) -> str:
 
 def print_run(console: Console, name: str, result: RunResult, trace: Path | None) -> None:
     """Print how one run ended, and which expectations held."""
-    line = Text(f"{name}: ")
-    line.append(result.verdict.value, style=result.verdict.style)
-    line.append(f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)")
-    console.print(line)
+    how = f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)"
+    console.print(Text.assemble(f"{name}: ", (result.verdict.value, result.verdict.style), how))
     for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
         console.print(detail, style="dim", highlight=False)
     for expectation in result.expectations:
@@ -248,7 +239,7 @@ def _expectation_line(expectation: ExpectationResult) -> Text:
     mark.append(expectation.text, style="default")
     if expectation.margin is not None:
         margin = f"{expectation.margin:.2f} {expectation.unit}".rstrip()
-        alone = expectation.text.endswith(f" {expectation.decides}")  # then it need not be said twice
+        alone = expectation.text.endswith(f" {expectation.decides}")  # then it need not be written twice
         mark.append(f"  (by {margin})" if alone else f"  (by {margin}: {expectation.decides})", style="dim")
     return mark
 
@@ -276,9 +267,7 @@ def print_verification(console: Console, rechecks: tuple[Recheck, ...]) -> None:
         console.print("no recorded failures there: `foresee campaign` and `foresee mutate` write them")
         return
     for recheck in rechecks:
-        line = Text()
-        line.append(f"{recheck.status.value:<11}", style=_STATUS_STYLE[recheck.status])
-        line.append(recheck.file)
+        line = Text.assemble((f"{recheck.status.value:<11}", _STATUS_STYLE[recheck.status]), recheck.file)
         if recheck.status is not Status.REPRODUCED:
             line.append(f"\n           was {recheck.was or 'not known'}\n           now {recheck.now}", style="dim")
         console.print(line)

@@ -1,18 +1,18 @@
 """A Dask cluster as the executor: a task of Dask is a batch of ours, run by the same isolated workers as here.
 
-A Dask worker runs no simulation itself. It starts a host (this module as a program, with the arguments LIFELINE and
-MEMORY_MB), a process that keeps a pool of isolated workers; so what a driver does to its process never reaches Dask.
-Batches come on the host's standard input, outcomes leave on its standard output, and it ends with the Dask worker.
+A Dask worker runs no simulation itself. It starts a host (this module as a program, with the arguments LIFELINE, PIPE
+and MEMORY_MB), a process that keeps a pool of isolated workers; so what a driver does to its process never reaches
+Dask. Batches and their outcomes go through the pipe, and the host ends with the Dask worker.
 """
 
 from __future__ import annotations
 
 import contextlib
 import heapq
+import multiprocessing
 import os
 import pickle
 import queue
-import struct
 import subprocess
 import sys
 import threading
@@ -20,7 +20,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
-from typing import IO, Any
+from multiprocessing.connection import Connection
+from typing import Any
 
 from foresee_dsl.campaign.execution.isolation import Task, end_with
 from foresee_dsl.campaign.execution.pool import BATCH, DEATHS, Broken, Executor, RunOptions, Update, WorkerPool
@@ -146,24 +147,24 @@ class _Host:
 
     def __init__(self, memory_mb: float) -> None:
         line, self._lifeline = os.pipe()
-        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", str(line), str(memory_mb)]
+        self._pipe, theirs = multiprocessing.Pipe()
+        passed = [line, theirs.fileno()]
+        command = [sys.executable, "-m", "foresee_dsl.campaign.execution.cluster", *map(str, (*passed, memory_mb))]
+        # Standard output is the report's (`--json`); what a driver prints goes to standard error.
         self._process = subprocess.Popen(  # noqa: S603 - this interpreter, our own module
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[line], start_new_session=True
+            command, stdin=subprocess.DEVNULL, stdout=2, pass_fds=passed, start_new_session=True
         )
         os.close(line)
+        theirs.close()
 
     def run(self, packed: bytes) -> bytes:
-        if self._process.stdin is None or self._process.stdout is None:
-            raise ClusterError("the host of the isolated workers has no pipes")
         try:
-            _write(self._process.stdin, packed)
-            answer = _read(self._process.stdout)
-        except OSError:
-            answer = None
-        if answer is None:
+            self._pipe.send_bytes(packed)
+            return self._pipe.recv_bytes()
+        except (OSError, EOFError) as err:
             self.end()
-            raise ClusterError(f"the host of the isolated workers ended with exit code {self._process.wait()}")
-        return answer
+            code = self._process.wait()
+            raise ClusterError(f"the host of the isolated workers ended with exit code {code}") from err
 
     @property
     def alive(self) -> bool:
@@ -183,22 +184,6 @@ def _host(memory_mb: float) -> _Host:
     if host is None or not host.alive:
         _HOSTS.host = host = _Host(memory_mb)
     return host
-
-
-def _write(stream: IO[bytes], data: bytes) -> None:
-    """Write bytes with their length in front."""
-    stream.write(struct.pack(">Q", len(data)) + data)
-    stream.flush()
-
-
-def _read(stream: IO[bytes]) -> bytes | None:
-    """Return the next bytes with a length in front, or None at the end of the stream."""
-    head = stream.read(8)
-    if len(head) < 8:
-        return None
-    (length,) = struct.unpack(">Q", head)
-    data = stream.read(length)
-    return data if len(data) == length else None
 
 
 def _inlined(task: Task) -> Task:
@@ -225,18 +210,19 @@ def _client(scheduler: str, jobs: int) -> Any:  # noqa: ANN401 - Dask's client; 
         raise ClusterError(f"no Dask scheduler at {scheduler or 'this machine'}: {err}") from err
 
 
-def serve_batches(lifeline: int, memory_mb: float) -> None:
-    """Be a host: work until standard input ends, or the process that started this one does (see `end_with`)."""
+def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:
+    """Be a host: work until the other end of the pipe is closed, or the process that started this one ends."""
     end_with(lifeline)
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a driver prints must not get between the answers
-    with WorkerPool(1, memory_mb=memory_mb) as pool:
-        while (packed := _read(sys.stdin.buffer)) is not None:
-            tasks: list[Task] = pickle.loads(packed)  # noqa: S301 - from the process that started this one
+    with (
+        WorkerPool(1, memory_mb=memory_mb) as pool,
+        Connection(descriptor) as pipe,
+        contextlib.suppress(EOFError, ConnectionError),
+    ):
+        while True:
+            tasks: list[Task] = pipe.recv()
             numbers = {id(task): index for index, task in enumerate(tasks)}
             pool.add(tasks)
-            found = [(numbers[id(update.task)], _without_argument(update.value)) for update in pool.updates()]
-            _write(answers, pickle.dumps(found))
+            pipe.send([(numbers[id(update.task)], _without_argument(update.value)) for update in pool.updates()])
 
 
 def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
@@ -245,4 +231,4 @@ def _without_argument(value: Any) -> Any:  # noqa: ANN401 - what a task gave
 
 
 if __name__ == "__main__":
-    serve_batches(int(sys.argv[1]), float(sys.argv[2]))
+    serve_batches(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3]))

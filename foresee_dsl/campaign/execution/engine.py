@@ -16,9 +16,8 @@ from foresee_dsl.campaign.folder import CampaignFolder
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome, encode
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.stages import CaseFiles, Node, Stages
 from foresee_dsl.campaign.steps.step import Made
-from foresee_dsl.campaign.storage.case_files import CaseFiles
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
@@ -154,7 +153,7 @@ class _Run:
 
     def _handle(self, update: Update, stop: Callable[[], bool]) -> None:
         if isinstance(update.value, Part):
-            self._store_result(update.value.value, stop)
+            self._add(_row(update.value.value), update.value.value.trace, stop)
             return
         node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
@@ -172,21 +171,6 @@ class _Run:
                 for listener in self._listeners:
                     listener.broken(self._broken[-1])
 
-    def _store_result(self, made: Made, stop: Callable[[], bool]) -> None:
-        run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
-        row = Row(
-            key=made.key,
-            kind=made.kind,
-            name=made.name,
-            record=encode(made.record),
-            driver=made.driver,
-            verdict=run.verdict.value if run else "",
-            reason=run.reason if run else "",
-            simulated_s=run.duration_s if run else 0.0,
-            wall_s=made.wall_s,
-        )
-        self._add(row, made.trace, stop)
-
     def _add(self, row: Row, trace: bytes | None, stop: Callable[[], bool]) -> None:
         row = self._store.add(row, trace)
         for k, node in enumerate(self._waiting.pop(row.key, [])):
@@ -198,6 +182,22 @@ class _Run:
             listener.done(row, new=new)
 
 
+def _row(made: Made, *, broken: bool = False) -> Row:
+    run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
+    return Row(
+        key=made.key,
+        kind=made.kind,
+        name=made.name,
+        record=encode(made.record),
+        driver=made.driver,
+        verdict=run.verdict.value if run else "",
+        reason=run.reason if run else "",
+        broken=broken,
+        simulated_s=run.duration_s if run else 0.0,
+        wall_s=made.wall_s,
+    )
+
+
 def _broken_row(node: Node, broken: Broken) -> Row | None:
     """Return the row of a run that gave no result; None where no run broke, but a forecast or a mutation."""
     verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
@@ -207,13 +207,5 @@ def _broken_row(node: Node, broken: Broken) -> Row | None:
     record = node.step.broken(node.case, node.file, verdict, reason)
     if record is None:
         return None
-    return Row(
-        key=node.step.key,
-        kind=node.step.kind,
-        name=node.step.name,
-        record=encode(record),
-        verdict=verdict.value,
-        reason=reason,
-        broken=True,
-        wall_s=(broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0,
-    )
+    wall_s = (broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0
+    return _row(Made(node.step.key, node.step.kind, node.step.name, record, wall_s=wall_s), broken=True)
