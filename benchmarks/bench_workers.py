@@ -48,8 +48,8 @@ def figures() -> Iterator[Figure]:
     means = f"throughput of a campaign of {runs} runs with pdm on two workers over one, wall time"
     yield Figure("two_worker_speedup", one_s / two_s, "ratio", means, _LEAST, more=True)
     yield Figure("runs_per_s_two_workers", runs / two_s, "runs/s", "the same campaign's throughput on two workers")
-    for name, kind, who in (("parent_mb", 2, "its own process"), ("worker_mb", 3, "a worker, the largest")):
-        means = f"memory that the same campaign takes at most: {who}"
+    for name, kind, process in (("parent_mb", 2, "its own process"), ("worker_mb", 3, "a worker, the largest")):
+        means = f"memory that the same campaign takes at most: {process}"
         yield Figure(name, max(taken["two"][kind]), "MB", means)
 
 

@@ -18,7 +18,7 @@ class Figure:
     Attributes:
         name: short and stable, such as `cold_check_over_python`.
         value: measured. unit: "ratio", "s", ...
-        means: what it says, in a sentence.
+        means: what it measures, in a sentence.
         target: what the value is to be at most; None where it is only for the reader.
         more: more is better: the value is to be at least the target.
     """
@@ -89,7 +89,7 @@ def cpu_of(work: Callable[[], object]) -> float:
 
 
 def peak_mb(pid: str = "self") -> float:
-    """Return how much memory a process has had at most, shared with others or not; 0 where the system does not say.
+    """Return how much memory a process has had at most, shared with others or not; 0 where the system does not tell.
 
     `getrusage` would tell a new process the size of the one that started it.
     """
@@ -101,6 +101,6 @@ def peak_mb(pid: str = "self") -> float:
     return next((int(words[1]) * 1024 / 1e6 for words in lines), 0.0)
 
 
-def _cpu(who: int) -> float:
-    usage = resource.getrusage(who)
+def _cpu(processes: int) -> float:
+    usage = resource.getrusage(processes)
     return usage.ru_utime + usage.ru_stime

@@ -94,6 +94,6 @@ def with_header(text: str, kind: str, name: str, parent: str, case: str = "") ->
 
 
 def trace_of(data: bytes, test_case: str) -> bytes:
-    """Return a packed trace that says that it is of this test case."""
+    """Return a packed trace whose metadata name this test case."""
     trace = Trace.load(io.BytesIO(data))
     return replace(trace, meta={**trace.meta, "test_case": test_case}).packed()

@@ -98,13 +98,11 @@ def assess_drivers(
     *,
     jobs: int,
     seed: int = 0,
-    told: Callable[[DriverRun], None] = lambda _: None,
+    on_run: Callable[[DriverRun], None] = lambda _: None,
 ) -> tuple[tuple[DriverRun, ...], tuple[str, ...]]:
     """Run every case with every driver.
 
-    Args:
-        cases: already loaded. drivers: addresses. jobs: worker processes; the result does not depend on it.
-        told: hears of each run when it is done.
+    `on_run` is called with each run when it is done; the result does not depend on `jobs`.
 
     Returns:
         The runs, by driver (in the order given) and case; and what could not be run, with why.
@@ -127,7 +125,7 @@ def assess_drivers(
                 broken.append(f"{task.name}: {outcome.reason}")
                 continue
             runs.append(outcome)
-            told(outcome)
+            on_run(outcome)
     runs.sort(key=lambda one: (list(drivers).index(one.driver), one.case))
     return tuple(runs), tuple(sorted(broken))
 

@@ -25,12 +25,12 @@ _PATTERN = frozenset("*?[")
 
 @dataclass(frozen=True)
 class CampaignFile:
-    """What a campaign's file says.
+    """The contents of a campaign's file.
 
     Attributes:
         paths: its test cases: files and addresses, as a command line would name them.
-        drivers, rankers: empty where the file does not say.
-        given: the settings that the file says, by the names of `CampaignSettings`.
+        drivers, rankers: empty where the file names none.
+        given: the settings in the file, by the names of `CampaignSettings`.
         budget_s: no new run begins later than that; None: no bound.
     """
 
@@ -51,7 +51,7 @@ def read_campaign(path: Path) -> CampaignFile:
     """Read a campaign's file.
 
     Raises:
-        InputError: it has mistakes, or names what is not there (see `mistakes_of`).
+        InputError: it has errors, or names what is not there (see `mistakes_of`).
     """
     document = Project().document(path)
     model = document.model

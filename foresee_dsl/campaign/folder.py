@@ -50,9 +50,7 @@ class CampaignFolder:
     def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
         """Write the children that failed, with their clips, the traces, and `campaign.json`; then put all in place.
 
-        Args:
-            result: what was found. blobs: where the traces are.
-            traces: by file, the blob's name, and the test case's id where the trace has another one.
+        `traces`: by file, the blob's name, and the test case's id where the trace has another one.
         """
         for clip in result.clips:
             if clip.failing:
@@ -66,7 +64,7 @@ class CampaignFolder:
             self._put_in_place(part)
 
     def _put_in_place(self, part: str) -> None:
-        """Put a finished part where the old one is, which goes with the working folder."""
+        """Put a finished part where the old one is; the old one is deleted with the working folder."""
         old = self.out / part
         if old.is_dir():
             old.replace(self.work / f"old-{part}")
@@ -127,13 +125,11 @@ def _listed(items: list[str], depth: int) -> str:
 
 
 def _runs(pid: str) -> bool:
-    """Say whether there is a process of this number; of what is no number, that there is."""
-    if not pid.isdecimal():
-        return True
+    """Return whether there is a process of this number; true also of what is no number or may not be asked."""
     try:
         os.kill(int(pid), 0)
     except ProcessLookupError:
         return False
-    except OSError:
-        return True
+    except (OSError, ValueError):
+        pass
     return True

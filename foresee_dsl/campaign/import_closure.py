@@ -20,14 +20,14 @@ DIGITS = 40
 """Hexadecimal digits of a hash. Ours: 160 bits; two of a billion are the same with a chance below 1e-30."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CACHE = "imports-1.json"
-"""What each source imports, by the source's hash, is kept between processes: reading 230 sources takes 2 s. The number
+"""What each source imports, by the source's hash, is stored between processes: reading 230 sources takes 2 s. The number
 is raised when `imports_of` changes."""
 
 
 def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
     """Return modules of this package and all that they import, sorted. What is no module of it is left out."""
     known, found, ahead = _modules(), set[str](), list(modules)
-    imports, fresh = _kept_imports(), dict[str, list[str]]()
+    imports, fresh = _cached_imports(), dict[str, list[str]]()
     while ahead:
         name = ahead.pop()
         if name in found or name not in known:
@@ -39,7 +39,7 @@ def import_closure(modules: Iterable[str]) -> tuple[str, ...]:
             imports[digest] = fresh[digest] = sorted(set(imports_of(known[name].read_bytes())))
         ahead.extend(imports[digest])
     if fresh:
-        _keep_imports(imports)
+        _cache_imports(imports)
     return tuple(sorted(found))
 
 
@@ -90,15 +90,15 @@ def _ours(name: str) -> bool:
 
 
 @cache
-def _kept_imports() -> dict[str, list[str]]:
+def _cached_imports() -> dict[str, list[str]]:
     with suppress(OSError, ValueError):
-        kept: dict[str, list[str]] = json.loads((cache_folder("imports") / _CACHE).read_text(encoding="utf-8"))
-        return kept
+        cached: dict[str, list[str]] = json.loads((cache_folder("imports") / _CACHE).read_text(encoding="utf-8"))
+        return cached
     return {}
 
 
-def _keep_imports(imports: dict[str, list[str]]) -> None:
+def _cache_imports(imports: dict[str, list[str]]) -> None:
     with suppress(OSError):  # a cache that cannot be written costs time, nothing else
         there = {file_hash(file) for file in _modules().values()}
-        kept = {digest: names for digest, names in imports.items() if digest in there}
-        write_whole(cache_folder("imports") / _CACHE, json.dumps(kept))
+        used = {digest: names for digest, names in imports.items() if digest in there}
+        write_whole(cache_folder("imports") / _CACHE, json.dumps(used))

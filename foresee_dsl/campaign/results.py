@@ -6,7 +6,7 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
@@ -137,7 +137,7 @@ class CampaignResult:
     def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
         """Return the failing children that most deserve a look.
 
-        Those that a careful driver would have avoided come first, those that nobody could have avoided last. Among
+        Those that a careful driver would have avoided come first, unavoidable ones last. Among
         equals, anything but a neighbour steered into the ego, then late in the clip; at most one of each clip until
         every clip had its turn.
         """
@@ -151,7 +151,7 @@ class CampaignResult:
         return {
             "schema": 1,
             **{name: getattr(self.settings, name) for name in ("driver", "ranker", "preset")},
-            "settings": self.settings.as_dict(),
+            "settings": asdict(self.settings),
             "seeds": {
                 "total": total.cases,
                 "passed": total.cases - total.cases_failed,
@@ -172,7 +172,7 @@ class CampaignResult:
 
 
 def _avoidable(child: ChildOutcome) -> int:
-    """The order of triage: a careful driver would have avoided it, not decided, nobody would."""
+    """The order of triage: a careful driver would have avoided it, undecided, unavoidable."""
     return {Preventable.YES: 0, Preventable.NO: 2}.get(child.preventable or Preventable.UNKNOWN, 1)
 
 
@@ -231,5 +231,5 @@ def _details(run: SeedOutcome | ChildOutcome) -> dict[str, Any]:
 def sorted_outcomes(
     seeds: Iterable[SeedOutcome], clips: Iterable[ClipOutcome]
 ) -> tuple[tuple[SeedOutcome, ...], tuple[ClipOutcome, ...]]:
-    """Return both in an order that does not depend on who finished first."""
+    """Return both in an order that does not depend on which finished first."""
     return tuple(sorted(seeds, key=lambda s: s.id)), tuple(sorted(clips, key=lambda c: (c.seed, c.rank)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,6 @@ class CampaignSettings:
     handover_s: float = 0.0
     repeat: int = 1
 
-    def as_dict(self) -> dict[str, str | float | int]:
-        """Return the settings by name."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Shard:
@@ -64,7 +60,7 @@ class Shard:
         return shard
 
     def holds(self, key: str) -> bool:
-        """Say whether a test case with this key belongs to the part."""
+        """Return whether a test case with this key belongs to the part."""
         return int(key[:12], 16) % self.of == self.number - 1
 
 

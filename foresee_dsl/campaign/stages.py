@@ -112,7 +112,7 @@ class Stages:
         return self._store.get(node.step.key) if self._store is not None else None
 
     def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
-        """Say whether a run was ended because it took too long, and would now be given more time."""
+        """Return whether a run was ended because it took too long, and would now be given more time."""
         return row.broken and row.verdict == Verdict.TIMEOUT and row.wall_s < self._deadline_s(node, limits)
 
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:

@@ -63,11 +63,9 @@ def verify_files(
     """Run recorded failures again, in new processes.
 
     Args:
-        files: mutants' files.
-        driver: drive with this one; by default with the one that each file records.
+        driver: by default the one that each file records.
         run_programs: start the programs that files record as their drivers (`external:python3 my_driver.py`). Checking
             a file that came from elsewhere must not run a command.
-        jobs: worker processes.
 
     Raises:
         DriverError: files record programs, which was not allowed; nothing was run.

@@ -64,6 +64,7 @@ def campaign(
     foresee campaign nightly.foresee --jobs 8[/dim]
     """
     from contextlib import ExitStack
+    from dataclasses import asdict
 
     from foresee_dsl.campaign.execution.engine import run_campaign
     from foresee_dsl.campaign.execution.pool import RunOptions
@@ -96,7 +97,7 @@ def campaign(
         results = []
         for settings in request.settings:
             if log is not None:
-                log.write("begin", test_cases=len(cases), settings=settings.as_dict(), jobs=flags.jobs,
+                log.write("begin", test_cases=len(cases), settings=asdict(settings), jobs=flags.jobs,
                           store=str(store.folder))  # fmt: skip
             folder = request.folder(settings, flags.out)
             result = run_campaign(cases, settings, out=folder, store=store, listeners=listeners, options=options)
@@ -139,7 +140,7 @@ class StopSignal:
         self.number = 0
 
     def __call__(self) -> bool:
-        """Say whether there was one."""
+        """Return whether there was one."""
         return self.number != 0
 
     @property
@@ -254,7 +255,7 @@ def assess(
     cases = load_test_cases(paths, allow_outside=allow_outside)
     screen = console(error=json)
     with runs_progress(screen, len(cases) * len(drivers)) as done:
-        runs, broken = assess_drivers(cases, drivers, jobs=jobs, seed=seed, told=done)
+        runs, broken = assess_drivers(cases, drivers, jobs=jobs, seed=seed, on_run=done)
     if json:
         print_json(as_dict(runs, broken, seed))
     else:

@@ -54,7 +54,7 @@ def store(
         with Store(folder, write=False) as opened:
             found = statistics(opened)
         if json:
-            print_json(found.as_dict())
+            print_json({"schema": 1, **vars(found)})
         else:
             _print_statistics(folder, found)
     elif action == "gc":

@@ -20,7 +20,7 @@ from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 
 @contextmanager
 def runs_progress(console: Console, total: int) -> Iterator[Callable[[DriverRun], None]]:
-    """Show a progress bar on a terminal, nothing elsewhere; yield what is told of each run that is done."""
+    """Show a progress bar on a terminal, nothing elsewhere; yield what is to be called with each run that is done."""
     with bars(console, TextColumn("runs")) as progress:
         task = progress.add_task("runs", total=total)
         yield lambda _: progress.advance(task)

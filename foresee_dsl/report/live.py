@@ -180,9 +180,7 @@ def progress(
 ) -> tuple[list[Listener], JsonLog | None]:
     """Return the listeners of a campaign, and the log; what has to be closed is put on the stack.
 
-    Args:
-        console: where progress is shown (on standard error, so that standard output is the report's alone).
-        quiet: show none. log: also write a log to this file.
+    Progress is shown on the console, which is standard error: standard output is the report's alone.
 
     Raises:
         OSError: the log's file cannot be written.

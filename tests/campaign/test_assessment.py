@@ -91,7 +91,7 @@ def untimed(runs: Sequence[DriverRun]) -> list[DriverRun]:
 def test_order_and_number_of_workers_change_nothing(scenarios: Path) -> None:
     cases = load_test_cases([f"{scenarios}/scenario9.foresee::r01", f"{scenarios}/scenario7.foresee::r02"])
     told: list[DriverRun] = []
-    runs, broken = assess_drivers(cases, ["idm"], jobs=1, told=told.append)
+    runs, broken = assess_drivers(cases, ["idm"], jobs=1, on_run=told.append)
     again, _ = assess_drivers(cases[::-1], ["idm"], jobs=2)
     assert broken == () and sorted(told, key=lambda r: r.case) == list(runs)
     assert untimed(runs) == untimed(again)

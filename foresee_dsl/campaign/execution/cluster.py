@@ -29,7 +29,7 @@ from foresee_dsl.campaign.settings import Limits
 from foresee_dsl.errors import ForeseeError
 
 _TICK_S = 0.2
-"""Interval at which `stop` is asked."""
+"""Interval at which `stop` is called."""
 CONNECT_S = 10
 """How long to wait for a scheduler. Ours: one that is there answers within a second."""
 
@@ -39,11 +39,7 @@ class ClusterError(ForeseeError):
 
 
 def dask(scheduler: str = "") -> Callable[[RunOptions], DaskExecutor]:
-    """Return what makes an executor on a cluster.
-
-    Args:
-        scheduler: the scheduler's address (`tcp://10.0.0.1:8786`), or "" for a cluster of processes here.
-    """
+    """Return what makes an executor on a scheduler's cluster (`tcp://10.0.0.1:8786`), or on one of processes here."""
     return lambda options: DaskExecutor(scheduler, jobs=options.jobs, memory_mb=options.limits.memory_mb)
 
 
@@ -51,10 +47,7 @@ class DaskExecutor(Executor):
     """Runs tasks on the workers of a Dask cluster."""
 
     def __init__(self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = Limits.memory_mb) -> None:
-        """Connect.
-
-        Args:
-            scheduler: its address; "" starts a cluster here. jobs: its workers then. memory_mb: for each of ours.
+        """Connect to a scheduler, or start a cluster of `jobs` processes here; each of our workers gets `memory_mb`.
 
         Raises:
             ClusterError: there is no scheduler at the address, or `distributed` is not installed.
@@ -67,7 +60,7 @@ class DaskExecutor(Executor):
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """See `Executor`; `stop` is asked five times a second."""
+        """See `Executor`; `stop` is called five times a second."""
         while self._tasks and not stop():
             self._submit()
             with contextlib.suppress(queue.Empty):
@@ -128,10 +121,7 @@ class DaskExecutor(Executor):
 
 
 def run_batch(packed: bytes, memory_mb: float) -> bytes:
-    """Run a batch of tasks in this Dask worker's host; this is what Dask calls.
-
-    Args:
-        packed: a pickled list of tasks. memory_mb: what a worker may take.
+    """Run a pickled list of tasks in this Dask worker's host; this is what Dask calls.
 
     Returns:
         A pickled list of what became of them: each task's index, and a part, an outcome or a `Broken`.

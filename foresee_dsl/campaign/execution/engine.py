@@ -53,12 +53,8 @@ def run_campaign(
     """Run a whole campaign and write its folder.
 
     Args:
-        cases: the test cases, already loaded (so that errors show before anything runs).
-        settings: what to do.
         out: the campaign's folder; its `children` and `traces` are replaced, all at once, at the end.
-        store: where results are kept, open to be written.
-        listeners: are told of progress.
-        options: how to do it.
+        store: open to be written.
 
     Returns:
         The result; when it was stopped, with what was finished and `interrupted` set.

@@ -1,4 +1,4 @@
-"""One worker process: it gets batches of tasks over a pipe and says what it begins and what it has done.
+"""One worker process: it gets batches of tasks over a pipe and reports what it begins and what it has done.
 
 So its starter knows at each moment which task the process is running: when it dies, hangs or takes too much memory,
 that task is the cause, and nothing has to be run again to find it.
@@ -30,7 +30,7 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
 
 _REPORTED_S = 2.0
-"""How long the fork server may take to say how a process ended. Ours: a hundred times what it takes."""
+"""How long the fork server may take to report how a process ended. Ours: a hundred times what it takes."""
 
 
 @dataclass(frozen=True)
@@ -142,11 +142,11 @@ class Worker:
         return int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
     def kill(self, *, gone: bool = False) -> str:
-        """End the process now, or one that is `gone`, and say how it had ended."""
+        """End the process now, or one that is `gone`, and return how it had ended."""
         if gone:
             self._process.join(_REPORTED_S)
         code = self._process.exitcode
-        # Without its fork server (killed, too) nobody knows how a process ended, or whether it did.
+        # Without its fork server (killed, too) it is not known how a process ended, or whether it did.
         if code is None or code == 255:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
@@ -215,10 +215,7 @@ def end_with(descriptor: int) -> None:
 
     The starter keeps the writing end of a pipe that nothing is ever written to; when it ends, also by SIGKILL, the
     kernel closes that end. On Linux the kernel then sends the signal: a thread that waits for the end of the pipe would
-    get no turn while a library keeps Python's lock.
-
-    Args:
-        descriptor: the reading end, of a pipe that is this process's own.
+    get no turn while a library keeps Python's lock. `descriptor` is the reading end, this process's own.
     """
     set_signal = getattr(fcntl, "F_SETSIG", None)
     if set_signal is None:  # not Linux: as good as a thread can do it

@@ -77,7 +77,7 @@ class Executor(ABC):
 
     @abstractmethod
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """Yield what becomes of the tasks until none is left, or `stop` says so (it is asked several times a second).
+        """Yield what becomes of the tasks until none is left, or `stop` returns true (it is called several times a second).
 
         Raises:
             RuntimeError: processes die as soon as they start, so nothing can be run at all.
@@ -120,7 +120,7 @@ class WorkerPool(Executor):
                 yield update.task, update.value
 
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """See `Executor`; `stop` is asked ten times a second."""
+        """See `Executor`; `stop` is called ten times a second."""
         while self._tasks and not stop():
             self._hand_out()
             busy = {worker.connection: worker for worker in self._workers if not worker.idle}
@@ -228,7 +228,7 @@ class WorkerPool(Executor):
             yield self._ended(number, Broken(task, f"{how}, {DEATHS} times"))
 
     def _drop(self, worker: Worker, *, gone: bool = False) -> str:
-        """End a worker; what it had not begun goes back into the queue. Say how it ended."""
+        """End a worker; what it had not begun goes back into the queue. Return how it ended."""
         self._workers.remove(worker)
         self._requeue(number for number, _ in worker.waiting)
         return worker.kill(gone=gone)

@@ -41,10 +41,6 @@ class Statistics:
     simulated_s: float
     wall_s: float
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {"schema": 1, **vars(self)}
-
 
 def statistics(store: Store) -> Statistics:
     """Count what is in a store."""
@@ -81,10 +77,8 @@ class Swept:
 def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
     """Delete what nothing refers to: traces without a row, rows without their trace, half-written files.
 
-    Args:
-        store: open to be written.
-        older: also the rows of other versions of this tool, which no campaign of this version uses.
-        damaged: also read every trace, and delete those whose content has changed.
+    `older`: also the rows of other versions of this tool, which no campaign of this version uses. `damaged`: also read
+    every trace, and delete those whose content has changed.
     """
     rows = _deleted(store, "DELETE FROM runs WHERE tool != ?", (__version__,)) if older else 0
     needed = {name for (name,) in store.execute("SELECT DISTINCT trace FROM runs WHERE trace != ''")}
@@ -103,10 +97,7 @@ def sweep(store: Store, *, older: bool = False, damaged: bool = False) -> Swept:
 
 
 def merge(sources: Sequence[Path], into: Path) -> tuple[int, int]:
-    """Put the results of several stores into one; the sources stay as they are.
-
-    Args:
-        sources: stores' folders. into: another folder, a store or not yet.
+    """Put the results of several stores into one, or into a new one; the sources stay as they are.
 
     Returns:
         How many results were new there, and how many were known.

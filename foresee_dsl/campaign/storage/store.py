@@ -1,6 +1,6 @@
 """The store: what was run, by key. A row a result in SQLite, and its trace as a blob that was written before the row.
 
-One process writes at a time (a lock says which); any number may read. What is committed survives the end of every
+One process writes at a time (a lock holds its number); any number may read. What is committed survives the end of every
 process; a row whose trace was lost counts as not there.
 """
 
@@ -69,7 +69,7 @@ _INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join
 
 
 class Store:
-    """A store's folder: `runs.sqlite`, `blobs/`, and `lock` while somebody writes."""
+    """A store's folder: `runs.sqlite`, `blobs/`, and `lock` while a process writes."""
 
     def __init__(self, folder: Path, *, write: bool = True) -> None:
         """Open a store; to write, it is made where there is none.
@@ -106,7 +106,7 @@ class Store:
         return row if row is not None and (not row.trace or self.blobs.has(row.trace)) else None
 
     def has(self, key: str) -> bool:
-        """Say whether `get` would return a row, without reading its record."""
+        """Return whether `get` would return a row, without reading its record."""
         with self._errors():
             found = self._db.execute("SELECT trace FROM runs WHERE key = ?", (key,)).fetchone()
         return found is not None and (not found[0] or self.blobs.has(found[0]))
@@ -145,7 +145,7 @@ class Store:
                 yield Row(**{**row, "broken": bool(row["broken"])})
 
     def mean_wall_s(self, driver: str) -> dict[str, float]:
-        """Return the mean wall time of each kind of step, of those that this driver drove or nobody did."""
+        """Return the mean wall time of each kind of step, of runs with this driver and of steps without one."""
         asked = "SELECT kind, avg(wall_s) FROM runs WHERE NOT broken AND driver IN (?, '') GROUP BY kind"
         with self._errors():
             return dict(self._db.execute(asked, (driver,)).fetchall())
@@ -179,7 +179,7 @@ class Store:
 
     def _open(self, write: bool) -> sqlite3.Connection:
         file = self.folder / "runs.sqlite"
-        # Readers of a write-ahead log write beside it, too; where they may not, nobody else does either.
+        # Readers of a write-ahead log write beside it, too; where they may not, no other process does either.
         how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
         address = file.resolve().as_uri() + ("" if write else how)
         database = sqlite3.connect(address, uri=True, timeout=_BUSY_MS / 1000)

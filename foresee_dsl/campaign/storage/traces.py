@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from foresee_dsl.files import replacing
@@ -35,8 +36,9 @@ class Blobs:
         """
         name = name_of(data)
         path = self.path(name)
-        if self._whole(path, len(data)):
-            return name
+        with suppress(OSError):  # it is not there yet
+            if path.stat().st_size == len(data):  # a damaged one is written again
+                return name
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary, temporary.open("wb") as file:
             file.write(data)
@@ -53,7 +55,7 @@ class Blobs:
         return data if name_of(data) == name else None
 
     def has(self, name: str) -> bool:
-        """Say whether there is a blob of this name; what is in it is only checked when it is read."""
+        """Return whether there is a blob of this name; what is in it is only checked when it is read."""
         return self.path(name).is_file()
 
     def files(self) -> Iterator[tuple[str, Path]]:
@@ -63,11 +65,3 @@ class Blobs:
         for group in sorted(self.folder.iterdir()):
             for file in sorted(group.iterdir()) if group.is_dir() else ():
                 yield ("" if file.name.startswith(".") else file.name.removesuffix(_SUFFIX)), file
-
-    @staticmethod
-    def _whole(path: Path, size: int) -> bool:
-        """Say whether the file is there with the right length: a damaged one is written again."""
-        try:
-            return path.stat().st_size == size
-        except OSError:
-            return False
