@@ -65,13 +65,14 @@ class Worker:
             OSError, EOFError: the fork server was killed at this moment; another try starts a new one.
         """
         context = forkserver()
-        self._pipe, theirs = context.Pipe()
+        self.connection, theirs = context.Pipe()
+        """For `multiprocessing.connection.wait`: ready when there is a message, or when the process is gone."""
         line, self._lifeline = context.Pipe(duplex=False)
         self._process: BaseProcess = context.Process(target=_serve, args=(theirs, line), daemon=True)
         try:
             self._process.start()
         except BaseException:
-            self._pipe.close()
+            self.connection.close()
             self._lifeline.close()
             raise
         finally:
@@ -84,11 +85,6 @@ class Worker:
         """When (on the monotonic clock) it began what it does now, or its last part."""
         self.finished = 0
         """How many tasks it has ended so far."""
-
-    @property
-    def connection(self) -> Connection:
-        """For `multiprocessing.connection.wait`: ready when there is a message, or when the process is gone."""
-        return self._pipe
 
     @property
     def pid(self) -> int:
@@ -106,7 +102,7 @@ class Worker:
         Raises:
             OSError: the process is gone.
         """
-        self._pipe.send([(number, pickle.dumps(task)) for number, task in batch])
+        self.connection.send([(number, pickle.dumps(task)) for number, task in batch])
         self.waiting.extend(batch)
 
     def messages(self) -> Iterator[Message]:
@@ -115,9 +111,9 @@ class Worker:
         Raises:
             EOFError: the process is gone (after all its messages).
         """
-        while self._pipe.poll():
+        while self.connection.poll():
             try:
-                message: Message = self._pipe.recv()
+                message: Message = self.connection.recv()
             except (OSError, pickle.UnpicklingError) as err:  # killed in the middle of a message
                 raise EOFError from err
             self.since_s = time.monotonic()
@@ -151,7 +147,7 @@ class Worker:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
         self._lifeline.close()
-        self._pipe.close()
+        self.connection.close()
         self._process.join(5)
         return _ending(code)
 

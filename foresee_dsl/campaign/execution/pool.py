@@ -77,7 +77,7 @@ class Executor(ABC):
 
     @abstractmethod
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
-        """Yield what becomes of the tasks until none is left, or `stop` returns true (it is called several times a second).
+        """Yield what becomes of the tasks until none is left, or `stop` (called several times a second) is true.
 
         Raises:
             RuntimeError: processes die as soon as they start, so nothing can be run at all.
