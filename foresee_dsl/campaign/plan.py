@@ -27,11 +27,6 @@ class StagePlan:
     each_s: float
     measured: bool
 
-    @property
-    def longest_s(self) -> float:
-        """Wall time of all that is to run, on one worker, at most."""
-        return (self.to_run + self.at_most) * self.each_s
-
 
 @dataclass(frozen=True)
 class CampaignPlan:
@@ -44,7 +39,7 @@ class CampaignPlan:
     @property
     def longest_s(self) -> float:
         """Wall time of what is to run, at most: what follows from a run is not known before it."""
-        return sum(stage.longest_s for stage in self.stages) / self.jobs
+        return sum((stage.to_run + stage.at_most) * stage.each_s for stage in self.stages) / self.jobs
 
     @property
     def measured(self) -> bool:

@@ -6,8 +6,10 @@ anything follows from it: whenever this process ends, the same command continues
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from foresee_dsl.campaign.assembly import assemble
@@ -69,7 +71,8 @@ def run_campaign(
     stages = Stages(cases, settings, store, out, options.shard)
     folder = CampaignFolder(out)
     with folder.working() as work:
-        broken, stopped = _Run(stages, store, CaseFiles(work / "cases"), listeners, options).until_done(started)
+        run = _Run(stages, store, CaseFiles(work / "cases"), listeners, options, started)
+        broken, stopped = run.until_done()
         found = assemble(stages, out)
         wall_s = time.monotonic() - started
         result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
@@ -81,8 +84,9 @@ class _Run:
     """What is under way in a campaign."""
 
     def __init__(
-        self, stages: Stages, store: Store, files: CaseFiles, listeners: Sequence[Listener], options: RunOptions
-    ) -> None:
+        self, stages: Stages, store: Store, files: CaseFiles, listeners: Sequence[Listener], options: RunOptions,
+        started_s: float,
+    ) -> None:  # fmt: skip
         self._stages, self._store, self._files = stages, store, files
         self._listeners, self._options = listeners, options
         self._executor: Executor | None = None
@@ -90,35 +94,35 @@ class _Run:
         """The step of each task that is under way, by its key."""
         self._waiting: dict[str, list[Node]] = {}
         """Steps whose result a task under way may give, by key."""
-        self._expected: dict[str, int] = {}
+        self._expected: Counter[str] = Counter()
         """Keys that tasks under way may give, and how many of these tasks."""
         self._broken: list[str] = []
+        budget_s = options.limits.budget_s
+        self._ends_s = math.inf if budget_s is None else started_s + budget_s
         self._stopped_early = False
         """Whether it was stopped while it looked at what there is to do."""
 
-    def until_done(self, started: float) -> tuple[list[str], bool]:
+    def until_done(self) -> tuple[list[str], bool]:
         """Run what is missing; return what could not be done, and whether it was stopped before the end."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
-        budget_s = self._options.limits.budget_s
-
-        def stop() -> bool:
-            return self._options.stop() or (budget_s is not None and time.monotonic() - started > budget_s)
-
         try:
-            self._visit(self._stages.seeds, stop)
+            self._visit(self._stages.seeds)
             if self._executor is not None:
-                for update in self._executor.updates(stop):
-                    self._handle(update, stop)
+                for update in self._executor.updates(self._stop):
+                    self._handle(update)
             return self._broken, self._stopped_early or bool(self._running)
         finally:
             if self._executor is not None:
                 self._executor.close()
 
-    def _visit(self, nodes: Iterable[Node], stop: Callable[[], bool]) -> None:
+    def _stop(self) -> bool:
+        return self._options.stop() or time.monotonic() > self._ends_s
+
+    def _visit(self, nodes: Iterable[Node]) -> None:
         """Go through steps and what follows from them as far as it is known; hand out what is missing."""
         ahead = list(reversed(tuple(nodes)))
-        while ahead and not stop():
+        while ahead and not self._stop():
             node = ahead.pop()
             for listener in self._listeners:
                 listener.planned(node.step.kind, 1)
@@ -131,47 +135,45 @@ class _Run:
             else:
                 self._tell(row, new=False)
                 ahead.extend(reversed(self._stages.after(node, row)))
-        self._stopped_early = self._stopped_early or bool(ahead)
+        self._stopped_early |= bool(ahead)
 
     def _hand_out(self, node: Node) -> None:
         self._waiting.setdefault(node.step.key, []).append(node)
-        if self._expected.get(node.step.key):
+        if self._expected[node.step.key]:
             return  # a task that is under way gives it
         task = self._stages.task(node, self._files, self._options.limits)
         self._running[node.step.key] = node
-        for step in self._stages.task_steps(node):
-            self._expected[step.key] = self._expected.get(step.key, 0) + 1
+        self._expected.update(step.key for step in self._stages.task_steps(node))
         if self._executor is None:
             self._executor = self._options.executor(self._options)
         # Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their
         # children before those of second rank: where time runs out, the best points were studied.
         self._executor.add([task], (node.step.turn > 0, node.step.rank, node.step.turn))
 
-    def _handle(self, update: Update, stop: Callable[[], bool]) -> None:
+    def _handle(self, update: Update) -> None:
         if isinstance(update.value, Part):
-            self._add(_row(update.value.value), update.value.value.trace, stop)
+            self._add(_row(update.value.value), update.value.value.trace)
             return
         node = self._running.pop(update.task.key)
         keys = [step.key for step in self._stages.task_steps(node)]
-        for key in keys:
-            self._expected[key] -= 1
+        self._expected.subtract(keys)
         if isinstance(update.value, Broken):
             # The part that it was at is the first that it has not given.
             key = next((k for k in keys if not self._store.has(k)), node.step.key)
             row = _broken_row(node, update.value) if key == node.step.key else None
             if row is not None:
-                self._add(row, None, stop)
+                self._add(row, None)
             else:
                 self._waiting.pop(key, None)
                 self._broken.append(f"{node.step.kind} {update.task.name}: {update.value.reason}")
                 for listener in self._listeners:
                     listener.broken(self._broken[-1])
 
-    def _add(self, row: Row, trace: bytes | None, stop: Callable[[], bool]) -> None:
+    def _add(self, row: Row, trace: bytes | None) -> None:
         row = self._store.add(row, trace)
         for k, node in enumerate(self._waiting.pop(row.key, [])):
             self._tell(row, new=k == 0)
-            self._visit(self._stages.after(node, row), stop)
+            self._visit(self._stages.after(node, row))
 
     def _tell(self, row: Row, *, new: bool) -> None:
         for listener in self._listeners:
