@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -83,15 +84,6 @@ class DriverRow:
         return self.hard_brakings / self.way_m * 1000 if self.way_m else 0.0
 
 
-@dataclass(frozen=True)
-class AssessTask:
-    """What a worker runs."""
-
-    address: str
-    driver: str
-    seed: int
-
-
 def assess_drivers(
     cases: Sequence[TestCase],
     drivers: Sequence[str],
@@ -116,7 +108,7 @@ def assess_drivers(
     broken: list[str] = []
     with WorkerPool(jobs) as pool:
         pool.add(
-            Task(f"{case.id} with {driver}", run_one, AssessTask(case.id, driver, seed))
+            Task(f"{case.id} with {driver}", partial(run_one, case.id, driver), seed)
             for case in cases
             for driver in drivers
         )
@@ -130,15 +122,14 @@ def assess_drivers(
     return tuple(runs), tuple(sorted(broken))
 
 
-def run_one(task: AssessTask) -> DriverRun:
+def run_one(address: str, driver: str, seed: int) -> DriverRun:
     """Run one case with one driver."""
-    case = load_test_case(task.address)
-    timed = _Timed(load_driver(task.driver))
-    result = run(compile_test_case(case), timed, seed=task.seed, meta={"driver": task.driver})
+    case, timed = load_test_case(address), _Timed(load_driver(driver))
+    result = run(compile_test_case(case), timed, seed=seed, meta={"driver": driver})
     return DriverRun(
         case=case.id,
         family=case.family,
-        driver=task.driver,
+        driver=driver,
         version=timed.version,
         verdict=result.verdict,
         reason=result.reason,

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,23 +41,6 @@ class Recheck:
     now: str
 
 
-@dataclass(frozen=True)
-class VerifyTask:
-    """One mutant's file; `driver`: another than the recorded one, or ""."""
-
-    file: Path
-    driver: str
-
-
-@dataclass(frozen=True)
-class DriveTask:
-    """One test case, and what drives it."""
-
-    case: TestCase
-    driver: str
-    seed: int
-
-
 def verify_files(
     files: Sequence[Path], *, driver: str = "", run_programs: bool = False, jobs: int = 1
 ) -> tuple[Recheck, ...]:
@@ -75,7 +59,7 @@ def verify_files(
             map(_address_in, files), "--run-programs starts what the files say, --driver names another driver"
         )
     with WorkerPool(jobs) as pool:
-        pool.add(Task(str(file), recheck, VerifyTask(file, driver)) for file in files)
+        pool.add(Task(str(file), partial(recheck, file), driver) for file in files)
         found = (
             Recheck(task.name, Status.CHANGED, "", outcome.reason) if isinstance(outcome, Broken) else outcome
             for task, outcome in pool.results()
@@ -83,16 +67,16 @@ def verify_files(
         return tuple(sorted(found, key=lambda r: r.file))
 
 
-def recheck(task: VerifyTask) -> Recheck:
-    """Run one recorded failure again."""
+def recheck(file: Path, driver: str) -> Recheck:
+    """Run one recorded failure again, with another driver than the recorded one unless `driver` is ""."""
     try:
-        case = load_test_case(task.file)
+        case = load_test_case(file)
     except InputError as err:
-        return Recheck(str(task.file), Status.STALE, "", err.diagnostics[0].message)
+        return Recheck(str(file), Status.STALE, "", err.diagnostics[0].message)
     origin = case.mutant.origin if case.mutant else None
     was = (origin.found if origin else None) or ""
     recorded, seed = _driver_and_seed(origin)
-    result = run_test_case(case, task.driver or recorded, seed)
+    result = run_test_case(case, driver or recorded, seed)
     if not result.verdict.is_failure and result.verdict is not Verdict.CRASH:
         status = Status.FIXED
     # The same kind of failure with the same actor; the time may differ on another machine.
@@ -100,7 +84,7 @@ def recheck(task: VerifyTask) -> Recheck:
         status = Status.REPRODUCED
     else:
         status = Status.CHANGED
-    return Recheck(str(task.file), status, was, result.reason)
+    return Recheck(str(file), status, was, result.reason)
 
 
 def as_dict(rechecks: Sequence[Recheck]) -> dict[str, Any]:
@@ -124,25 +108,25 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
     Returns:
         For each file how the run under the old parent ended ("" where that parent is unknown), and the new run.
     """
-    runs = {f"{child.file} {when}": task for child in children for when, task in _tasks_of(child)}
-    _refuse_programs((run.driver for run in runs.values()), "`foresee verify --run-programs` runs them")
+    runs = {f"{child.file} {when}": run for child in children for when, run in _runs_of(child)}
+    _refuse_programs((driver for _, driver, _ in runs.values()), "`foresee verify --run-programs` runs them")
     with WorkerPool(jobs) as pool:
-        pool.add(Task(name, drive, run) for name, run in runs.items())
+        pool.add(Task(name, partial(drive, case, driver), seed) for name, (case, driver, seed) in runs.items())
         ended = {task.name: found.reason if isinstance(found, Broken) else found for task, found in pool.results()}
     return {child.file: (ended.get(f"{child.file} old", ""), ended[f"{child.file} new"])
             for child in children if child.new is not None}  # fmt: skip
 
 
-def drive(task: DriveTask) -> str:
+def drive(case: TestCase, driver: str, seed: int) -> str:
     """Run one test case; return how it ended, in a sentence."""
-    result = run_test_case(task.case, task.driver, task.seed)
+    result = run_test_case(case, driver, seed)
     return result.reason or result.verdict.value
 
 
-def _tasks_of(child: Child) -> list[tuple[str, DriveTask]]:
-    """Return the child's two runs; without the old one where its foreign network is only in git's history."""
+def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
+    """Return the child's two runs, each with driver and seed; without one whose foreign network is only in git."""
     return [
-        (when, DriveTask(case, *_driver_and_seed(case.mutant.origin if case.mutant else None)))
+        (when, (case, *_driver_and_seed(case.mutant.origin if case.mutant else None)))
         for when, case in (("old", child.old), ("new", child.new))
         if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
     ]

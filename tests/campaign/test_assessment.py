@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from foresee_dsl.campaign.assessment import AssessTask, DriverRun, assess_drivers, hard_brakings, rows_of, run_one
+from foresee_dsl.campaign.assessment import DriverRun, assess_drivers, hard_brakings, rows_of, run_one
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.report.drivers import as_dict, print_assessment
@@ -115,5 +115,5 @@ class Breaks:
 
 def test_a_driver_that_breaks_is_a_run_like_any_other(scenarios: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("foresee_dsl.campaign.assessment.load_driver", lambda _: Breaks())
-    found = run_one(AssessTask(f"{scenarios}/scenario9.foresee::r01", "breaks", 0))
+    found = run_one(f"{scenarios}/scenario9.foresee::r01", "breaks", 0)
     assert (found.verdict, found.duration_s) == (Verdict.CRASH, 0.1)

@@ -15,7 +15,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
-from foresee_dsl.campaign.verify import Status, VerifyTask, recheck
+from foresee_dsl.campaign.verify import Status, recheck
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.forecast.registry import load_ranker
@@ -91,7 +91,7 @@ def test_a_failing_child_says_it_in_its_file_and_is_still_reproduced(scenarios: 
         assert written.origin.preventable == outcome.preventable.origin
         assert print_model(with_other_answer(written)) != outcome.text
         at.write_text(outcome.text)
-        assert recheck(VerifyTask(at, "")).status is Status.REPRODUCED
+        assert recheck(at, "").status is Status.REPRODUCED
     assert found, "the clip has lost its failures: take another"
 
 
