@@ -38,7 +38,7 @@ class Draft:
     """A clip before it was run.
 
     Attributes:
-        rank: its risky point's. text: its file. name, parent, case: what its first line says.
+        rank: its risky point's. text: its file. name, parent, case: as in its first line.
         pin: what a child of it pins. risk: a hash of its `risk` line, by which it is mutated.
     """
 

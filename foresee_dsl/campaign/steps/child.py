@@ -96,6 +96,6 @@ def run_child(
 
 def with_found(mutant: Mutant, found: str, avoided: Preventability | None = None) -> Mutant:
     """Return the mutant with what its run found in its origin block, and whether that was preventable."""
-    told = {"found": found, "preventable": avoided.verdict.origin if avoided else None}
-    body = tuple(item.model_copy(update=told) if isinstance(item, Origin) else item for item in mutant.body)
+    lines = {"found": found, "preventable": avoided.verdict.origin if avoided else None}
+    body = tuple(item.model_copy(update=lines) if isinstance(item, Origin) else item for item in mutant.body)
     return mutant.model_copy(update={"body": body})

@@ -47,7 +47,7 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         """Yield the one forecast of a run."""
         s = campaign.settings
         key = campaign.key(cls, seed=above.key, ranker=campaign.ranker, before_s=s.before_s, after_s=s.after_s,
-                           handover_s=s.handover_s, count=s.risky_points, lots=above.seed)  # fmt: skip
+                           handover_s=s.handover_s, count=s.risky_points, random_seed=above.seed)  # fmt: skip
         yield cls(key, above.name, above.seed, above.key)
 
     @staticmethod

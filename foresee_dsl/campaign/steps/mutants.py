@@ -70,5 +70,5 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
 
 
 def driver_of(clip_trace: Trace, driver: str) -> str:
-    """Return how a mutant's file says what drove: the clip's own unmutated run tells the version."""
+    """Return the driver as a mutant's file records it, with the version that drove the clip's own unmutated run."""
     return recorded_driver(driver, str(clip_trace.meta.get("driver_version", "")))

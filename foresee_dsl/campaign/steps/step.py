@@ -164,7 +164,7 @@ class ClipPart(Step[Above, Result]):
 
 
 def run_steps(work: Work) -> Iterator[Made]:
-    """Run steps, in a worker; yield each result as soon as there is one, so that it is kept when the next breaks."""
+    """Run steps, in a worker; yield each result as soon as there is one: it is stored even if the next breaks."""
     case, settings = load_case(work.case), work.settings
     first, *then = work.steps
     given = load_trace(work.trace) if work.trace is not None else None
