@@ -115,20 +115,14 @@ def _canonical(value: object) -> _Json:
     if type(value) in _PLAIN:
         return value
     if isinstance(value, m.Quantity):
-        return _quantity(value)
-    if isinstance(value, m.Item):
-        return _item(value)
+        return f"{value.si + 0.0:.{SIGNIFICANT_DIGITS}g} {value.dimension}"  # + 0.0: -0 becomes 0
     if isinstance(value, tuple):
         return [_canonical(part) for part in value if not isinstance(part, m.Doc)]
-    return value
-
-
-def _item(item: m.Item) -> _Json:
-    if isinstance(item, m.Ego | m.Actor):
-        return _cached(item, _of_actor)
-    if isinstance(item, m.When | m.Expect):
-        return _cached(item, _unlabelled)
-    return _fields(item)
+    if isinstance(value, m.Ego | m.Actor):
+        return _cached(value, _of_actor)
+    if isinstance(value, m.When | m.Expect):
+        return _cached(value, _unlabelled)
+    return _fields(value) if isinstance(value, m.Item) else value
 
 
 def _cached(item: _T, make: Callable[[_T], _Json]) -> _Json:
@@ -167,11 +161,6 @@ def _names(kind: type[m.Item]) -> tuple[str, ...]:
     return tuple(kind.model_fields)
 
 
-def _quantity(value: m.Quantity) -> _Json:
-    number = value.si + 0.0  # -0 becomes 0
-    return f"{number:.{SIGNIFICANT_DIGITS}g} {value.dimension}"
-
-
 def _network(network: m.Network | Path) -> _Json:
     if isinstance(network, m.Network):
         # In order: netconvert numbers what it builds in this order.
@@ -186,6 +175,4 @@ def _file_digest(path: str, modified_ns: int, size: int) -> str:  # noqa: ARG001
 
 
 def _model(model: m.VehicleModel) -> _Json:
-    fields = _fields(model)
-    fields.pop("source", None)  # says where the numbers are from; means nothing
-    return fields
+    return {name: value for name, value in _fields(model).items() if name != "source"}  # where the numbers are from

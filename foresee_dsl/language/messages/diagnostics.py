@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import unicodedata
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import asdict
 
 from foresee_dsl.errors import Diagnostic, Span
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _WIDTH = 100
 """How many columns of a source line are shown (ours: what a review tool shows without wrapping)."""
@@ -17,12 +15,7 @@ _RED, _CYAN, _BOLD, _OFF = "\x1b[31m", "\x1b[36m", "\x1b[1m", "\x1b[0m"
 
 
 def render_full(diagnostic: Diagnostic, colour: bool = False) -> str:
-    """Return a diagnostic as it is shown on a terminal: the place, the line with the place underlined, the help.
-
-    Args:
-        diagnostic: what to show.
-        colour: with ANSI colours.
-    """
+    """Return a diagnostic as it is shown on a terminal: the place, the line with the place underlined, the help."""
     tint = _CYAN if diagnostic.severity == "warning" else _RED
     tint, bold, off = (tint, _BOLD, _OFF) if colour else ("", "", "")
     severity = f"{tint}{diagnostic.severity} {diagnostic.code}{off}"
@@ -57,9 +50,7 @@ def to_json(diagnostic: Diagnostic) -> dict[str, object]:
         "message": diagnostic.message,
         "help": diagnostic.help,
         "path": diagnostic.path,
-        "span": None
-        if span is None
-        else {"line": span.line, "column": span.column, "end_line": span.end_line, "end_column": span.end_column},
+        "span": asdict(span) if span is not None else None,
     }
 
 
@@ -74,29 +65,23 @@ def _underlined(span: Span, line: str) -> tuple[str, str, str]:
     start = min(span.column - 1, len(line))
     end = span.end_column - 1 if span.end_line == span.line else len(line.rstrip())
     end = min(max(end, start + 1), max(len(line), start + 1))
-    first, last = _cut(len(line), start, end)
+    first, last = 0, len(line)
+    if last > _WIDTH:  # only the part with the place in it
+        first = max(0, start - max(_WIDTH - (end - start), 20) // 2)
+        last = min(last, first + _WIDTH)
     before, under, after = line[first:start], line[start : min(end, last)], line[end:last]
     left = "..." if first > 0 else ""
     right = "..." if last < len(line) else ""
-    source = left + _shown(before) + _shown(under) + _shown(after) + right
+    source = f"{left}{_shown(before + under + after)}{right}"
     return source, " " * (len(left) + _columns(before)), "^" * max(1, _columns(under))
 
 
-def _cut(length: int, start: int, end: int) -> tuple[int, int]:
-    """Return which part of a line of some length to show, so that the place is in it."""
-    if length <= _WIDTH:
-        return 0, length
-    room = max(_WIDTH - (end - start), 20) // 2
-    first = max(0, start - room)
-    return first, min(length, first + _WIDTH)
-
-
 def _shown(text: str) -> str:
-    return "".join(_glyph(c) for c in text)
+    return "".join(map(_glyph, text))
 
 
 def _columns(text: str) -> int:
-    return sum(_width(c) for c in text)
+    return sum(map(_width, text))
 
 
 def _glyph(char: str) -> str:

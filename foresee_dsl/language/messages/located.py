@@ -17,12 +17,7 @@ def diagnose(case: TestCase, problems: tuple[Problem, ...]) -> InputError:
     """
     named: set[tuple[int, str]] = set()
     found = [_diagnostic(case, problem, named) for problem in problems]
-    return InputError(tuple(sorted(found, key=_where)))
-
-
-def _where(diagnostic: Diagnostic) -> tuple[int, int]:
-    span = diagnostic.span
-    return (span.line, span.column) if span is not None else (0, 0)
+    return InputError(tuple(sorted(found, key=lambda d: (d.span.line, d.span.column) if d.span else (0, 0))))
 
 
 def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -> Diagnostic:
@@ -45,7 +40,7 @@ def _place(document: Document, problem: Problem) -> tuple[m.Item | None, str]:
         exact = (item for item in changes if item.property == problem.item)
         return next(exact, changes[0] if changes else None), ""
     if not problem.actor:
-        return next((item for item in body if _kind(item) == problem.item), None), ""
+        return next((item for item in body if getattr(item, "kind", "") == problem.item), None), ""
     for item in body:
         if isinstance(item, m.Ego | m.Actor) and item.name == problem.actor:
             return _within(item, problem.item)
@@ -69,14 +64,14 @@ def _named(
     document: Document, first: m.Item, problem: Problem, named: set[tuple[int, str]]
 ) -> tuple[m.Item, str] | None:
     """Return where the name at fault stands: at its first place that no other problem has been shown at."""
-    alike = [item for item in document.model.body if _kind(item) == problem.item] if not problem.actor else [first]
+    alike = (
+        [item for item in document.model.body if getattr(item, "kind", "") == problem.item]
+        if not problem.actor
+        else [first]
+    )
     for item in (part for statement in alike for part in walk(statement)):
         for field in type(item).model_fields:
             if getattr(item, field) == problem.about and (id(item), field) not in named:
                 named.add((id(item), field))
                 return item, field
     return None
-
-
-def _kind(item: m.Item) -> str:
-    return str(getattr(item, "kind", ""))

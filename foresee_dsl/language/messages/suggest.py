@@ -18,13 +18,10 @@ _QUOTED = re.compile(r"['`]([^'`]+)['`]")
 def closest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word that `word` was probably meant to be, or None; the same one every time."""
     candidates = list(dict.fromkeys(known))
-    if not word or len(word) > _LONGEST or not candidates:
+    if not word or len(word) > _LONGEST:
         return None
-    plain = _plain(word)
-    same = [candidate for candidate in candidates if _plain(candidate) == plain]
-    if same:
-        return same[0]
-    found = get_close_matches(word.lower(), candidates, n=1, cutoff=0.6)  # the cutoff is difflib's own default
+    same = [candidate for candidate in candidates if _plain(candidate) == _plain(word)]
+    found = same or get_close_matches(word.lower(), candidates, n=1, cutoff=0.6)  # difflib's own default of the cutoff
     return found[0] if found else None
 
 
@@ -34,9 +31,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     found = closest(word, candidates)
     if found is not None:
         return f"did you mean '{found}'?"
-    if 0 < len(candidates) <= 8:
-        return "known are " + ", ".join(candidates)
-    return ""
+    return "known are " + ", ".join(candidates) if 0 < len(candidates) <= 8 else ""
 
 
 def unit_hint(word: str) -> str:
@@ -61,12 +56,8 @@ def suggested_fix(diagnostic: Diagnostic) -> tuple[Span, str] | None:
 
 
 def replacement(message: str, written: str) -> tuple[int, int, str] | None:
-    """Return what to replace in the underlined text (start, end) and by what; None where the help names none.
-
-    Args:
-        message: the mistake and its help, as shown.
-        written: the text that is underlined.
-    """
+    """Return what to replace in `written`, the underlined text (start, end), and by what; None where the help in
+    `message` names none."""
     meant = _MEANT.search(message)
     if meant is None:
         return None
@@ -81,5 +72,4 @@ def replacement(message: str, written: str) -> tuple[int, int, str] | None:
 
 def _plain(word: str) -> str:
     """Without what is easily left out or mixed up: `kmh` and `KM/H` are both `km/h`."""
-    superscripts = str.maketrans({"²": "2"})
-    return "".join(c for c in word.lower().translate(superscripts) if c.isalnum())
+    return "".join(c for c in word.lower().replace("²", "2") if c.isalnum())

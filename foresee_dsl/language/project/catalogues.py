@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from foresee_dsl.language import model as m
@@ -70,19 +70,14 @@ def check_model(
 def check_models(
     scenario: m.Scenario, models: Mapping[str, m.VehicleModel], document: Document | None, case: str | None
 ) -> None:
-    """Check all models that a concrete scenario names.
-
-    Args:
-        scenario: concrete.
-        models: by name.
-        document: where the scenario (or clip) was written.
-        case: the case that gave the parameters their values.
+    """Check all models that a concrete scenario names; `case` gave the parameters their values.
 
     Raises:
         InputError: a model is unknown or of the wrong class.
     """
     findings = Findings(document)
-    written = {item.name: item for item in _actors(document)}
+    body = document.model.body if document is not None and isinstance(document.model, m.Scenario | m.Clip) else ()
+    written = {item.name: item for item in body if isinstance(item, m.Ego | m.Actor)}
     for actor in scenario.actors:
         if isinstance(actor.model, str):
             place = _place(written.get(actor.name), document, case)
@@ -93,22 +88,12 @@ def check_models(
     findings.raise_if_any()
 
 
-def _actors(document: Document | None) -> Iterator[m.Ego | m.Actor]:
-    if document is not None and isinstance(document.model, m.Scenario | m.Clip):
-        yield from (item for item in document.model.body if isinstance(item, m.Ego | m.Actor))
-
-
 def _place(actor: m.Ego | m.Actor | None, document: Document | None, case: str | None) -> tuple[m.Item | None, str]:
     """Return where an actor's model is written: beside it, or in the case or parameter that it refers to."""
-    if actor is None or document is None:
-        return actor, "model"
-    if not isinstance(actor.model, m.Ref) or not isinstance(
-        document.model, m.Scenario
-    ):  # only scenarios have parameters
-        return actor, "model"
-    for found in document.model.all(m.Case):
-        for assignment in found.values:
-            if found.name == case and assignment.name == actor.model.name:
-                return assignment, "value"
-    param = next((p for p in document.model.all(m.Param) if p.name == actor.model.name), None)
-    return (param, "default") if param is not None else (actor, "model")
+    scenario = document.model if document is not None else None
+    if actor is None or not isinstance(actor.model, m.Ref) or not isinstance(scenario, m.Scenario):
+        return actor, "model"  # only scenarios have parameters
+    given = [value for found in scenario.all(m.Case) if found.name == case for value in found.values]
+    places: list[tuple[m.Item, str]] = [(value, "value") for value in given if value.name == actor.model.name]
+    places += [(param, "default") for param in scenario.all(m.Param) if param.name == actor.model.name]
+    return (*places, (actor, "model"))[0]

@@ -27,13 +27,9 @@ def cases(document: Document) -> tuple[str, ...]:
     case itself) and for every other kind of file.
     """
     model = document.model
-    names: list[str] = []
-    for item in model.body if isinstance(model, m.Scenario) else ():
-        if isinstance(item, m.Case):
-            names.append(item.name)
-        elif isinstance(item, m.Cases):
-            names += case_names(item)
-    return tuple(names)
+    body = model.body if isinstance(model, m.Scenario) else ()
+    listed = [item for item in body if isinstance(item, m.Case | m.Cases)]
+    return tuple(name for item in listed for name in ([item.name] if isinstance(item, m.Case) else case_names(item)))
 
 
 def concretise(scenario: m.Scenario, case: str | None, *, document: Document | None = None) -> m.Scenario:
@@ -87,27 +83,22 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
         known |= {found.name: found for found in draw(scenario, drawn)}
     if case not in known:
         message = f"no case '{case}' in scenario '{scenario.name}'"
-        findings.add(
-            None, "", c.UNKNOWN_CASE, message, did_you_mean(case, known) or "it has no cases: leave out `::case`"
-        )
+        help = did_you_mean(case, known) or "it has no cases: leave out `::case`"
+        findings.add(None, "", c.UNKNOWN_CASE, message, help)
         findings.raise_if_any()
+    params = {param.name: param for param in scenario.all(m.Param)}
     for assignment in known[case].values:
-        _assign(assignment, scenario, values, findings)
+        param = params.get(assignment.name)
+        if param is None:
+            message = f"no parameter '{assignment.name}' in scenario '{scenario.name}'"
+            findings.add(assignment, "name", c.UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
+            continue
+        values[assignment.name] = assignment.value
+        if not same_kind(assignment.value, param.default):
+            message = f"parameter '{param.name}' is {param.type}, but {value_text(assignment.value)} is not"
+            help = f"write it like the default, {value_text(param.default)}"
+            findings.add(assignment, "value", c.MISFIT, message, help)
     return values
-
-
-def _assign(
-    assignment: m.Assignment, scenario: m.Scenario, values: dict[str, m.ParamValue], findings: Findings
-) -> None:
-    param = next((p for p in scenario.all(m.Param) if p.name == assignment.name), None)
-    if param is None:
-        message = f"no parameter '{assignment.name}' in scenario '{scenario.name}'"
-        findings.add(assignment, "name", c.UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
-        return
-    values[assignment.name] = assignment.value
-    if not same_kind(assignment.value, param.default):
-        message = f"parameter '{param.name}' is {param.type}, but {value_text(assignment.value)} is not"
-        findings.add(assignment, "value", c.MISFIT, message, f"write it like the default, {value_text(param.default)}")
 
 
 def same_kind(one: m.ParamValue, other: m.ParamValue) -> bool:
@@ -143,24 +134,21 @@ _Refused = Callable[[m.Item, str, m.Ref, ValidationError], None]
 
 def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
     """Rebuild an item with its references replaced; the very same object where there are none."""
-    changed: dict[str, object] = {}
     refs: dict[str, m.Ref] = {}
-    for name in type(item).model_fields:
-        before = getattr(item, name)
-        after: object = before
-        if isinstance(before, m.Ref):
-            after, refs[name] = replace(item, name, before), before
-        elif isinstance(before, m.Item):
-            after = _walk(before, replace, refused)
-        elif isinstance(before, tuple):
-            refs.update((name, part) for part in before if isinstance(part, m.Ref))
-            parts = tuple(_part(item, name, part, replace, refused) for part in before)
-            after = parts if any(a is not b for a, b in zip(parts, before, strict=True)) else before
-        if after is not before:
-            changed[name] = after
+
+    def replaced(name: str, part: object) -> object:
+        if isinstance(part, m.Ref):
+            refs[name] = part
+            return replace(item, name, part)
+        if isinstance(part, tuple):
+            parts = tuple(replaced(name, inner) for inner in part)
+            return parts if any(a is not b for a, b in zip(parts, part, strict=True)) else part
+        return _walk(part, replace, refused) if isinstance(part, m.Item) else part
+
+    fields = {name: getattr(item, name) for name in type(item).model_fields}
+    changed = {name: new for name, old in fields.items() if (new := replaced(name, old)) is not old}
     if not changed:
         return item
-    fields = {name: getattr(item, name) for name in type(item).model_fields}
     try:
         return type(item).model_validate(fields | changed)
     except ValidationError as error:
@@ -168,9 +156,3 @@ def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
         if place:
             refused(item, place, refs[place], error)
         return item
-
-
-def _part(owner: m.Item, name: str, part: object, replace: _Replace, refused: _Refused) -> object:
-    if isinstance(part, m.Ref):
-        return replace(owner, name, part)
-    return _walk(part, replace, refused) if isinstance(part, m.Item) else part

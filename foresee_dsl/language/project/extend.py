@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -19,8 +19,8 @@ from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import Document
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
-_SINGLE = {"ego": "ego", "network": "network", "weather": "weather", "end": "end"}
-"""Groups of statements of which a scenario has one at most, and what they are called."""
+_SINGLE = ("ego", "network", "weather", "end")
+"""Groups of statements of which a scenario has one at most."""
 
 
 def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
@@ -42,9 +42,7 @@ def extended(document: Document, parent: Document, *, folder: Path, parent_folde
         InputError: something is added that is there, or changed or dropped that is not; a WAS that is not so.
         TypeError: `document` holds no extension, or `parent` no scenario.
     """
-    if not isinstance(document.model, m.Extension) or not isinstance(parent.model, m.Scenario):
-        raise TypeError("an extension and a scenario are joined, nothing else")
-    return _Joiner(document, document.model, parent, parent.model, folder, parent_folder).joined()
+    return _Joiner(document, parent, folder, parent_folder).joined()
 
 
 def softened(document: Document) -> Iterator[Diagnostic]:
@@ -64,15 +62,10 @@ def softened(document: Document) -> Iterator[Diagnostic]:
 class _Joiner:
     """Applies the lines of an extension, and knows of every new item where it is written."""
 
-    def __init__(
-        self,
-        document: Document,
-        extension: m.Extension,
-        parent: Document,
-        scenario: m.Scenario,
-        folder: Path,
-        parent_folder: Path,
-    ) -> None:
+    def __init__(self, document: Document, parent: Document, folder: Path, parent_folder: Path) -> None:
+        extension, scenario = document.model, parent.model
+        if not isinstance(extension, m.Extension) or not isinstance(scenario, m.Scenario):
+            raise TypeError("an extension and a scenario are joined, nothing else")
         self._document, self._extension, self._parent = document, extension, parent
         self._spans = dict(document.spans)
         self._base_spans = dict(parent.spans)
@@ -100,22 +93,19 @@ class _Joiner:
         model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._body))
         self._place(self._spans, model, self._extension)
         base = replace(self._parent, spans=self._base_spans)
-        return replace(
-            self._document,
-            model=model,
-            spans=self._spans,
-            base=base,
-            written=self._extension,
-            alive=tuple(self._alive),
-        )
+        joined = replace(self._document, model=model, spans=self._spans, base=base)
+        return replace(joined, written=self._extension, alive=tuple(self._alive))
 
     # ---- the four kinds of line ------------------------------------------------------------------------------------
 
     def _add(self, item: m.Statement, line: m.Add) -> None:
         found = self._like(item)
         if found is not None:
-            message = f"'{self._extension.parent}' has {_a(item)} already"
-            help = f"write `change` instead of `add` to replace it{_by_line(self._parent, found)}"
+            called = _called(item)
+            message = f"'{self._extension.parent}' has {'an' if called[0] in 'aeiou' else 'a'} {called} already"
+            span = self._parent.span(found)
+            place = f" (line {span.line} of '{self._parent.path}')" if span is not None else ""
+            help = f"write `change` instead of `add` to replace it{place}"
             self._findings.add(line.item, _named_by(item), c.ALREADY_IN_PARENT, message, help)
             return
         self._body = (*self._body, item)
@@ -167,16 +157,14 @@ class _Joiner:
         for item in self._body:
             if not any(item is old for old in before):
                 self._place(self._spans, item, line, whole=True)
-                if isinstance(item, m.Ego | m.Actor):
-                    self._place_new_parts(item, before, line)
-
-    def _place_new_parts(self, actor: m.Ego | m.Actor, before: Iterable[m.Item], line: m.Change) -> None:
-        """What a change line puts into an actor's block stands at that line; the rest of the block where it was."""
-        old = next((o for o in before if isinstance(o, m.Ego | m.Actor) and o.name == actor.name), None)
-        was = (*old.body, old.state) if old is not None else ()
-        for part in (*actor.body, actor.state):
-            if part is not None and not any(part is other for other in was):
-                self._place(self._spans, part, line, whole=True)
+                if not isinstance(item, m.Ego | m.Actor):
+                    continue
+                # What the line puts into an actor's block stands at that line; the rest of the block where it was.
+                old = next((o for o in before if isinstance(o, m.Ego | m.Actor) and o.name == item.name), None)
+                was = (*old.body, old.state) if old is not None else ()
+                for part in (*item.body, item.state):
+                    if part is not None and not any(part is other for other in was):
+                        self._place(self._spans, part, line, whole=True)
 
     # ---- finding ---------------------------------------------------------------------------------------------------
 
@@ -201,19 +189,9 @@ class _Joiner:
 
     def _plain(self, item: _ItemT) -> _ItemT:
         """Make words that are no parameters plain names again, wherever a name may stand."""
-        changed: dict[str, object] = {}
-        for name in type(item).model_fields:
-            value = getattr(item, name)
-            if isinstance(value, m.Ref):
-                if value.name not in self._parameters:
-                    changed[name] = value.name
-            elif isinstance(value, m.Item):
-                changed[name] = self._plain(value)
-            elif isinstance(value, tuple):
-                changed[name] = tuple(self._plain_part(part) for part in value)
         fields = {name: getattr(item, name) for name in type(item).model_fields}
-        changed = {name: value for name, value in changed.items() if not _same(value, fields[name])}
-        new = _accepted(item, fields, changed)
+        plain = {name: self._plain_part(value) for name, value in fields.items()}
+        new = _accepted(item, fields, {name: value for name, value in plain.items() if value is not fields[name]})
         if new is not item:
             self._place(self._spans, new, item)
         return new
@@ -221,12 +199,18 @@ class _Joiner:
     def _plain_part(self, part: object) -> object:
         if isinstance(part, m.Ref):
             return part if part.name in self._parameters else part.name
+        if isinstance(part, tuple):
+            parts = tuple(map(self._plain_part, part))
+            return parts if any(a is not b for a, b in zip(parts, part, strict=True)) else part
         return self._plain(part) if isinstance(part, m.Item) else part
 
     def _place(self, spans: dict[tuple[int, str], Span], new: m.Item, old: m.Item, *, whole: bool = False) -> None:
         """Give a new item the places of an old one; `whole`: the old one's own place for each of its fields."""
         self._alive += (new, old)
-        fields = [""] if whole else ["", *_field_keys(new)]
+        fields = [""]
+        for name in () if whole else type(new).model_fields:
+            value = getattr(new, name)
+            fields += [name, *(f"{name}.{k}" for k in range(len(value) if isinstance(value, tuple) else 0))]
         known = self._spans if spans is self._spans else self._base_spans
         spans |= {(id(new), f): span for f in fields if (span := known.get((id(old), f))) is not None}
 
@@ -241,20 +225,6 @@ def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object
         refused = {str(detail["loc"][0]) for detail in error.errors() if detail["loc"]} & changed.keys()
         accepted = {name: value for name, value in changed.items() if name not in refused}
         return _accepted(item, fields, accepted) if refused else item
-
-
-def _same(value: object, other: object) -> bool:
-    if isinstance(value, tuple) and isinstance(other, tuple):
-        return all(a is b for a, b in zip(value, other, strict=True))
-    return value is other
-
-
-def _field_keys(item: m.Item) -> Iterator[str]:
-    for name in type(item).model_fields:
-        yield name
-        value = getattr(item, name)
-        if isinstance(value, tuple):
-            yield from (f"{name}.{k}" for k in range(len(value)))
 
 
 def _parameters(scenario: m.Scenario, extension: m.Extension) -> frozenset[str]:
@@ -289,11 +259,7 @@ def _identity(item: m.Item) -> tuple[str, str]:
 
 def _word(item: m.Item) -> str:
     """Return the word that a statement is called by: its keyword."""
-    return (
-        str(getattr(item, "kind", ""))
-        if isinstance(item, m.Actor)
-        else _SINGLE.get(_identity(item)[0], _identity(item)[0])
-    )
+    return item.kind if isinstance(item, m.Actor) else _identity(item)[0]
 
 
 def _called(item: m.Item) -> str:
@@ -303,16 +269,6 @@ def _called(item: m.Item) -> str:
     return f"actor called '{name}'" if group == "actor" else f"{_word(item)} called '{name}'"
 
 
-def _a(item: m.Item) -> str:
-    called = _called(item)
-    return f"{'an' if called[0] in 'aeiou' else 'a'} {called}"
-
-
 def _named_by(item: m.Item) -> str:
     """Return the field that names a statement, which is underlined then."""
     return "name" if getattr(item, "name", None) and not isinstance(item, m.Ego) else ""
-
-
-def _by_line(document: Document, item: m.Item) -> str:
-    span = document.span(item)
-    return f" (line {span.line} of '{document.path}')" if span is not None else ""
