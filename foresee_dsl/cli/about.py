@@ -58,16 +58,9 @@ def models(
     for heading in ("length", "width", "height", "top", "speeds up", "brakes", "hardest"):
         table.add_column(heading, justify="right", no_wrap=True)
     for s in specs:
-        table.add_row(
-            s.name,
-            f"{s.length_m:.2f}",
-            f"{s.width_m:.2f}",
-            f"{s.height_m:.2f}",
-            f"{s.max_speed_mps * 3.6:.0f}",
-            f"{s.acceleration_mps2:.1f}",
-            f"{s.braking_mps2:.1f}",
-            f"{s.emergency_braking_mps2:.1f}",
-        )
+        sizes = (f"{size_m:.2f}" for size_m in (s.length_m, s.width_m, s.height_m))
+        rates = (f"{rate_mps2:.1f}" for rate_mps2 in (s.acceleration_mps2, s.braking_mps2, s.emergency_braking_mps2))
+        table.add_row(s.name, *sizes, f"{s.max_speed_mps * 3.6:.0f}", *rates)
     console().print(table)
     console().print("Sizes in m, top speed in km/h, speeding up and braking in m/s².", highlight=False)
 

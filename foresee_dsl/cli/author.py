@@ -13,7 +13,7 @@ from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, pr
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario
-    from foresee_dsl.language.sampling.draws import Coverage, Reach
+    from foresee_dsl.language.sampling.draws import Coverage
 
 
 def compile_(
@@ -98,7 +98,9 @@ def sample(
     scenario = Project(allow_outside=allow_outside).whole_scenario(file)
     cases = _cases(scenario, count, seed)
     if format_ is Format.cases:
-        _print_cases(cases)
+        from foresee_dsl.language.printer import print_item
+
+        typer.echo("".join(f"  {print_item(case)}\n" for case in cases), nl=False)
         return
     found = coverage(scenario, cases)
     if format_ is Format.json:
@@ -124,13 +126,6 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
         return draw(scenario, wanted)
     except TooFewError as error:
         raise ForeseeError(str(error)) from None
-
-
-def _print_cases(cases: Sequence[Case]) -> None:
-    from foresee_dsl.language.printer import print_item
-
-    for case in cases:
-        typer.echo(f"  {print_item(case)}")
 
 
 def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
@@ -167,15 +162,16 @@ def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> 
     for block in _blocks(["case", *names], rows):
         typer.echo("\n".join(block) + "\n")
     for reach in found.reaches:
-        typer.echo(_reach_text(reach))
+        values = f"{value_text(reach.smallest)} to {value_text(reach.largest)}, " if reach.of != "options" else ""
+        share = f"{reach.reached} of {reach.bins} {reach.of} ({reach.reached / reach.bins:.0%})"
+        typer.echo(f"{reach.name}: {values}{share}")
     if found.pairs:
-        share = found.pairs_reached / found.pairs
-        typer.echo(f"pairs of values: {found.pairs_reached} of {found.pairs} occur together ({share:.0%})")
+        part = found.pairs_reached / found.pairs
+        typer.echo(f"pairs of values: {found.pairs_reached} of {found.pairs} occur together ({part:.0%})")
     if found.distinct < found.cases:
         again = found.cases - found.distinct
-        typer.echo(
-            f"note: {again} of {found.cases} cases {'repeats' if again == 1 else 'repeat'} the values of another"
-        )
+        verb = "repeats" if again == 1 else "repeat"
+        typer.echo(f"note: {again} of {found.cases} cases {verb} the values of another")
 
 
 def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
@@ -193,12 +189,3 @@ def _blocks(head: list[str], rows: list[list[str]]) -> Sequence[list[str]]:
         ["  ".join(row[k].ljust(widths[k]) for k in (0, *columns)).rstrip() for row in (head, *rows)]
         for columns in blocks
     ]
-
-
-def _reach_text(reach: Reach) -> str:
-    from foresee_dsl.language.project.concretise import value_text
-
-    share = f"{reach.reached} of {reach.bins} {reach.of} ({reach.reached / reach.bins:.0%})"
-    if reach.of == "options":
-        return f"{reach.name}: {share}"
-    return f"{reach.name}: {value_text(reach.smallest)} to {value_text(reach.largest)}, {share}"

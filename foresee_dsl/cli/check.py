@@ -73,9 +73,7 @@ def check(
         result = Checked(0, (), error.diagnostics)
     found: list[Diagnostic] = list(result.diagnostics)
     if result.campaigns:
-        from foresee_dsl.campaign.campaign_file import (
-            mistakes_of,  # plug-ins are looked up: only where a campaign names them
-        )
+        from foresee_dsl.campaign.campaign_file import mistakes_of  # looks for plug-ins, which takes its time
 
         found += [mistake for document in result.campaigns for mistake in mistakes_of(document)]
     if places:
@@ -84,7 +82,9 @@ def check(
 
         found = without_repeated(found, placement_mistakes(result.cases))
     shown = [
-        d for d in found if d.severity == "error" or (_chosen(d, wanted, True) and not _chosen(d, unwanted, False))
+        d
+        for d in found
+        if d.severity == "error" or (d.code.startswith(wanted or "") and not d.code.startswith(unwanted))
     ]
     failed = any(strict or d.severity == "error" for d in shown)
     _print(Format.json if json else format_, result, shown, failed=failed)
@@ -104,40 +104,31 @@ def _codes(given: Iterable[str] | None, option: str) -> tuple[str, ...]:
     return codes
 
 
-def _chosen(found: Diagnostic, codes: Sequence[str], default: bool) -> bool:
-    return found.code.startswith(tuple(codes)) if codes else default
-
-
 def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, failed: bool) -> None:
-    if format_ is Format.json:
+    if format_ in (Format.sarif, Format.github):
+        from foresee_dsl.language.codes.code import every_code
+        from foresee_dsl.report.github import render_github
+        from foresee_dsl.report.sarif import to_sarif
+
+        if format_ is Format.sarif:
+            print_json(to_sarif(shown, every_code()))
+        else:
+            typer.echo(render_github(shown, every_code()), nl=bool(shown))
+    elif format_ is Format.json:
         from foresee_dsl.language.messages.diagnostics import to_json
 
         print_json({"schema": 1, "ok": not failed, "files": result.files, "test_cases": len(result.cases),
                     "diagnostics": [to_json(d) for d in shown]})  # fmt: skip
-    elif format_ is Format.sarif:
-        from foresee_dsl.language.codes.code import every_code
-        from foresee_dsl.report.sarif import to_sarif
-
-        print_json(to_sarif(shown, every_code()))
-    elif format_ is Format.github:
-        from foresee_dsl.language.codes.code import every_code
-        from foresee_dsl.report.github import render_github
-
-        typer.echo(render_github(shown, every_code()), nl=bool(shown))
     elif format_ is Format.concise:
         from foresee_dsl.language.messages.diagnostics import render_concise
 
         typer.echo("\n".join(map(render_concise, shown)), nl=bool(shown))
     else:
-        _print_full(result, shown)
-
-
-def _print_full(result: Checked, shown: Sequence[Diagnostic]) -> None:
-    if shown:
-        print_diagnostics(tuple(shown))
-    if not any(d.severity == "error" for d in shown):
-        warned = "no mistakes, but warnings" if shown else "no mistakes found"
-        typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
+        if shown:
+            print_diagnostics(tuple(shown))
+        if not any(d.severity == "error" for d in shown):
+            warned = "no mistakes, but warnings" if shown else "no mistakes found"
+            typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
 
 
 # ---- explain --------------------------------------------------------------------------------------------------------
@@ -162,8 +153,11 @@ def explain(
     from foresee_dsl.language.codes.code import every_code
 
     codes = every_code()
+    if code is None and json:
+        print_json({"schema": 1, "codes": [_data(found) for found in codes.values()]})
+        return
     if code is None:
-        _list(list(codes.values()), json=json)
+        _list(list(codes.values()))
         return
     name = code.strip().upper()
     found = codes.get(name)
@@ -182,8 +176,7 @@ def _nearest(name: str, known: list[str]) -> str:
     small = [code.lower() for code in known]
     digits = "".join(c for c in name if c.isdigit())
     meant = closest(f"fs{digits.zfill(3)}", small) or closest(name.lower(), small)
-    meant = meant.upper() if meant else None
-    return f": did you mean {meant}?" if meant else "; `foresee explain` lists them"
+    return f": did you mean {meant.upper()}?" if meant else "; `foresee explain` lists them"
 
 
 def _data(code: Code) -> dict[str, str]:
@@ -198,10 +191,7 @@ def _data(code: Code) -> dict[str, str]:
     }
 
 
-def _list(codes: list[Code], *, json: bool) -> None:
-    if json:
-        print_json({"schema": 1, "codes": [_data(code) for code in codes]})
-        return
+def _list(codes: list[Code]) -> None:
     from rich.table import Table
     from rich.text import Text
 

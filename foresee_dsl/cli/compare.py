@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from foresee_dsl.errors import Diagnostic
     from foresee_dsl.language.project.document import TestCase
-    from foresee_dsl.language.repinning.repin import Child
 
 
 class Format(StrEnum):
@@ -154,18 +153,24 @@ def repin(
     foresee repin regressions --write
     foresee repin clip.foresee --run[/dim]
     """
-    from foresee_dsl.language.repinning.repin import State, plan
+    from foresee_dsl.language.repinning.repin import State, describe, plan, summary
     from foresee_dsl.language.repinning.repin import write as write_pins
 
     children = plan(paths, _placement)
-    verdicts = _verdicts(children) if run else {}
+    verdicts: dict[Path, tuple[str, str]] = {}
+    if run:
+        from foresee_dsl.campaign.verify import before_and_after
+
+        verdicts = before_and_after([child for child in children if child.state is State.STALE])
     written = write_pins(children) if write else ()
     failed = [child for child in children if child.state in (State.CONFLICT, State.BLOCKED)]
     if json:
         listed = [child.as_dict() | {"verdict": verdicts.get(child.file)} for child in children]
         print_json({"schema": 1, "ok": not failed, "written": [str(file) for file in written], "children": listed})
     else:
-        _print(children, verdicts, write=write)
+        for child in children:
+            typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)
+        typer.echo(summary(children, written=write))
     if failed:
         raise typer.Exit(FAILED)
 
@@ -175,19 +180,3 @@ def _placement(case: TestCase) -> Sequence[Diagnostic]:
     from foresee_dsl.compile import placement_mistakes
 
     return placement_mistakes([case])
-
-
-def _verdicts(children: Sequence[Child]) -> dict[Path, tuple[str, str]]:
-    """Drive the stale children under their old parent and under the new one; what each run ended with."""
-    from foresee_dsl.campaign.verify import before_and_after
-    from foresee_dsl.language.repinning.repin import State
-
-    return before_and_after([child for child in children if child.state is State.STALE])
-
-
-def _print(children: Sequence[Child], verdicts: dict[Path, tuple[str, str]], *, write: bool) -> None:
-    from foresee_dsl.language.repinning.repin import describe, summary
-
-    for child in children:
-        typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)
-    typer.echo(summary(children, written=write))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -64,9 +65,8 @@ def fmt(
             raise
         except OSError as error:
             message = f"this file cannot be written: {(error.strerror or str(error)).lower()}"
-            tally.mistakes[
-                Diagnostic("FS001", message, "check the permissions of the file and its folder", str(file))
-            ] = None
+            help = "check the permissions of the file and its folder"
+            tally.mistakes[Diagnostic("FS001", message, help, str(file))] = None
     if tally.mistakes:
         print_diagnostics(tuple(tally.mistakes))
     elif not tally.changed:
@@ -149,17 +149,12 @@ def _print_diff(before: str, after: str, name: str) -> None:
     import difflib
 
     coloured = "NO_COLOR" not in os.environ
-    for k, line in enumerate(difflib.unified_diff(_lines(before), _lines(after), name, name)):
+    # Split behind each newline: `str.splitlines` also splits at characters that may stand in a string.
+    old, new = (re.findall(r"[^\n]*\n|[^\n]+", text) for text in (before, after))
+    for k, line in enumerate(difflib.unified_diff(old, new, name, name)):
         text, newline, _ = line.partition("\n")
         if coloured and k < _HEADER_LINES:
             text = typer.style(text, bold=True)
         elif coloured and line[0] in _COLOURS:
             text = typer.style(text, fg=_COLOURS[line[0]])
         typer.echo(text + (newline or "\n\\ No newline at end of file\n"), nl=False)
-
-
-def _lines(text: str) -> list[str]:
-    """Split behind each newline (`str.splitlines` also splits at characters that may stand in a string)."""
-    lines = [f"{line}\n" for line in text.split("\n")]
-    lines[-1] = lines[-1][:-1]  # what stands behind the last newline: nothing, where the file ends with one
-    return [line for line in lines if line]

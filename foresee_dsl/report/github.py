@@ -12,12 +12,7 @@ from foresee_dsl.language.codes.code import Code
 
 
 def render_github(diagnostics: Iterable[Diagnostic], codes: Mapping[str, Code]) -> str:
-    """Return one command a line, in the order given; nothing for no diagnostics.
-
-    Args:
-        diagnostics: what was found.
-        codes: gives each its title.
-    """
+    """Return one command a line, in the order given; `codes` gives each its title."""
     return "\n".join(_command(found, codes) for found in diagnostics)
 
 
@@ -29,7 +24,8 @@ def _command(found: Diagnostic, codes: Mapping[str, Code]) -> str:
         if found.span.line == found.span.end_line:  # GitHub takes a last column only on the same line
             properties.append(("endColumn", found.span.end_column))
     properties.append(("title", f"{found.code} {code.title}" if code is not None else found.code))
-    options = ",".join(f"{name}={_property(str(value))}" for name, value in properties)
+    escaped = ((name, _data(str(value)).replace(":", "%3A").replace(",", "%2C")) for name, value in properties)
+    options = ",".join(f"{name}={value}" for name, value in escaped)
     message = f"{found.message}\n{found.help}" if found.help else found.message
     level = "error" if found.severity == "error" else "warning"
     return f"::{level} {options}::{_data(message)}"
@@ -37,7 +33,3 @@ def _command(found: Diagnostic, codes: Mapping[str, Code]) -> str:
 
 def _data(text: str) -> str:
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")

@@ -21,12 +21,7 @@ _Json = dict[str, object]
 
 
 def to_sarif(diagnostics: Sequence[Diagnostic], codes: Mapping[str, Code]) -> _Json:
-    """Return one SARIF log with one run; the same diagnostics give the same log.
-
-    Args:
-        diagnostics: what was found, in the order in which to report it.
-        codes: every code; those that occur become the run's rules, with their explanations and examples.
-    """
+    """Return one SARIF log with one run; codes that occur become its rules, with their explanations and examples."""
     rules = sorted({found.code for found in diagnostics} & set(codes))
     seen: Counter[str] = Counter()
     results = [_result(found, rules, seen) for found in diagnostics]
@@ -78,20 +73,14 @@ def _artifact(path: str) -> _Json:
 
 def _region(span: Span, line: str) -> _Json:
     """A place, its columns in UTF-16 code units; of a place over several lines, its first line."""
-    end = span.end_column if span.end_line == span.line else len(line) + 1
     first = _utf16(line, span.column)
-    return {
-        "startLine": span.line,
-        "startColumn": first,
-        "endLine": span.line,
-        "endColumn": max(_utf16(line, end), first),
-    }
+    last = max(_utf16(line, span.end_column if span.end_line == span.line else len(line) + 1), first)
+    return {"startLine": span.line, "startColumn": first, "endLine": span.line, "endColumn": last}
 
 
 def _utf16(line: str, column: int) -> int:
     """Turn a 1-based column in characters into one in UTF-16 code units."""
-    before = line[: column - 1]
-    return column + sum(ord(char) > 0xFFFF for char in before)
+    return column + sum(ord(char) > 0xFFFF for char in line[: column - 1])
 
 
 def _fingerprint(found: Diagnostic, seen: Counter[str]) -> str:
