@@ -26,9 +26,7 @@ MOST = 2000
 def entry(folder: str, depends_on: Iterable[str | bytes]) -> Path | None:
     """Return the file in the cache folder `folder` for a value; None where there is no cache.
 
-    Args:
-        folder: a name such as "documents".
-        depends_on: everything that the value depends on, apart from this package's code and Python.
+    `depends_on` is everything that the value depends on, apart from this package's code and Python.
     """
     digest = hashlib.sha256(_code())
     for part in depends_on:

@@ -50,19 +50,12 @@ _PLAIN = frozenset({str, int, float, bool, type(None)})
 def meaning_hash(scenario: m.Scenario, network: m.Network | Path, models: Mapping[str, m.VehicleModel]) -> str:
     """Return the hash of what a concrete scenario means: `sha256:` and 12 hexadecimal digits.
 
-    Args:
-        scenario: concrete.
-        network: in the language (its name and `doc` do not count), or a foreign file (its bytes count).
-        models: the catalogue; only the models that the scenario names count.
+    Of a network in the language the name and `doc` do not count; of a foreign one the file's bytes count. Of the models
+    only those count that the scenario names.
     """
     named = sorted(models_named(scenario))
-    return _digest(
-        {
-            "scenario": _body(scenario.body),
-            "network": _network(network),
-            "models": {name: _cached(models[name], _model) if name in models else None for name in named},
-        }
-    )
+    used = {name: _cached(models[name], _model) if name in models else None for name in named}
+    return _digest({"scenario": _body(scenario.body), "network": _network(network), "models": used})
 
 
 def clip_pin(clip: m.Clip, parent_meaning: str) -> str:

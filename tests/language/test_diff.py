@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.errors import InputError
-from foresee_dsl.language.diff.addresses import compare_addresses, diff_addresses
+from foresee_dsl.language.diff.addresses import compare_addresses
 from foresee_dsl.language.diff.compare import diff_models
 from foresee_dsl.language.diff.parts import apply, to_dict
 from foresee_dsl.language.diff.plain import plain_text, texts
-from foresee_dsl.language.diff.rendering import render_groups, render_markdown, render_text
+from foresee_dsl.language.diff.rendering import render_groups, render_markdown
 from foresee_dsl.language.model import (
     Catalogue,
     Definition,
@@ -32,7 +32,7 @@ from tests.support.meaning_examples import SCENARIO, case_of, change, clip_of, m
 
 
 def lines(a: Definition, b: Definition) -> list[str]:
-    return render_text(diff_models(a, b)).splitlines()
+    return [str(change) for change in diff_models(a, b)]
 
 
 def replaced(pattern: str, by: str) -> Scenario:
@@ -404,13 +404,13 @@ def test_files_are_compared_with_the_networks_that_they_use(tmp_path: Path) -> N
     found = compare_addresses(a, b)
     assert [(change.group, str(change)) for change in found.changes] == [("network", "road main.lanes: 2 => 3 (+1)")]
     write(tmp_path, "two/town.foresee", TOWN.replace("200 m", "20000 cm"))
-    assert diff_addresses(a, b) == ()
+    assert compare_addresses(a, b).changes == ()
 
 
 def test_a_missing_network_leaves_what_the_files_say(tmp_path: Path) -> None:
     a = write(tmp_path, "a.foresee", BASE)
     b = write(tmp_path, "b.foresee", with_edits(("town.foresee", "other.foresee")))
-    assert [str(change) for change in diff_addresses(a, b)] == [
+    assert [str(change) for change in compare_addresses(a, b).changes] == [
         'use network: "town.foresee" => "other.foresee"',
     ]
 

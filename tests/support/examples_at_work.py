@@ -11,7 +11,7 @@ from foresee_dsl.campaign.campaign_file import mistakes_of
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.code import Code
-from foresee_dsl.language.diff.addresses import diff_addresses
+from foresee_dsl.language.diff.addresses import compare_addresses
 from foresee_dsl.language.lints.lint import without_repeated
 from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.project.checked_files import check_paths
@@ -46,7 +46,7 @@ def _do(command: str, *words: str) -> tuple[Diagnostic, ...]:
     if command == "run":
         load_test_case(*paths)
     elif command == "diff":
-        diff_addresses(*paths)
+        compare_addresses(*paths)
     elif command == "models":
         load_catalogue(Path(*paths))
     else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
@@ -29,45 +28,37 @@ _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
 }
 """Fields whose name does not tell which type of parameter may stand for their word."""
 
-_LIMITS: MappingProxyType[tuple[type[m.Item], str], tuple[float, float, str]] = MappingProxyType(
-    {(m.Weather, name): (0.0, 1.0, "FS043") for name in ("rain", "fog", "wetness", "sun")}
-    | {
-        (m.Steers, "value"): (-1.0, 1.0, "FS043"),
-        (m.Timing, "factor"): (0.01, 10.0, "FS043"),  # ours: the operator's own range is 0.6 to 1.4
-        (m.Road, "lanes"): (1, 8, "FS050"),  # ours: the widest motorway halves have eight lanes
-        (m.Road, "back"): (0, 8, "FS050"),
-        (m.RiskyPoints, "count"): (1, 1000, "FS050"),
-        (m.Children, "count"): (0, 1000, "FS050"),
-        (m.Repeat, "times"): (1, 100_000, "FS050"),  # ours: beyond the study's size (34,416 runs) by far
-        (m.FirstSeed, "seed"): (0, 2**31 - 1, "FS050"),
-        (m.ClipAround, "before"): (0.5, 60.0, "FS050"),
-        (m.ClipAround, "after"): (0.5, 60.0, "FS050"),
-        (m.Budget, "time"): (1.0, 1e9, "FS050"),
-        (m.Traffic, "count"): (0, 500, "FS050"),  # ours: more is a traffic study, not a test case
-        (m.Delay, "time"): (0.0, 1e9, "FS050"),
-        (m.Line, "left"): (-WIDEST_LINE_M, WIDEST_LINE_M, "FS050"),
-        (m.Walked, "along"): (0.0, 1e9, "FS050"),
-        (m.Recorded, "time"): (0.05, 10.0, "FS050"),  # one step of the simulation, to a whole clip
-        (m.CruiseSpeed, "speed"): (0.0, 1e9, "FS050"),
-        (m.StartSpeed, "speed"): (0.0, 1e9, "FS050"),
-        (m.State, "speed"): (0.0, 1e9, "FS050"),
-        (m.Stage, "duration"): (0.1, 1e9, "FS050"),
-        (m.End, "after"): (0.05, 1e9, "FS050"),  # one step of the simulation
-        (m.Expect, "within"): (0.0, 1e9, "FS050"),
-        (m.Sustained, "since"): (-1e9, 0.0, "FS050"),
-        (m.VehicleModel, "length"): (0.01, 100.0, "FS050"),
-        (m.VehicleModel, "width"): (0.01, 100.0, "FS050"),
-        (m.VehicleModel, "height"): (0.01, 100.0, "FS050"),
-        (m.VehicleModel, "front_overhang"): (0.0, 100.0, "FS050"),
-        (m.VehicleModel, "rear_overhang"): (0.0, 100.0, "FS050"),
-        (m.VehicleModel, "cruise_speed"): (0.01, 1e9, "FS050"),
-        (m.Road, "lane_width"): (1.0, 10.0, "FS050"),  # ours: a cycle lane to a bus stop
-        (m.Road, "speed"): (0.1, 1e9, "FS050"),
-        (m.Road, "parking"): (1.0, 10.0, "FS050"),  # ours: a bicycle's stand to a lorry's bay across
-        (m.Road, "sidewalk"): (0.0, 50.0, "FS050"),
-        (m.Road, "median"): (0.0, 50.0, "FS050"),
-    }
-)
+_NOT_NEGATIVE = (0.0, 1e9)
+_LIMITS: Mapping[tuple[type[m.Item], str], tuple[float, float]] = {
+    **{(m.Weather, name): (0.0, 1.0) for name in ("rain", "fog", "wetness", "sun")},
+    (m.Steers, "value"): (-1.0, 1.0),
+    (m.Timing, "factor"): (0.01, 10.0),  # ours: the operator's own range is 0.6 to 1.4
+    (m.Road, "lanes"): (1, 8),  # ours: the widest motorway halves have eight lanes
+    (m.Road, "back"): (0, 8),
+    (m.RiskyPoints, "count"): (1, 1000),
+    (m.Children, "count"): (0, 1000),
+    (m.Repeat, "times"): (1, 100_000),  # ours: beyond the study's size (34,416 runs) by far
+    (m.FirstSeed, "seed"): (0, 2**31 - 1),
+    **{(m.ClipAround, name): (0.5, 60.0) for name in ("before", "after")},
+    (m.Budget, "time"): (1.0, 1e9),
+    (m.Traffic, "count"): (0, 500),  # ours: more is a traffic study, not a test case
+    (m.Delay, "time"): _NOT_NEGATIVE,
+    (m.Line, "left"): (-WIDEST_LINE_M, WIDEST_LINE_M),
+    (m.Walked, "along"): _NOT_NEGATIVE,
+    (m.Recorded, "time"): (0.05, 10.0),  # one step of the simulation, to a whole clip
+    **{(kind, "speed"): _NOT_NEGATIVE for kind in (m.CruiseSpeed, m.StartSpeed, m.State)},
+    (m.Stage, "duration"): (0.1, 1e9),
+    (m.End, "after"): (0.05, 1e9),  # one step of the simulation
+    (m.Expect, "within"): _NOT_NEGATIVE,
+    (m.Sustained, "since"): (-1e9, 0.0),
+    **{(m.VehicleModel, name): (0.01, 100.0) for name in ("length", "width", "height")},
+    **{(m.VehicleModel, name): (0.0, 100.0) for name in ("front_overhang", "rear_overhang")},
+    (m.VehicleModel, "cruise_speed"): (0.01, 1e9),
+    (m.Road, "lane_width"): (1.0, 10.0),  # ours: a cycle lane to a bus stop
+    (m.Road, "speed"): (0.1, 1e9),
+    (m.Road, "parking"): (1.0, 10.0),  # ours: a bicycle's stand to a lorry's bay across
+    **{(m.Road, name): (0.0, 50.0) for name in ("sidewalk", "median")},
+}
 """The smallest and largest SI value of a field."""
 
 
@@ -80,8 +71,10 @@ def check_values(findings: Findings, model: m.Definition) -> None:
         if isinstance(item, m.Comparison | m.Equals) and isinstance(item.left, m.Ref) and id(item) not in required:
             _not_about_the_world(findings, item)
             continue
-        if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure):
-            _check_comparison(findings, item, item.left)
+        if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure) and isinstance(item.right, m.Quantity):
+            needed = m.MEASURED[item.left.what]
+            if item.right.dimension != needed:
+                findings.wrong_dimension(item, "right", item.right, needed)
         for field, value in fields_of(item):
             if isinstance(value, m.Ref):
                 _check_reference(findings, parameters, item, field, value)
@@ -96,25 +89,19 @@ def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> N
     findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
 
 
-def _check_comparison(findings: Findings, item: m.Comparison, measure: m.Measure) -> None:
-    needed = m.MEASURED[measure.what]
-    if isinstance(item.right, m.Quantity) and item.right.dimension != needed:
-        findings.wrong_dimension(item, "right", item.right, needed)
-
-
 def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantity) -> None:
     limits = _LIMITS.get((type(item), field))
     if limits is None:
         return
-    low, high, code = limits
+    low, high = limits
     if low <= value.si <= high:
         return
-    dimension = form_of(type(item), field).dimension or "ratio"
-    if value.si < low:
-        help = f"use at least {low:g}" if dimension in ("ratio", "count") else "use a larger value"
-    else:
-        help = f"use at most {high:g}" if dimension in ("ratio", "count") else "use a smaller value"
-    size = "small" if value.si < low else "large"
+    size, bound, other = (
+        ("small", f"least {low:g}", "larger") if value.si < low else ("large", f"most {high:g}", "smaller")
+    )
+    plain = form_of(type(item), field).dimension in (None, "ratio", "count")
+    help = f"use at {bound}" if plain else f"use a {other} value"
+    code = "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
     findings.add(item, field, code, f"`{written(value)}` is too {size} for `{field}`", help)
 
 

@@ -52,11 +52,6 @@ class Comparison:
         }
 
 
-def diff_addresses(old: str, new: str) -> tuple[Difference, ...]:
-    """Return what differs in meaning between two files or test cases; see `compare_addresses`."""
-    return compare_addresses(old, new).changes
-
-
 def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:
     """Compare two files, or test cases (`file.foresee::case`).
 

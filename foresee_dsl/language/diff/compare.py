@@ -35,7 +35,7 @@ def diff_models(a: m.Definition, b: m.Definition) -> tuple[Difference, ...]:
 
     Names of the definitions, `doc`, tags, comments, layout, units, the order of statements where it means nothing,
     and the origin of a child do not count. To compare a child with its parent, expand both
-    (`expand.expanded_model`), or see `diff_addresses`.
+    (`expand.expanded_model`), or see `compare_addresses`.
 
     Raises:
         InputError: the two are of different kinds.

@@ -24,11 +24,8 @@ _T = TypeVar("_T", bound=m.Item)
 def plain_text(model: m.Definition, *, people: bool = False) -> str:
     """Return a definition as text: one unit a dimension, no comments, statements in a fixed order.
 
-    Names and labels stay, because other files address by them.
-
-    Args:
-        model: what the file says.
-        people: keep what only people read: `doc`, tags, risk, fidelity, origin.
+    Names and labels stay, because other files address by them; with `people` also what only people read: `doc`, tags,
+    risk, fidelity, origin.
     """
     return print_model(_plain(model, people))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Group, once
 
@@ -19,19 +19,8 @@ _LONG_LIST = 12
 _Texts = Sequence[tuple[str, str | None, str | None]]
 
 
-def render_text(changes: Iterable[Difference]) -> str:
-    """Return the differences one a line, in the order found; empty where there are none."""
-    return "".join(f"{change}\n" for change in changes)
-
-
 def render_groups(changes: Sequence[Difference], texts: _Texts = (), *, colour: bool = False) -> str:
-    """Return the differences grouped by what they touch, at most 80 columns wide.
-
-    Args:
-        changes: what differs in meaning.
-        texts: what differs without a change of meaning (`plain.texts`).
-        colour: with the terminal's colours.
-    """
+    """Return the differences grouped by what they touch, in 80 columns; `texts` are those of `plain.texts`."""
     blocks = []
     for group, found in _grouped(changes):
         lines = [_paint(GROUPS[group], _BOLD, colour)]

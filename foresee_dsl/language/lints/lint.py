@@ -24,12 +24,10 @@ _TOO_FAST = "FS256"
 
 
 def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return the lints of a file, in the order of their places; those that a comment allows are left out.
+    """Return the lints of a file without mistakes, sorted by place; those that a comment allows are left out.
 
-    Args:
-        document: the file, without mistakes.
-        cases: the test cases that it gives (none for a network or a catalogue). What shows in several is reported once.
-            Children are not looked at: what is odd about them is their parents'.
+    `cases` are the test cases that it gives (none for a network or a catalogue); what shows in several is reported
+    once. Children are not looked at: what is odd about them is their parents'.
     """
     found: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):

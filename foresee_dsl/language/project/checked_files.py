@@ -34,10 +34,9 @@ def check_paths(
     """Check files, folders and addresses; every mistake is found once, whatever else is wrong.
 
     Args:
-        paths: what to look at.
         overlay: texts that stand for those on the disk, by absolute path (an editor's unsaved ones).
         lints: also say what is allowed and hardly meant, in files without mistakes.
-        allow_outside: see `project.load_test_case`.
+        allow_outside: see `loading.load_test_case`.
 
     Raises:
         InputError: something named is not there.

@@ -18,7 +18,6 @@ from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import mentioned, parts
 
 _T = TypeVar("_T")
-_Participant = m.Ego | m.Actor
 
 
 def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
@@ -68,10 +67,7 @@ def expand_mutant(mutant: m.Mutant, clip_case: TestCase, *, source: Path, docume
     A change of `steer`, `timing` or `delay` replaces what the actor had.
 
     Args:
-        mutant: as written.
-        clip_case: the clip (or another mutant of it) that it changes.
-        source: the mutant's file (it need not exist yet).
-        document: gives the errors their places, and the test case its document.
+        clip_case: the clip (or another mutant of it) that it changes. source, document: see `expand_clip`.
 
     Raises:
         InputError: an unknown actor or model, a WAS that is not what the clip has, a NOW that does not fit, or an

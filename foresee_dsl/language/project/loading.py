@@ -189,10 +189,9 @@ class Project:
             yield from ((file, None) for file in scenarios)
 
     def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
-        """Load a file that holds a scenario, joined with what it extends, and its drawn cases beside the written ones.
+        """Load a file that holds a scenario, joined with what it extends.
 
-        Args:
-            file: the file. drawn: whether `cases N from seed S` becomes N cases, or stays as it is.
+        With `drawn`, each `cases N from seed S` becomes N cases.
 
         Raises:
             InputError: a mistake in one of the files, or it holds something else.

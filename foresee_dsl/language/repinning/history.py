@@ -57,13 +57,8 @@ class History:
         self._folder.cleanup()
 
     def parent(self, file: Path, case: str | None, pin: str) -> OldParent | None:
-        """Return the newest version of a parent whose meaning is pinned; None where git does not know one.
-
-        Args:
-            file: as it is now.
-            case: the case that is pinned.
-            pin: the hash that the child has.
-        """
+        """Return the newest version of a parent's file, or of a case in it, whose meaning is `pin`; None where git has
+        none."""
         key = (absolute(file), case, pin)
         if key not in self._found:
             self._found[key] = next((v.parent(case) for v in self._all(key[0]) if v.pin(case) == pin), None)

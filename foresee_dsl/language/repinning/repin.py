@@ -282,10 +282,7 @@ def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnost
 def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
     """Return the report about one child; empty for one that is up to date.
 
-    Args:
-        child: as planned.
-        verdict: what its runs ended with under the old parent ("" where that is unknown) and the new one.
-        written: the new pins have been written.
+    `verdict`: what its runs ended with under the old parent ("" where that is unknown) and the new one.
     """
     if child.state is State.FRESH:
         return ""
@@ -305,13 +302,8 @@ def summary(children: Sequence[Child], *, written: bool = False) -> str:
     """Return the last line: how many of each."""
     count = {state: sum(child.state is state for child in children) for state in State}
     done = "re-pinned" if written else "to re-pin (`--write` does it)"
-    parts = [
-        f"{count[State.FRESH]} up to date",
-        f"{count[State.STALE]} {done}",
-        f"{count[State.CONFLICT]} in conflict",
-        f"{count[State.BLOCKED]} blocked",
-    ]
-    return ", ".join(part for part in parts if not part.startswith("0 ")) or "no children"
+    words = {State.FRESH: "up to date", State.STALE: done, State.CONFLICT: "in conflict", State.BLOCKED: "blocked"}
+    return ", ".join(f"{count[state]} {text}" for state, text in words.items() if count[state]) or "no children"
 
 
 def _first_line(child: Child, written: bool) -> str:
