@@ -147,11 +147,11 @@ def _package(name: str) -> Finding:
 
 
 def _attempt(check: tuple[str, Callable[[], str], str]) -> Finding:
-    what, function, mend = check
+    what, function, advice = check
     try:
         return Finding(what, True, function())
     except Exception as err:  # whatever is wrong with this machine is what we are here to say
-        return Finding(what, False, f"{type(err).__name__}: {err}", mend)
+        return Finding(what, False, f"{type(err).__name__}: {err}", advice)
 
 
 def _netconvert() -> str:

@@ -134,7 +134,9 @@ def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str]
     """Every actor that is named exists; one of the traffic is named `others_03`."""
     for root in body:
         for item in walk(root):
-            for field, name in _mentions(item):
+            place = isinstance(item, m.Measure) and item.what not in ("ttc", "headway")  # its `other` is a junction
+            named = [(field, getattr(item, field, None)) for field in (("actor",) if place else ("actor", "other"))]
+            for field, name in ((field, name) for field, name in named if isinstance(name, str)):
                 group = re.fullmatch(r"(.+)_[0-9]+", name)
                 if name in actors or (group is not None and group[1] in groups):
                     continue
@@ -142,12 +144,3 @@ def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str]
                 if name in groups:
                     help = f"name one of its actors: `{name}_01`"
                 findings.add(item, field, "FS037", f"unknown actor '{name}'", help)
-
-
-def _mentions(item: m.Item) -> Iterator[tuple[str, str]]:
-    """The names of actors in one item, with their fields."""
-    junction = isinstance(item, m.Measure) and item.what not in ("ttc", "headway")
-    for field in ("actor",) if junction else ("actor", "other"):
-        name = getattr(item, field, None)
-        if isinstance(name, str):
-            yield field, name

@@ -150,13 +150,9 @@ def _diff_networks(a: _Network, b: _Network) -> tuple[Difference, ...]:
         return _under("network", diff_models(a, b))
     if a == b or (isinstance(a, Path) and isinstance(b, Path) and a.read_bytes() == b.read_bytes()):
         return ()
-    was, now = _network_name(a), _network_name(b)
+    was, now = (network.name if network is not None else None for network in (a, b))
     note = "other content" if was == now else ""
     return (Difference("network", "network", kind_of(was, now), was, now, note, Edit("set", ("network",), b)),)
-
-
-def _network_name(network: _Network) -> str | None:
-    return network.name if isinstance(network, m.Network | Path) else None
 
 
 def _under(root: str, changes: Iterable[Difference]) -> tuple[Difference, ...]:

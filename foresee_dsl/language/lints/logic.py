@@ -16,7 +16,7 @@ _NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "headway")
 
 @dataclass(frozen=True)
 class Limits:
-    """What is known of a run: how long it lasts, and who takes part (a distance to an actor is never negative)."""
+    """What is known of a run: how long it lasts, and its actors (the distance to an actor is never negative)."""
 
     end_s: float
     actors: frozenset[str]

@@ -113,7 +113,8 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], findings: Fin
         if ref.name in values:
             return values[ref.name]
         message = f"'{ref.name}' is no parameter of this scenario"
-        findings.add(owner, name, c.UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units_hint())
+        units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with `param`"
+        findings.add(owner, name, c.UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units)
         return ref
 
     def refused(owner: m.Item, name: str, ref: m.Ref, error: ValidationError) -> None:
@@ -121,11 +122,6 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], findings: Fin
         findings.add(owner, name, c.MISFIT, f"parameter '{ref.name}' ({shown}) does not fit here: {complaint(error)}")
 
     return cast(_ItemT, _walk(item, replace, refused))
-
-
-def units_hint() -> str:
-    """Return what may stand where a value is expected and no parameter exists."""
-    return f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with `param`"
 
 
 _Replace = Callable[[m.Item, str, m.Ref], "m.ParamValue | m.Ref"]

@@ -60,7 +60,7 @@ def softened(document: Document) -> Iterator[Diagnostic]:
 
 
 class _Joiner:
-    """Applies the lines of an extension, and knows of every new item where it is written."""
+    """Applies the lines of an extension, and records where every new item is written."""
 
     def __init__(self, document: Document, parent: Document, folder: Path, parent_folder: Path) -> None:
         extension, scenario = document.model, parent.model

@@ -61,7 +61,9 @@ class History:
         none."""
         key = (absolute(file), case, pin)
         if key not in self._found:
-            self._found[key] = next((v.parent(case) for v in self._all(key[0]) if v.pin(case) == pin), None)
+            loaded = ((version.case(case), version.commit[:10]) for version in self._all(key[0]))
+            found = (OldParent(then, commit) for then, commit in loaded if then is not None and pin_of(then) == pin)
+            self._found[key] = next(found, None)
         return self._found[key]
 
     def _all(self, file: Path) -> tuple[_Version, ...]:
@@ -82,27 +84,21 @@ class _Version:
     """A file, and all that it used, in one commit."""
 
     def __init__(self, root: Path, commit: str, name: str, folder: Path) -> None:
-        self._root, self._commit, self._name, self._folder = root, commit, name, folder
+        self._root, self.commit, self._name, self._folder = root, commit, name, folder
         self._project: Project | None = None
 
-    def pin(self, case: str | None) -> str:
-        """Return what a child of it pins; "" where it was not there, or had mistakes and cannot have been pinned."""
-        try:
-            return pin_of(self._load(case))
-        except InputError:
-            return ""
-
-    def parent(self, case: str | None) -> OldParent:
-        return OldParent(self._load(case), self._commit[:10])
-
-    def _load(self, case: str | None) -> TestCase:
+    def case(self, case: str | None) -> TestCase | None:
+        """Load the test case; None where it was not there, or had mistakes and cannot have been pinned."""
         if self._project is None:
-            for file, content in _files_then(self._root, self._commit, self._name).items():
+            for file, content in _files_then(self._root, self.commit, self._name).items():
                 (self._folder / file).parent.mkdir(parents=True, exist_ok=True)
                 (self._folder / file).write_bytes(content)
             self._project = Project(check_pin=False)
         there = self._folder / self._name
-        return self._project.test_case(f"{there}::{case}" if case else there)
+        try:
+            return self._project.test_case(f"{there}::{case}" if case else there)
+        except InputError:
+            return None
 
 
 def _within(root: Path, file: Path) -> str | None:
