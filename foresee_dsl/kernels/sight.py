@@ -322,7 +322,7 @@ def find(
 @compiled(FLOAT, FLOAT, FLOAT, TABLE, BODIES, WALLS, LIMITS)
 def in_sight(
     x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: Records
-) -> tuple[IntArray, FloatArray, FloatArray]:
+) -> IntArray:
     """Return who is in sight.
 
     Args:
@@ -330,16 +330,14 @@ def in_sight(
         bodies: [N]. walls: [M] the near ones. limits: [1].
 
     Returns:
-        [S] which objects; [S, 2] their centres relative to the ego (not turned), m; [S] their distances, m.
+        [S] which objects.
     """
     row = limits[0]
     one = SightLimits(row["reach"], row["ahead_share"], row["least_marks"])
     boxes, seen = find(x, y, heading, poses, bodies, walls, one)
-    who, offsets, gaps = np.empty(len(seen), dtype=np.int64), np.empty((len(seen), 2)), np.empty(len(seen))
     for k in range(len(seen)):
-        box = boxes[seen[k]]
-        who[k], offsets[k, 0], offsets[k, 1], gaps[k] = box["who"], box["x"], box["y"], box["gap"]
-    return who, offsets, gaps
+        seen[k] = boxes[seen[k]]["who"]
+    return seen
 
 
 @compiled(FLOAT, FLOAT, FLOAT, TABLE, TABLE, BODIES, WALLS, FLOAT)

@@ -13,6 +13,7 @@ import atexit
 import contextlib
 import gc
 import math
+import os
 import tempfile
 from dataclasses import dataclass, field
 from itertools import chain
@@ -22,7 +23,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.errors import SimulationError
 from foresee_dsl.simulate.signals import Signals
-from foresee_dsl.simulate.sumo_options import memory_folder, options
 from foresee_dsl.simulate.trace import STEP_S
 
 if TYPE_CHECKING:
@@ -106,10 +106,10 @@ class World:
         self._routes: dict[tuple[str, ...], str] = {}
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._limits: dict[str, float] = {}
-        self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=memory_folder())
+        self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
         try:
-            self._sumo.start(["sumo", *options(bundle)])
+            self._sumo.start(["sumo", *_options(bundle)])
             self._sumo.simulation.saveState(str(self._empty))
         except self._errors as err:
             self._states.cleanup()
@@ -437,3 +437,31 @@ def _import_libsumo() -> ModuleType:
         raise SimulationError(f"libsumo cannot be loaded: {err}; `foresee doctor` says what to install") from err
     module: ModuleType = libsumo
     return module
+
+
+_SUMO_SEED = 42
+"""SUMO's own random numbers decide nothing here (sigma and speedDev are 0); fixed to be sure."""
+
+
+def _options(bundle: SumoBundle) -> list[str]:
+    """Return the options for a bundle's network and vehicle types."""
+    values = {
+        "net-file": bundle.net_file,
+        "additional-files": bundle.types_file,
+        "step-length": STEP_S,
+        "time-to-teleport": -1,
+        "time-to-impatience": -1,  # impatience grows with the time waited, which no description holds
+        "collision.action": "none",
+        "pedestrian.striping.dawdling": 0,
+        "save-state.precision": 17,
+        "seed": _SUMO_SEED,
+        "message-log": os.devnull,  # "Loading state from ..." would go to the standard output
+    }
+    flags = ["--no-step-log", "--no-warnings"]
+    return [word for key, value in values.items() for word in (f"--{key}", str(value))] + flags
+
+
+def _memory_folder() -> str | None:
+    """Return a folder that is kept in memory; None (the usual one) where there is none."""
+    shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
+    return shm if os.access(shm, os.W_OK) else None

@@ -25,8 +25,8 @@ from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expanded_model
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, front_of, limits_of
-from foresee_dsl.simulate.actors.handover import handed_over
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, limits_of
+from foresee_dsl.simulate.actors.moved_actors import recorded_states
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
@@ -37,7 +37,7 @@ MOTION = Bicycle(limits_of(COMPACT))
 
 def recorded(state: BicycleState, time_s: float) -> RecordedState:
     """A state as a clip's file has it."""
-    x, y = (round(v, 4) for v in front_of(state, COMPACT.length_m))
+    x, y = (round(v, 4) for v in centre_of_front(state.x, state.y, state.heading, -COMPACT.length_m))
     return RecordedState(
         time_s=time_s,
         x=x,
@@ -65,7 +65,7 @@ def test_it_is_where_it_was_and_near_that_between_the_recorded_states(
         states.append(MOTION.step(states[-1], Control(0.3 * steer, throttle, brake), STEP_S))
     for every in (1, 2):
         marks = [recorded(states[k], k * STEP_S) for k in range(every, 13, every)]
-        found = list(handed_over(states[0], marks, MOTION))
+        found = list(recorded_states(states[0], marks, MOTION))
         assert len(found) == 12
         for k, (there, here) in enumerate(zip(states[1:], found, strict=True), start=1):
             exact = k % every == 0
@@ -81,9 +81,9 @@ def test_states_at_any_times() -> None:
     start = BicycleState(0.0, 0.0, 0.0, 10.0)
     half = COMPACT.length_m / 2
     marks = [RecordedState(t, 10 * t + half, 0.0, 0.0, 10.0, 0.0, 0.0) for t in (0.03, 0.12, 0.33)]
-    found = list(handed_over(start, marks, MOTION))
+    found = list(recorded_states(start, marks, MOTION))
     assert [state.x for state in found] == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
-    assert list(handed_over(start, (), MOTION)) == []
+    assert list(recorded_states(start, (), MOTION)) == []
 
 
 TEXT = """foresee 1

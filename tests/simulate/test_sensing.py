@@ -40,7 +40,7 @@ def seen(
 ) -> list[int]:
     """Indices of those in sight; all point east."""
     sight = Sight(Bodies.of([model for model, _, _ in scene]), buildings, settings, air)
-    return sight.seen(0.0, 0.0, heading, np.array([(x, y, 0.0) for _, x, y in scene]))[0].tolist()
+    return sight.seen(0.0, 0.0, heading, np.array([(x, y, 0.0) for _, x, y in scene])).tolist()
 
 
 def test_a_child_behind_a_parked_car_is_hidden_and_an_adult_is_seen_by_the_head() -> None:
@@ -96,7 +96,7 @@ def test_buildings_hide_everything_behind_them(outline: tuple[tuple[float, float
 def test_walls_are_looked_up_again_when_the_ego_has_gone_on() -> None:
     sight = Sight(Bodies.of([CAR]), (HOUSE,))
     for x, expected in ((-400.0, []), (-20.0, []), (35.0, [0]), (-20.0, []), (5.0, [])):
-        assert sight.seen(x, 10.0, 0.0, np.array([(40.0, 10.0, 0.0)]))[0].tolist() == expected
+        assert sight.seen(x, 10.0, 0.0, np.array([(40.0, 10.0, 0.0)])).tolist() == expected
 
 
 def test_ranges_are_by_class() -> None:
@@ -118,8 +118,8 @@ def test_a_narrow_field_of_view_is_about_the_egos_heading() -> None:
 def test_who_is_not_there_is_not_seen() -> None:
     sight = Sight(Bodies.of([CAR, LORRY, CAR]), ())
     poses = np.array([(30.0, 0.0, 0.0), (math.nan, math.nan, math.nan), (40.0, 9.0, 0.0)])
-    assert sight.seen(*AT_ZERO, poses)[0].tolist() == [0, 2]
-    assert not len(Sight(Bodies.of([]), ()).seen(*AT_ZERO, np.empty((0, 3)))[0])
+    assert sight.seen(*AT_ZERO, poses).tolist() == [0, 2]
+    assert not len(Sight(Bodies.of([]), ()).seen(*AT_ZERO, np.empty((0, 3))))
 
 
 def test_boxes_hide_what_points_on_the_lines_say() -> None:

@@ -232,5 +232,5 @@ def in_view(trace: Trace, other: int, frame: int, sight: Sight) -> bool:
     """Say whether an actor (its column) is in sight from the ego at a frame."""
     poses = trace.states[frame][:, [X, Y, HEADING]]
     x, y, heading = poses[0].tolist()
-    visible, _, _ = sight.seen(x, y, heading, poses[1:])
+    visible = sight.seen(x, y, heading, poses[1:])
     return other - 1 in visible

@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.drivers.protocol import Control, EgoState, VehicleLimits
+from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.bicycle import BicycleLimits, VehicleState, step
 from foresee_dsl.kernels.boxes import wheels
 from foresee_dsl.kernels.records import dtype_of
 
 FloatArray = NDArray[np.float64]
+
+_STATE = dtype_of(VehicleState)
 
 GRAVITY_MPS2 = 9.81
 """Standard gravity, to the figures that `VehicleLimits` is defined with."""
@@ -56,10 +58,6 @@ class BicycleState:
     def pose(self) -> tuple[float, float, float]:
         """x, y, heading."""
         return self.x, self.y, self.heading
-
-    def as_ego(self) -> EgoState:
-        """Return what a driver is told about its own vehicle."""
-        return EgoState(self.x, self.y, self.heading, self.speed, self.acceleration, self.yaw_rate, self.steer)
 
 
 def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
@@ -124,8 +122,6 @@ class Bicycle:
             lateral=self.lateral_mps2,
         )
         self._limits = np.array([record], dtype_of(BicycleLimits))
-        self._state = np.empty(1, dtype_of(VehicleState))
-        self._numbers = self._state.view(np.float64)
 
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
@@ -138,11 +134,13 @@ class Bicycle:
         Raises:
             ValueError: the control holds a NaN or something that is no number.
         """
-        self._state[0] = (
-            state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer
-        )  # fmt: skip
-        step(self._state, self._limits, *checked(control), dt)
-        return BicycleState(*self._numbers.tolist())
+        row = np.array((state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer))
+        self.move(row, control, dt)
+        return BicycleState(*row.tolist())
+
+    def move(self, row: FloatArray, control: Control, dt: float) -> None:
+        """Do the same to a state that is given as an array, [7] the fields of `BicycleState`, which is changed."""
+        step(row.view(_STATE), self._limits, *checked(control), dt)
 
     def steer_for(self, curvature: float) -> float:
         """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""
@@ -185,11 +183,6 @@ def checked(control: Control) -> tuple[float, float, float]:
     return max(-1.0, min(1.0, steer)), max(0.0, min(1.0, throttle)), max(0.0, min(1.0, brake))
 
 
-def front_of(state: BicycleState, length: float) -> tuple[float, float]:
-    """Return the middle of the front bumper (m) of a vehicle of this length (m); SUMO's reference point."""
-    return state.x + length / 2 * cos(state.heading), state.y + length / 2 * sin(state.heading)
-
-
 def centre_of_front(x: float, y: float, heading: float, length: float) -> tuple[float, float]:
-    """Return the centre of the footprint (m) whose front bumper's middle is at x, y."""
+    """Return the centre of the footprint (m) whose front bumper's middle, SUMO's reference point, is at x, y."""
     return x - length / 2 * cos(heading), y - length / 2 * sin(heading)

@@ -6,19 +6,18 @@ Each knows how to move one step and where SUMO's vehicles should see it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import shapely
 
-from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.bundle import PlacedActor, RecordedState
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.boxes import Mover, corner_points
-from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, lateral_limit_mps2, limits_of
-from foresee_dsl.simulate.actors.handover import handed_over
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, lateral_limit_mps2, limits_of
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
 from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.actors.states import Actor
@@ -48,7 +47,7 @@ class Ego(Actor):
         """Start where the actor is placed."""
         super().__init__(actor)
         self.motion = Bicycle(limits_of(actor.model, friction))
-        self._recorded = iter(handed_over(self.bicycle(), actor.recorded, self.motion))
+        self._recorded = iter(recorded_states(self.bicycle(), actor.recorded, self.motion))
 
     @property
     def limits(self) -> VehicleLimits:
@@ -61,7 +60,71 @@ class Ego(Actor):
         While there are recorded states it moves to the next of them, whatever the driver answers.
         """
         recorded = next(self._recorded, None)
-        self.set_state(recorded or self.motion.step(self.bicycle(), control, STEP_S))
+        if recorded is not None:
+            self.set_state(recorded)
+        else:
+            self.motion.move(self._row, control, STEP_S)
+            self._row[2] = math.remainder(self.heading, math.tau)
+
+
+def recorded_states(start: BicycleState, recorded: Sequence[RecordedState], motion: Bicycle) -> Iterator[BicycleState]:
+    """Yield the ego's state at each frame after the first, up to the last recorded one.
+
+    Between two recorded states the rear axle, the point that moves along the heading, follows the cubic curve that has
+    their positions, speeds and headings at its ends.
+
+    Args:
+        start: at the first frame. recorded: in the order of their times; one within a step of the last is left out.
+        motion: of the ego.
+    """
+    before, began_s, frame = replace(start, yaw_rate=_yaw_rate(start.speed, start.steer, motion)), 0.0, 1
+    for state in recorded:
+        after, ends_s = _recorded_state(state, motion), state.time_s
+        while frame * STEP_S <= ends_s + 1e-6:
+            yield _state_between(before, after, ends_s - began_s, frame * STEP_S - began_s, motion)
+            frame += 1
+        before, began_s = after, ends_s
+
+
+def _recorded_state(recorded: RecordedState, motion: Bicycle) -> BicycleState:
+    heading = recorded.heading_rad
+    x, y = centre_of_front(recorded.x, recorded.y, heading, motion.limits.length_m)
+    turning = _yaw_rate(recorded.speed_mps, recorded.steer_rad, motion)
+    return BicycleState(x, y, heading, recorded.speed_mps, recorded.acceleration_mps2, turning, recorded.steer_rad)
+
+
+def _yaw_rate(speed: float, steer: float, motion: Bicycle) -> float:
+    """Return the yaw rate (rad/s) that the wheels give, as far as the tyres hold."""
+    most = motion.grip_mps2 / max(speed, STEP_S)
+    return max(-most, min(most, speed * math.tan(steer) / motion.limits.wheelbase_m))
+
+
+def _state_between(a: BicycleState, b: BicycleState, span_s: float, since_s: float, motion: Bicycle) -> BicycleState:
+    """Return the state `since_s` after `a`, of the `span_s` until `b`."""
+    if since_s >= span_s - 1e-6:
+        return b
+    share = since_s / span_s
+    turned = math.remainder(b.heading - a.heading, math.tau)
+    heading = a.heading + _cubic(0.0, a.yaw_rate, turned, b.yaw_rate, span_s, share)
+    (ax, ay), (bx, by) = motion.rear_axle(a), motion.rear_axle(b)
+    x = _cubic(ax, a.speed * math.cos(a.heading), bx, b.speed * math.cos(b.heading), span_s, share)
+    y = _cubic(ay, a.speed * math.sin(a.heading), by, b.speed * math.sin(b.heading), span_s, share)
+    return BicycleState(
+        x=x + motion.rear_axle_m * math.cos(heading),
+        y=y + motion.rear_axle_m * math.sin(heading),
+        heading=heading,
+        speed=a.speed + share * (b.speed - a.speed),
+        acceleration=(b.speed - a.speed) / span_s,
+        yaw_rate=turned / span_s,
+        steer=a.steer + share * (b.steer - a.steer),
+    )
+
+
+def _cubic(a: float, a_rate: float, b: float, b_rate: float, span_s: float, share: float) -> float:
+    """Return the value of the cubic with these ends and rates of change (Hermite's form)."""
+    t, rest = share, 1.0 - share
+    ends = a * rest * rest * (1 + 2 * t) + b * t * t * (3 - 2 * t)
+    return ends + span_s * t * rest * (a_rate * rest - b_rate * t)
 
 
 class LanePosition(NamedTuple):

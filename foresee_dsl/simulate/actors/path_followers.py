@@ -6,9 +6,9 @@ One is restored from what a clip holds: its length along the path and its speed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from math import nan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,10 @@ from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 
 FloatArray = NDArray[np.float64]
 
+_ALONG, _SPEED, _PACE, _STOP = (Follower._fields.index(name) for name in ("along", "speed", "pace", "stop"))
 
-@dataclass(frozen=True, slots=True)
-class FollowerPose:
+
+class FollowerPose(NamedTuple):
     """Where a path-follower is: centre (m), heading (rad), speed (m/s), acceleration (m/s^2), yaw rate (rad/s)."""
 
     x: float
@@ -47,7 +48,7 @@ class PathFollower:
         length_m: its footprint's length: the heading is that of the path between its rear and its front, so that a
             cyclist turns gradually at a corner.
         along_m, speed_mps: where it is and how fast.
-        lateral_mps2: corners are taken so that it turns with less than this; None for who turns on the spot.
+        lateral_mps2: corners are taken so that it turns with less than this; None for an actor that turns on the spot.
 
     Raises:
         ValueError: the path has no length, or a rate is not positive.
@@ -78,12 +79,12 @@ class PathFollower:
         along = as_line(points)
         self.line = line_of(along)
         self.pace_mps = pace_mps
-        self.acceleration_mps2, self.braking_mps2 = acceleration_mps2, braking_mps2
         self.stop_m: float | None = None
         self.along_m, self.speed_mps = along_m, speed_mps
         self._half_m = length_m / 2
         self._vertices = vertices(self.line.points, self.line.s, self.line.heading)
-        self._record = np.empty(1, dtype_of(Follower))
+        record = Follower(along_m, speed_mps, pace_mps, acceleration_mps2, braking_mps2, nan, self._half_m)
+        self._record = np.array([record], dtype_of(Follower))
         self._numbers = self._record.view(np.float64)  # read in a tenth of the time that a record's field takes
         self._bends = speed_points((), ())
         if lateral_mps2 is not None and length_m > 0:
@@ -103,12 +104,10 @@ class PathFollower:
     def step(self, dt: float) -> FollowerPose:
         """Move on by `dt` seconds and return where it is then."""
         before, heading_before = self.speed_mps, self._heading
-        stop_m = nan if self.stop_m is None else self.stop_m
-        self._record[0] = (
-            self.along_m, before, self.pace_mps, self.acceleration_mps2, self.braking_mps2, stop_m, self._half_m
-        )  # fmt: skip
+        self._numbers[_PACE] = self.pace_mps
+        self._numbers[_STOP] = nan if self.stop_m is None else self.stop_m
         x, y, heading = advance(self._record, self._vertices, self._bends, dt)
-        self.along_m, self.speed_mps = self._numbers.item(0), self._numbers.item(1)
+        self.along_m, self.speed_mps = self._numbers.item(_ALONG), self._numbers.item(_SPEED)
         self._heading = heading
         turned = wrap(heading - heading_before)
         return FollowerPose(x, y, heading, self.speed_mps, (self.speed_mps - before) / dt, turned / dt)

@@ -148,7 +148,8 @@ class Actor:
         self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0, yaw_rate: float = 0.0
     ) -> None:
         """Be somewhere else; the steering stays."""
-        self._row[:6] = x, y, heading, speed, acceleration, yaw_rate
+        row = self._row  # number by number: numpy takes twice as long for a slice of them
+        row[0], row[1], row[2], row[3], row[4], row[5] = x, y, heading, speed, acceleration, yaw_rate
 
     def set_state(self, state: BicycleState) -> None:
         """Take over a bicycle's state."""

@@ -1,4 +1,4 @@
-"""The object list: who is in sight and not missed, measured with noise."""
+"""The object list: the actors in sight that are not missed, measured with noise."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ class Tracks:
 class ObjectList:
     """Measures the others from where the ego is.
 
-    What is measured is where an object is relative to the ego; it is put on the map by where the ego takes itself to
-    be. So an error of the ego's localisation moves and turns all objects with the ego.
+    What is measured is where an object is relative to the ego; it is put on the map at the ego's estimated
+    pose, so that an error of the ego's localisation moves and turns all objects.
     """
 
     def __init__(self, bodies: Bodies, names: Sequence[str], sight: Sight, settings: SensorSettings, seed: int) -> None:
@@ -92,29 +92,22 @@ class ObjectList:
         self._bodies = sight.bodies.copy()
         self._bodies["heading_spread"] = heading_rad
         self._settings = np.array([_scan_settings(sight, settings)], dtype_of(ScanSettings))
+        self._poses = np.empty((2, 3))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
 
-    def measure(self, frame: int, ego: Pose, taken: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
-        """Return who is seen, the nearest first.
+    def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
+        """Return the objects that are seen, the nearest first.
 
         Args:
             frame: absolute: in the time of the run that the clip was cut from.
-            ego: where it is, x, y, heading. taken: where its localisation has it.
+            ego: where it is, x, y, heading. estimated: where its localisation places it.
             states: [N, >=4] x, y, heading, speed of the others; NaN where there is none.
         """
         walls, noise = self._sight.walls.near(ego[0], ego[1]), self._noise
-        states = np.ascontiguousarray(states)
-        rows = measured(
-            frame,
-            np.array((ego, taken), dtype=np.float64),
-            states,
-            self._bodies,
-            walls,
-            noise.keys,
-            noise.scales,
-            self._settings,
-        )
+        poses, states = self._poses, np.ascontiguousarray(states)
+        poses[0], poses[1] = ego, estimated
+        rows = measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
         kinds, track, seen = self._kinds, self._tracks.of, []
         for row in rows.tolist():
             k = int(row.pop())

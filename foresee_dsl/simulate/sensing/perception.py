@@ -24,12 +24,12 @@ from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, X, Y
 
 FloatArray = NDArray[np.float64]
 
-_LATE = frozenset({"actors", "signals", "ego", "views"})
+_MEASURED_LATER = frozenset({"actors", "signals", "ego", "views"})
 
 
 @dataclass(eq=False, slots=True)
 class _Scan:
-    """What there was to measure at an absolute frame, and what was measured once somebody looks.
+    """What there was to measure at an absolute frame, and, once the driver looks, what was measured.
 
     Attributes:
         measured_s: the frame's time in this run. pose: the ego's. states: [N, >=4] x, y, heading, speed of the others.
@@ -47,24 +47,24 @@ class _Scan:
     signals: dict[str, SignalColour] = field(default_factory=dict)
 
 
-class _Told(Observation):
-    """An observation that is measured when it is first looked at: a driver that plans every other step pays for that.
+class _LazyObservation(Observation):
+    """An observation that is measured when it is first read, so that a driver that plans in every other step is fast.
 
     It is the same whenever that is: noise is a function of time, and the scans are measured in their order.
     """
 
-    __slots__ = ("_late",)
-    _late: tuple[Sensing, _Scan, int, FloatArray]
+    __slots__ = ("_source",)
+    _source: tuple[Sensing, _Scan, int, FloatArray]
 
     def __getattr__(self, name: str) -> object:
         """Fill in what has not been looked at yet (Python asks here for slots that are empty)."""
-        if name not in _LATE:
+        if name not in _MEASURED_LATER:
             raise AttributeError(name)
-        sensing, scan, frame, states = self._late
+        sensing, scan, frame, states = self._source
         if name == "views":
-            sensing.picture(self, states)
+            sensing.add_views(self, states)
         else:
-            sensing.tell(self, scan, frame, states)
+            sensing.fill_in(self, scan, frame, states)
         return object.__getattribute__(self, name)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -77,7 +77,7 @@ class Sensing:
 
     Noise is a function of the seed, the actor and the time in the parent's run, so that a clip begins with the noise
     that its parent had there. A clip has no past: what was measured before its first frame is taken from where
-    everybody would have been with the speed of that frame.
+    all actors would have been with the speeds of that frame.
     """
 
     def __init__(
@@ -132,42 +132,42 @@ class Sensing:
         ready = now - self._latency
         if not self._pipe:
             for frame in range(ready - ready % self._scan, now, self._scan):
-                self._take(self._before(frame, states))
+                self._queue(self._scan_before(frame, states))
         if now % self._scan == 0:
             x, y, heading = states[0, :3].tolist()
-            self._take(self._scan_of(now, (x, y, heading), self._s(), states[1:]))
+            self._queue(self._scan_of(now, (x, y, heading), self._s(), states[1:]))
         while len(self._pipe) > 1 and self._pipe[1].frame <= ready:
             self._pipe.popleft()
-        got = self._pipe[0]
-        told = _Told.__new__(_Told)
+        newest = self._pipe[0]
+        observation = _LazyObservation.__new__(_LazyObservation)
         put = object.__setattr__
-        put(told, "time_s", simulation.time_s)
-        put(told, "measured_s", got.measured_s)
-        put(told, "_late", (self, got, now, states))
-        return told
+        put(observation, "time_s", simulation.time_s)
+        put(observation, "measured_s", newest.measured_s)
+        put(observation, "_source", (self, newest, now, states))
+        return observation
 
-    def tell(self, told: Observation, scan: _Scan, frame: int, states: FloatArray) -> None:
+    def fill_in(self, observation: Observation, scan: _Scan, frame: int, states: FloatArray) -> None:
         """Fill in what an observation says.
 
         Args:
-            told: it. scan: what it is about. frame: when, absolute. states: of then, as in `observe`.
+            observation: to be filled. scan: its newest one. frame: of the observation, absolute. states: at that frame.
         """
-        while not scan.measured:  # in their order, as track numbers are given out so
+        while not scan.measured:  # in the order of the frames, which decides the track numbers
             self._measure(self._unseen.popleft())
         x, y, heading, speed, acceleration, yaw_rate, steer = states[0].tolist()
-        x, y, heading = self._taken(frame, (x, y, heading))
+        x, y, heading = self._estimated_pose(frame, (x, y, heading))
         put = object.__setattr__
         # Speed, acceleration, yaw rate and steering are measured on board, exactly.
-        put(told, "ego", EgoState(x, y, heading, speed, acceleration, yaw_rate, steer))
-        put(told, "actors", scan.actors)
-        put(told, "signals", dict(scan.signals))
+        put(observation, "ego", EgoState(x, y, heading, speed, acceleration, yaw_rate, steer))
+        put(observation, "actors", scan.actors)
+        put(observation, "signals", dict(scan.signals))
 
-    def picture(self, told: Observation, states: FloatArray) -> None:
+    def add_views(self, observation: Observation, states: FloatArray) -> None:
         """Fill in the pictures of an observation; `states` as in `observe`."""
         x, y, heading = states[0, :3].tolist()
-        object.__setattr__(told, "views", self._views.at(told, (x, y, heading), states[1:]))
+        object.__setattr__(observation, "views", self._views.at(observation, (x, y, heading), states[1:]))
 
-    def _take(self, scan: _Scan) -> None:
+    def _queue(self, scan: _Scan) -> None:
         self._pipe.append(scan)
         self._unseen.append(scan)
 
@@ -182,12 +182,14 @@ class Sensing:
 
     def _measure(self, scan: _Scan) -> None:
         scan.measured = True
-        scan.actors = self._objects.measure(scan.frame, scan.pose, self._taken(scan.frame, scan.pose), scan.states)
+        scan.actors = self._objects.measure(
+            scan.frame, scan.pose, self._estimated_pose(scan.frame, scan.pose), scan.states
+        )
         in_view = self._heads.in_view(scan.heads, self._sight, scan.pose, scan.states)
         scan.signals = {key: scan.shown[key] for key in in_view}
 
-    def _before(self, frame: int, states: FloatArray) -> _Scan:
-        """What there was at a frame before the first one."""
+    def _scan_before(self, frame: int, states: FloatArray) -> _Scan:
+        """Return a scan at a frame before the first one: all keep the speeds that they have there."""
         back_s = (self._began - frame) * STEP_S
         before = states.copy()
         before[:, X] -= states[:, SPEED] * np.cos(states[:, HEADING]) * back_s
@@ -195,8 +197,8 @@ class Sensing:
         x, y, heading, speed = before[0, [X, Y, HEADING, SPEED]].tolist()
         return self._scan_of(frame, (x, y, heading), self._s() - speed * back_s, before[1:])
 
-    def _taken(self, frame: int, pose: Pose) -> Pose:
-        """Where the ego's localisation has it."""
+    def _estimated_pose(self, frame: int, pose: Pose) -> Pose:
+        """Return where the ego's localisation places it."""
         x, y, heading = pose
         dx, dy, turned = self._drifts.normals(frame)[0]
         return (

@@ -97,7 +97,7 @@ class Sight:
     def __init__(
         self, bodies: Bodies, buildings: Iterable[Points], settings: SensorSettings = STANDARD, air: Air = CLEAR
     ) -> None:
-        """Know what there is to see.
+        """Prepare for a scene.
 
         Args:
             bodies: the N objects. buildings: outlines, m. settings: of the sensors. air: the weather.
@@ -112,7 +112,7 @@ class Sight:
         rises = bodies.heights_m[:, None] * shares - settings.eye_m
         rows = np.column_stack([bodies.sizes_m, rises, self.range_m, np.zeros(len(bodies.kinds))])
         self.bodies: Records = rows.view(dtype_of(Body))[:, 0]
-        # What is farther than all that can be seen hides nothing of it.
+        # Nothing beyond the farthest visible object hides one.
         reach_m = max(float(self.range_m.max(initial=0.0)), self.signal_range_m)
         all_around = settings.field_of_view_rad >= math.tau
         ahead_share = -2.0 if all_around else math.cos(settings.field_of_view_rad / 2)
@@ -121,14 +121,11 @@ class Sight:
         self._reach_m, self._through = float(reach_m), settings.seen_share <= 0.0
         self.walls = Walls(buildings, reach_m)
 
-    def seen(self, x: float, y: float, heading: float, poses: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Return who is in sight.
+    def seen(self, x: float, y: float, heading: float, poses: FloatArray) -> IntArray:
+        """Return the indices of the objects in sight, [S].
 
         Args:
             x, y, heading: of the ego. poses: [N, >=3] x, y, heading of the objects; NaN where there is none.
-
-        Returns:
-            [S] which objects; [S, 2] their centres relative to the ego (not turned), m; [S] their distances, m.
         """
         poses = np.ascontiguousarray(poses)
         return in_sight(x, y, heading, poses, self.bodies, self.walls.near(x, y), self.limits)
