@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
-from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, front_of, limits_of
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, limits_of
 
 DT = 0.05
 SEDAN = VehicleLimits(
@@ -167,7 +167,7 @@ def test_a_vehicle_without_wheelbase_is_refused() -> None:
 
 def test_front_and_centre_are_inverse() -> None:
     state = BicycleState(3.0, -2.0, 2.1, 0.0)
-    front = front_of(state, 4.7)
+    front = centre_of_front(state.x, state.y, state.heading, -4.7)
     assert math.dist(front, (3.0, -2.0)) == pytest.approx(2.35)
     assert centre_of_front(*front, 2.1, 4.7) == pytest.approx((3.0, -2.0))
 
