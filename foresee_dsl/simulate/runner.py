@@ -17,14 +17,14 @@ from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.recorder import Recorder
-from foresee_dsl.simulate.results.drivable_area import on_road, squares_of
+from foresee_dsl.simulate.results.drivable_area import squares_of
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.trace import SPEED, STEP_S
+from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
-from foresee_dsl.simulate.triggers.expectations import Expectations
 from foresee_dsl.simulate.world import World
 
 FloatArray = NDArray[np.float64]
@@ -32,10 +32,10 @@ FloatArray = NDArray[np.float64]
 WAYPOINT_M = 2.0
 """Spacing of the trace's waypoints (asked for by the trace's layout)."""
 CLOSE_AHEAD_M = 15.0
-"""Somebody in front and this near is something to wait for. Ours: two car lengths and a crossing's width."""
+"""An actor in front that is this near is something to wait for. Ours: two car lengths and a crossing's width."""
 SIGNAL_AHEAD_M = 30.0
 """A signal that is not green and this near is something to wait for. Ours: the first four cars of a queue; those
-behind have somebody in front."""
+behind have another in front."""
 _LONGEST_REASON = 1000
 """Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
 
@@ -82,7 +82,7 @@ class _Run:
         self._director = Director(self._simulation, self._conditions, self._recorder)
         self._expectations = Expectations(bundle.scene.expects, self._conditions)
         self._mission: Mission = mission_of(bundle)
-        # A clip of an ego that hardly moved has its goal where it begins: it goes on to the end of its window.
+        # A clip of an ego that hardly moved has its goal where it begins: it runs to the end of its window.
         room = bundle.scene.goal_s - self._simulation.progress.of(self._simulation.ego, 0)[0]
         self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
         others = self._simulation.actors[1:]
@@ -93,7 +93,7 @@ class _Run:
         self._footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
         self._judge = Judge(
             ids=[actor.id for actor in others],
-            # Whatever stands for the whole run is a static object, a parked car too.
+            # What stands for the whole run is a static object, a parked car too.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
             sizes=self._sizes,
             ego_size=(ego.length, ego.width),
@@ -133,7 +133,7 @@ class _Run:
         arrived = not self._began_at_goal and self._conditions.arrived("ego")
         decision = None
         if not arrived and self._drives_on(states):
-            self._judge.goes_on()
+            self._judge.moves()
         else:
             ego = simulation.ego.bicycle()
             decision = self._judge.look(
@@ -141,7 +141,7 @@ class _Run:
                 ego,
                 states[1:, :3],
                 states[1:, SPEED],
-                off_road=not on_road(simulation.network, off_road_points(simulation.ego.motion, ego)),
+                off_road=not self._squares.hold(off_road_points(simulation.ego.motion, ego)),
                 arrived=arrived,
                 may_wait=self._may_wait(),
             )
@@ -149,7 +149,7 @@ class _Run:
         return decision
 
     def _drives_on(self, states: FloatArray) -> bool:
-        """Whether it can be seen at a glance that nothing ends the run at this frame, as nearly always."""
+        """Whether a cheap test shows that nothing ends the run at this frame, as it nearly always does."""
         squares = self._squares
         return (
             states.item(SPEED) >= STANDS_MPS
@@ -160,9 +160,9 @@ class _Run:
         )
 
     def _may_wait(self) -> bool:
-        """Whether there is something to wait for: a signal that is not green, or somebody (not something) in front.
+        """Whether there is something to wait for: a signal that is not green, or an actor (no static object) in front.
 
-        This judges the run, so it goes by where everybody is, not by what the driver sees.
+        This judges the run, so that it depends on where all actors are, not on what the driver sees.
         """
         simulation = self._simulation
         if simulation.ego.speed >= STANDS_MPS:
@@ -184,8 +184,8 @@ class _Run:
     def _broken(self, err: Exception) -> Decision:
         what = "the driver broke" if isinstance(err, DriverError) else f"the driver raised {type(err).__name__}"
         # A reason is one line, and goes into texts between double quotes.
-        said = " ".join(str(err).split()).replace('"', "'")[:_LONGEST_REASON]
-        return Decision(Verdict.CRASH, self._simulation.time_s, "", f"{what}: {said}")
+        text = " ".join(str(err).split()).replace('"', "'")[:_LONGEST_REASON]
+        return Decision(Verdict.CRASH, self._simulation.time_s, "", f"{what}: {text}")
 
     def _finish(self, decision: Decision, steps: int) -> RunResult:
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):

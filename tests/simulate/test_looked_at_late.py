@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.drivers.protocol import Control, Observation
-from foresee_dsl.simulate.results.drivable_area import on_road
+from foresee_dsl.simulate.results.drivable_area import squares_of
 from foresee_dsl.simulate.runner import run
 from tests.support.scenes import LaneKeeper, Town, snapshot
 
@@ -73,8 +73,8 @@ def test_points_are_on_the_road_where_the_exact_area_says_so(town: Town) -> None
         line = rng.choice(lanes)
         x, y, _ = line.at(rng.uniform(0, line.length_m), rng.uniform(-6, 6))
         exact = bool(town.network.off_road_depth(np.array([(x, y)]))[0] == 0)
-        assert on_road(town.network, np.array([(x, y)])) is exact
-        assert on_road(town.network, np.array([(x, y)])) is exact  # from what it remembers
+        assert squares_of(town.network).hold(np.array([(x, y)])) is exact
+        assert squares_of(town.network).hold(np.array([(x, y)])) is exact  # from what it remembers
 
 
 def test_a_child_that_stands_goes_on_standing(town: Town) -> None:

@@ -10,7 +10,7 @@ from foresee_dsl.language.model import Expect, Scenario, When
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.triggers.robustness import Outcome, every, some
+from foresee_dsl.simulate.triggers.conditions import Outcome, every, some
 from tests.support.scenes import Cruise, LaneKeeper, Town
 
 EAST = ("n01_n11", "n11_n21", "n21_n31")

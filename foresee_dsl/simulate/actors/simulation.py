@@ -17,7 +17,7 @@ from foresee_dsl.simulate.actors.moved_actors import (
 )
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
-from foresee_dsl.simulate.results.junction_entry import since_entry_s
+from foresee_dsl.simulate.results.metrics import since_entry_s
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.progress import Progress
 from foresee_dsl.simulate.world import World

@@ -1,4 +1,4 @@
-"""Are points on the drivable area? Remembered by squares that lie on it altogether, as most points do."""
+"""Are points on the drivable area? Remembered by squares that lie wholly on it, as most points are in one."""
 
 from __future__ import annotations
 
@@ -24,11 +24,6 @@ _KNOWN: WeakKeyDictionary[RoadNetwork, Squares] = WeakKeyDictionary()
 """The children of a clip drive on the same one."""
 
 
-def on_road(network: RoadNetwork, points: FloatArray) -> bool:
-    """Say whether all of some points ([N, 2] m) lie on the drivable area."""
-    return squares_of(network).hold(points)
-
-
 def squares_of(network: RoadNetwork) -> Squares:
     """Return what is known of a network's squares; remembered."""
     known = _KNOWN.get(network)
@@ -42,12 +37,11 @@ class Squares:
 
     Attributes:
         left, bottom: the corner of the first, m. cell: their side, m.
-        known: [columns, rows] 1 for those that lie on the drivable area altogether, 2 for others, 0 where it was not
-            asked yet.
+        known: [columns, rows] 1 for those that lie wholly on the drivable area, 2 for others, 0 for those not yet
+            looked at.
     """
 
     def __init__(self, network: RoadNetwork) -> None:
-        """Know nothing but where they are."""
         self._area = network.drivable
         left, bottom, right, top = self._area.bounds
         self.left, self.bottom = left, bottom

@@ -1,19 +1,19 @@
 """How near a run came to a failure: smallest distance, time to collision and post-encroachment time, hardest braking.
 
-Everything is between the ego's footprint and another's. A *way* is the curve that a footprint took in the run,
+All measures are between the ego's footprint and another's. A *path* is the curve that a footprint took in the run,
 continued straight ahead where the run ends. The measures are those of Westhofen et al., "Criticality Metrics for
 Automated Driving" (Archives of Computational Methods in Engineering, 2023); our formulas for DRAC and PET were not
-compared with the text. That they go along the ways, and not straight ahead from each frame, is ours: straight ahead,
-every actor that turns at a junction would have a small time to collision with those that wait there, and two that meet
-in a bend with each other.
+compared with the text. That they follow the paths, and not the headings of each frame, is ours: straight ahead, every
+actor that turns at a junction would have a small time to collision with those that wait there, and two that meet in a
+bend with each other.
 
 - distance(t): between the footprints, m.
-- TTC(t): the least tau at which the footprints touch, had both gone on from t with the speeds of t along their ways.
+- TTC(t): the least tau after which the footprints touch when both keep their speeds of t along their paths.
 - DRAC(t) = c / (2 TTC(t)), with c the speed at which the ego comes nearer along its own heading at that touch,
   v_ego - v_other cos(turn). In line that is the usual c^2 / (2 gap), as the gap is c TTC; across it is the braking with
-  which the ego stops where they would touch. Who stands need not brake.
-- PET: the least time between one leaving a spot and the other coming to it, in different directions. Who follows
-  another in its direction has a time gap and no PET.
+  which the ego stops where they would touch. An ego that stands need not brake.
+- PET: the least time between one leaving a spot and the other coming to it, in different directions. Two that follow
+  each other in one direction have a time gap and no PET.
 """
 
 from __future__ import annotations
@@ -29,20 +29,21 @@ from foresee_dsl.kernels.boxes import FloatArray, IntArray, box_overlap, pairwis
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 HORIZON_S = 5.0
-"""Longer times to collision and post-encroachment times are none. Ours: conflict studies call 1.5 s to 3 s serious."""
+"""Times to collision and post-encroachment times that are longer are not counted. Ours: conflict studies call 1.5 s to
+3 s serious."""
 LOOKS_AHEAD_S = 0.1
-"""TTC is looked for in such steps ahead, then to a millisecond. Ours: a touch that is shorter, of two corners, is
+"""TTC is looked for in steps of this length, then to a millisecond. Ours: only a touch of two corners is shorter, and
 missed."""
 CROSSING_RAD = math.radians(20)
-"""Ways that differ by less at the spot go in one direction. Ours: the angle from which the forecast calls ways
-crossing (`crossing_angle_rad`)."""
+"""Paths whose headings differ by less at a spot have the same direction. Ours: the angle from which the forecast calls
+paths crossing (`crossing_angle_rad`)."""
 STANDS_MPS = 0.1
 """Slower is standing: SUMO's threshold of halting."""
 _SKIPPED = 4
-"""Every fourth frame is looked at first, then all about the worst of them."""
+"""Every fourth frame is looked at first, then all frames around the worst of them."""
 _STEPS_AHEAD_S: FloatArray = np.arange(0.0, HORIZON_S + 1e-9, LOOKS_AHEAD_S)
 _BIN_M = 2.0
-"""Ways are compared first in pieces of this length. Ours: it decides the time that it takes, not the answer."""
+"""Paths are first compared in pieces of this length. Ours: it decides the computing time, not the answer."""
 _BEND_M = 0.4
 """A piece leaves the straight line by less than this, on an arc of 5 m: 2^2 / (2 x 5)."""
 _HALVINGS = 7
@@ -51,7 +52,7 @@ _HALVINGS = 7
 
 @dataclass(frozen=True)
 class NearMiss:
-    """The worst value of a measure, when it was, and with whom.
+    """The worst value of a measure, when it was, and with which actor.
 
     Attributes:
         value: m, s or m/s^2. time_s: in the run; of a post-encroachment time, when the second one came to the spot.
@@ -65,7 +66,7 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class NearMisses:
-    """How near a run came to a failure; None where nobody ever came near enough for a measure to be said.
+    """How near a run came to a failure; None where no actor came near enough for a measure to have a value.
 
     Attributes:
         distance_m: smallest distance between footprints. ttc_s: smallest time to collision.
@@ -78,7 +79,7 @@ class NearMisses:
     drac_mps2: NearMiss | None
 
     def as_dict(self) -> dict[str, dict[str, float | str | None] | None]:
-        """Return it for JSON: by measure the value (null where it is infinite), when and with whom."""
+        """Return it for JSON: by measure the value (null where it is infinite), the time and the other's id."""
         return {name: _as_dict(found) for name, found in vars(self).items()}
 
 
@@ -91,13 +92,13 @@ def _as_dict(found: NearMiss | None) -> dict[str, float | str | None] | None:
 
 def near_misses(trace: Trace) -> NearMisses:
     """Return how near the ego came to a failure in a run, obstacles and parked cars included."""
-    ways = _Ways(trace)
-    ttc, drac = _conflicts(ways)
-    return NearMisses(_closest(ways), ttc, _encroachment(ways), drac)
+    run = _Run(trace)
+    ttc, drac = _conflicts(run)
+    return NearMisses(_closest(run), ttc, _encroachment(run), drac)
 
 
-class _Ways:
-    """A run as footprints with lengths along their ways."""
+class _Run:
+    """A run as footprints."""
 
     def __init__(self, trace: Trace) -> None:
         self.trace = trace
@@ -116,18 +117,18 @@ class _Ways:
         return np.column_stack([xy, self.heading[frames, actors], size])
 
     def miss(self, value: float, frame: int, actor: int) -> NearMiss:
-        """Name a value."""
+        """Return a value with its time and the other's id."""
         return NearMiss(float(value), float(self.trace.time_s[frame]), self.trace.actors[actor].id)
 
 
-class _Way:
-    """One actor's way by its length, m."""
+class _Path:
+    """One actor's path by its length, m."""
 
-    def __init__(self, ways: _Ways, actor: int) -> None:
-        self.present: IntArray = np.flatnonzero(~np.isnan(ways.xy[:, actor, 0]))
-        self._xy, self._heading = ways.xy[self.present, actor], np.unwrap(ways.heading[self.present, actor])
+    def __init__(self, run: _Run, actor: int) -> None:
+        self.present: IntArray = np.flatnonzero(~np.isnan(run.xy[:, actor, 0]))
+        self._xy, self._heading = run.xy[self.present, actor], np.unwrap(run.heading[self.present, actor])
         self._along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self._xy, axis=0).T))])
-        self.along: FloatArray = np.full(len(ways.xy), np.nan)
+        self.along: FloatArray = np.full(len(run.xy), np.nan)
         self.along[self.present] = self._along
 
     def places(self, along: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -147,74 +148,74 @@ class _Way:
 # --- smallest distance -----------------------------------------------------------------------------------------------
 
 
-def _closest(ways: _Ways) -> NearMiss | None:
-    if not np.isfinite(ways.apart).any():
+def _closest(run: _Run) -> NearMiss | None:
+    if not np.isfinite(run.apart).any():
         return None
     # Two footprints are at least as far apart as the circles around them, and at most as those inside them.
-    least = ways.apart - ways.radius[0] - ways.radius[1:]
-    most = np.maximum(ways.apart - ways.size[0].min() / 2 - ways.size[1:].min(axis=1) / 2, 0.0)
+    least = run.apart - run.radius[0] - run.radius[1:]
+    most = np.maximum(run.apart - run.size[0].min() / 2 - run.size[1:].min(axis=1) / 2, 0.0)
     frames, others = np.nonzero(least <= np.nanmin(most))
-    found = pairwise_box_distance(ways.boxes(frames, 0), ways.boxes(frames, others + 1))
+    found = pairwise_box_distance(run.boxes(frames, 0), run.boxes(frames, others + 1))
     k = int(found.argmin())
-    return ways.miss(found[k], int(frames[k]), int(others[k]) + 1)
+    return run.miss(found[k], int(frames[k]), int(others[k]) + 1)
 
 
 # --- time to collision, and the braking it takes ---------------------------------------------------------------------
 
 
-def _conflicts(ways: _Ways) -> tuple[NearMiss | None, NearMiss | None]:
+def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
     """Return the smallest TTC and the largest DRAC."""
-    ego, frames = _Way(ways, 0), len(ways.xy)
+    ego, frames = _Path(run, 0), len(run.xy)
     # The last frame is where a run fails.
     looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
     soonest: NearMiss | None = None
     hardest: NearMiss | None = None
     near: list[tuple[int, IntArray]] = []
-    places = _ahead(ways, ego, looked_at)
-    for actor in range(1, ways.xy.shape[1]):
-        rows, ttc, drac = _with(ways, ego, actor, looked_at, places)
+    places = _ahead(run, ego, looked_at)
+    for actor in range(1, run.xy.shape[1]):
+        rows, ttc, drac = _with(run, ego, actor, looked_at, places)
         if rows.size:
             near.append((actor, np.unique([rows[ttc.argmin()], rows[drac.argmax()]])))
     # Then the frames between, about the worst of those of each actor.
     for actor, worst in near:
         about = np.unique(np.clip(worst[:, None] + np.arange(-_SKIPPED, _SKIPPED + 1), 0, frames - 1))
-        rows, ttc, drac = _with(ways, ego, actor, about, _ahead(ways, ego, about))
+        rows, ttc, drac = _with(run, ego, actor, about, _ahead(run, ego, about))
         k, h = int(ttc.argmin()), int(drac.argmax())
         if soonest is None or ttc[k] < soonest.value:
-            soonest = ways.miss(ttc[k], int(rows[k]), actor)
+            soonest = run.miss(ttc[k], int(rows[k]), actor)
         if drac[h] > 0 and (hardest is None or drac[h] > hardest.value):
-            hardest = ways.miss(drac[h], int(rows[h]), actor)
+            hardest = run.miss(drac[h], int(rows[h]), actor)
     return soonest, hardest
 
 
-def _ahead(ways: _Ways, ego: _Way, frames: IntArray) -> tuple[FloatArray, FloatArray]:
+def _ahead(run: _Run, ego: _Path, frames: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return where the ego will be from each frame on, [N, steps ahead] x and y."""
-    return ego.places(ego.along[frames, None] + ways.speed[frames, 0, None] * _STEPS_AHEAD_S)
+    return ego.places(ego.along[frames, None] + run.speed[frames, 0, None] * _STEPS_AHEAD_S)
 
 
 def _with(
-    ways: _Ways,
-    ego: _Way,
+    run: _Run,
+    ego: _Path,
     actor: int,
     looked_at: IntArray,
     ego_places: tuple[FloatArray, FloatArray],
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return the frames at which a touch lies ahead with an actor, its TTC and DRAC there."""
-    reach = ways.radius[0] + ways.radius[actor]
-    closing = ways.speed[looked_at, 0] + ways.speed[looked_at, actor]
-    can = np.flatnonzero(ways.apart[looked_at, actor - 1] - reach <= closing * HORIZON_S)  # False where absent
+    reach = run.radius[0] + run.radius[actor]
+    closing = run.speed[looked_at, 0] + run.speed[looked_at, actor]
+    can = np.flatnonzero(run.apart[looked_at, actor - 1] - reach <= closing * HORIZON_S)  # False where absent
     if not can.size:
         return can, np.empty(0), np.empty(0)
-    frames, way = looked_at[can], _Way(ways, actor)
-    speeds = ways.speed[frames, 0], ways.speed[frames, actor]
-    x, y = way.places(way.along[frames, None] + speeds[1][:, None] * _STEPS_AHEAD_S)
+    frames, path = looked_at[can], _Path(run, actor)
+    speeds = run.speed[frames, 0], run.speed[frames, actor]
+    x, y = path.places(path.along[frames, None] + speeds[1][:, None] * _STEPS_AHEAD_S)
     near = (x - ego_places[0][can]) ** 2 + (y - ego_places[1][can]) ** 2 <= reach * reach
     row, column = np.nonzero(near)
 
     def touch(row: IntArray, tau: FloatArray) -> tuple[NDArray[np.bool_], FloatArray]:
-        """Whether the footprints overlap `tau` after the frames of rows; and by how much they are turned."""
-        mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, way.along[frames[row]] + speeds[1][row] * tau
-        a, b = _swept(ego, mine, ways.size[0]), _swept(way, theirs, ways.size[actor])
+        """Whether the footprints overlap `tau` (s) after the frames of rows; and the angle between them, rad."""
+        mine, theirs = ego.along[frames[row]] + speeds[0][row] * tau, path.along[frames[row]] + speeds[1][row] * tau
+        a, b = _swept(ego, mine, run.size[0]), _swept(path, theirs, run.size[actor])
         return box_overlap(a, b), b[:, 2] - a[:, 2]
 
     touching = touch(row, _STEPS_AHEAD_S[column])[0]
@@ -235,9 +236,9 @@ def _with(
     return frames[row], ttc, drac
 
 
-def _swept(way: _Way, along: FloatArray, size: FloatArray) -> FloatArray:
-    x, y = way.places(along)
-    return np.column_stack([x, y, way.headings(along), np.broadcast_to(size, (len(along), 2))])
+def _swept(path: _Path, along: FloatArray, size: FloatArray) -> FloatArray:
+    x, y = path.places(along)
+    return np.column_stack([x, y, path.headings(along), np.broadcast_to(size, (len(along), 2))])
 
 
 # --- post-encroachment time ------------------------------------------------------------------------------------------
@@ -245,10 +246,10 @@ def _swept(way: _Way, along: FloatArray, size: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Ways cut into pieces of `_BIN_M`, in the order of their frames.
+    """Paths cut into pieces of `_BIN_M`, in the order of their frames.
 
     Attributes:
-        actor: [P]. first, last: [P] frames of a piece; who stands does so within one. middle: [P] one between them.
+        actor: [P]. first, last: [P] frames of a piece; all frames of a stand are in one. middle: [P] a frame between.
     """
 
     actor: IntArray
@@ -257,11 +258,11 @@ class _Pieces:
     middle: IntArray
 
 
-def _encroachment(ways: _Ways) -> NearMiss | None:
-    if ways.xy.shape[1] < 2 or not len(ways.xy):
+def _encroachment(run: _Run) -> NearMiss | None:
+    if run.xy.shape[1] < 2 or not len(run.xy):
         return None
-    mine, theirs = _pieces(ways, [0]), _pieces(ways, list(range(1, ways.xy.shape[1])))
-    i, j = _candidates(ways, mine, theirs)
+    mine, theirs = _pieces(run, [0]), _pieces(run, list(range(1, run.xy.shape[1])))
+    i, j = _candidates(run, mine, theirs)
     gap = np.maximum(np.maximum(mine.first[i] - theirs.last[j], theirs.first[j] - mine.last[i]), 0)
     best: tuple[int, int, int] | None = None  # steps between, frame, actor
     horizon = round(HORIZON_S / STEP_S)
@@ -269,39 +270,39 @@ def _encroachment(ways: _Ways) -> NearMiss | None:
         if gap[k] > horizon or (best is not None and gap[k] >= best[0]):
             break
         actor = int(theirs.actor[j[k]])
-        found = _between(ways, mine, int(i[k]), theirs, int(j[k]))
+        found = _between(run, mine, int(i[k]), theirs, int(j[k]))
         if found is not None and found[0] <= horizon and (best is None or found[0] < best[0]):
             best = *found, actor
-    return None if best is None else ways.miss(best[0] * STEP_S, best[1], best[2])
+    return None if best is None else run.miss(best[0] * STEP_S, best[1], best[2])
 
 
-def _pieces(ways: _Ways, actors: list[int]) -> _Pieces:
-    first, last, who = [], [], []
+def _pieces(run: _Run, actors: list[int]) -> _Pieces:
+    first, last, of = [], [], []
     for actor in actors:
-        way = _Way(ways, actor)
-        if not way.present.size:
+        path = _Path(run, actor)
+        if not path.present.size:
             continue
-        number = np.floor(way.along[way.present] / _BIN_M)
+        number = np.floor(path.along[path.present] / _BIN_M)
         begins = np.flatnonzero(np.diff(number, prepend=-1.0))
-        first.append(way.present[begins])
-        last.append(way.present[np.append(begins[1:], len(number)) - 1])
-        who.append(np.full(len(begins), actor))
+        first.append(path.present[begins])
+        last.append(path.present[np.append(begins[1:], len(number)) - 1])
+        of.append(np.full(len(begins), actor))
     empty = [np.empty(0, dtype=np.intp)]
     a, b = np.concatenate(first or empty), np.concatenate(last or empty)
-    return _Pieces(np.concatenate(who or empty), a, b, (a + b) // 2)
+    return _Pieces(np.concatenate(of or empty), a, b, (a + b) // 2)
 
 
-def _candidates(ways: _Ways, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
+def _candidates(run: _Run, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, IntArray]:
     """Return pairs of pieces (of the ego, of another) that may have a spot in common."""
     if not theirs.actor.size:
         return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    within = ways.radius[0] + ways.radius[theirs.actor].max() + 2 * _BIN_M
-    tree = shapely.STRtree(np.asarray(shapely.points(ways.xy[theirs.middle, theirs.actor]), dtype=np.object_))
-    i, j = tree.query(shapely.points(ways.xy[mine.middle, 0]), predicate="dwithin", distance=within)
+    within = run.radius[0] + run.radius[theirs.actor].max() + 2 * _BIN_M
+    tree = shapely.STRtree(np.asarray(shapely.points(run.xy[theirs.middle, theirs.actor]), dtype=np.object_))
+    i, j = tree.query(shapely.points(run.xy[mine.middle, 0]), predicate="dwithin", distance=within)
     horizon = round(HORIZON_S / STEP_S)
     soon = (mine.first[i] - theirs.last[j] <= horizon) & (theirs.first[j] - mine.last[i] <= horizon)
     i, j = i[soon], j[soon]
-    a, b = ways.boxes(mine.middle[i], 0), ways.boxes(theirs.middle[j], theirs.actor[j])
+    a, b = run.boxes(mine.middle[i], 0), run.boxes(theirs.middle[j], theirs.actor[j])
     for boxes in (a, b):
         boxes[:, 3] += 2 * _BIN_M
         boxes[:, 4] += 2 * _BEND_M
@@ -309,15 +310,15 @@ def _candidates(ways: _Ways, mine: _Pieces, theirs: _Pieces) -> tuple[IntArray, 
     return i[meet], j[meet]
 
 
-def _between(ways: _Ways, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
+def _between(run: _Run, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tuple[int, int] | None:
     """Return the least number of steps between two passages of a spot in two pieces, and when the second was there."""
     actor = int(theirs.actor[j])
-    e = _moving(ways, int(mine.first[i]), int(mine.last[i]), 0)
-    o = _moving(ways, int(theirs.first[j]), int(theirs.last[j]), actor)
+    e = _moving(run, int(mine.first[i]), int(mine.last[i]), 0)
+    o = _moving(run, int(theirs.first[j]), int(theirs.last[j]), actor)
     ego, other = np.repeat(e, len(o)), np.tile(o, len(e))
-    crossing = np.cos(ways.heading[ego, 0] - ways.heading[other, actor]) <= math.cos(CROSSING_RAD)
+    crossing = np.cos(run.heading[ego, 0] - run.heading[other, actor]) <= math.cos(CROSSING_RAD)
     ego, other = ego[crossing], other[crossing]
-    hit = box_overlap(ways.boxes(ego, 0), ways.boxes(other, actor))
+    hit = box_overlap(run.boxes(ego, 0), run.boxes(other, actor))
     if not hit.any():
         return None
     ego, other = ego[hit], other[hit]
@@ -326,9 +327,9 @@ def _between(ways: _Ways, mine: _Pieces, i: int, theirs: _Pieces, j: int) -> tup
     return int(steps[k]), int(max(ego[k], other[k]))
 
 
-def _moving(ways: _Ways, first: int, last: int, actor: int) -> IntArray:
-    """Return the frames of a piece without those at which it goes on standing: coming and leaving are what counts."""
+def _moving(run: _Run, first: int, last: int, actor: int) -> IntArray:
+    """Return the frames of a piece without those inside a stand: only coming to the spot and leaving it count."""
     frames = np.arange(first, last + 1)
-    stands = ways.speed[frames, actor] == 0.0
+    stands = run.speed[frames, actor] == 0.0
     inner = stands[1:-1] & stands[:-2] & stands[2:]
     return frames[np.concatenate([[True], ~inner, [True]])] if len(frames) > 2 else frames

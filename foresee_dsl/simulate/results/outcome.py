@@ -104,27 +104,22 @@ def impact(ego: Mover, other: Mover, name: str) -> Impact:
 
 def contact_sides(ego: Mover, other: Mover) -> tuple[Side, Side]:
     """Return which sides of two overlapping bodies touched first: (of the ego, of the other)."""
-    normal = contact_normal(ego, other)
+    normal = _first_touch(ego, other)[1]
     return _side(normal - ego.heading), _side(normal + pi - other.heading)
 
 
 def who_struck(ego: Mover, other: Mover) -> Striker:
-    """Return which of two overlapping bodies moved towards the other, along the contact normal.
+    """Return which of two overlapping bodies moved towards the other along the contact normal.
 
-    Who did by more than `STUCK_SPEED_MPS` counts: both (head on, two that drift together), or neither (one that turns
-    into the other while it passes).
+    A body that did so faster than `STUCK_SPEED_MPS` counts: both (head on, two that drift together), or neither (one
+    that turns into the other while it passes).
     """
-    normal = contact_normal(ego, other)
+    normal = _first_touch(ego, other)[1]
     ahead, against = (body.speed * cos(body.heading - normal) for body in (ego, other))
     strikes, struck = ahead > STUCK_SPEED_MPS, -against > STUCK_SPEED_MPS
     if strikes == struck:
         return "both" if strikes else "neither"
     return "ego" if strikes else "other"
-
-
-def contact_normal(a: Mover, b: Mover) -> float:
-    """Return the direction (rad) from `a` to `b` at right angles to the sides that touched first."""
-    return _first_touch(a, b)[1]
 
 
 def _first_touch(a: Mover, b: Mover) -> tuple[float, float]:
@@ -274,8 +269,8 @@ class Judge:
             return Decision(Verdict.PASS, time_s, "", f"arrived at {time_s:.2f} s")
         return self._stuck(time_s, ego.speed, may_wait) or self._time_is_up(time_s)
 
-    def goes_on(self) -> None:
-        """Take note of a frame at which the ego moves, and of which is known that the run goes on."""
+    def moves(self) -> None:
+        """Note a frame at which the ego moves, without a full look: it is known that nothing ends the run there."""
         self._standing_since = None
 
     def _collision(self, time_s: float, ego: Mover, other: Mover, k: int) -> Decision:

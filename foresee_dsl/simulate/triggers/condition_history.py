@@ -1,17 +1,20 @@
-"""Watches conditions over time: `C for 2 s` remembers since when C holds."""
+"""Follows conditions over time: since when the condition of a `for` holds, and the `expect` lines of a scenario."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from foresee_dsl.language.model import Both, Condition, Either, Not, Sustained
+from foresee_dsl.language.model import Both, Condition, Either, Expect, Not, Sustained
+from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of
+from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
-from foresee_dsl.simulate.triggers.conditions import Conditions
+from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, every, some
 from foresee_dsl.simulate.triggers.record import Run, Runs
-from foresee_dsl.simulate.triggers.robustness import Outcome, every, some
 
 Note = Callable[[int, Run | None], None]
 """Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
@@ -20,8 +23,8 @@ Note = Callable[[int, Run | None], None]
 class Watch:
     """One condition of one trigger, step or expectation. `look` has to be called at every frame that counts.
 
-    Every part is looked at at every frame, even where `and` or `or` would not need it, so that what a `for` remembers
-    does not hang on its neighbours.
+    Every part is evaluated at every frame, even where `and` or `or` would not need it, so that what a `for` remembers
+    does not depend on the parts beside it.
     """
 
     def __init__(self, condition: Condition, conditions: Conditions, note: Note | None = None) -> None:
@@ -114,3 +117,57 @@ class _Window:
         """
         missing = len(self._seen) <= self._frames
         return every(self._seen, unknown=missing)
+
+
+class Expectations:
+    """What is expected of a run; `look` once a frame, `results` at its end.
+
+    `never` and `always` must hold at every frame at which they can be said, `eventually` at one (within its time).
+    """
+
+    def __init__(self, expects: Sequence[Expect], conditions: Conditions) -> None:
+        self._watched = [_Watched(expect, conditions) for expect in expects]
+        self._conditions = conditions
+
+    def look(self, time_s: float, *, ego_hit: bool) -> None:
+        """Look at a frame; `ego_hit`: the ego touches something (known already, so not computed again)."""
+        self._conditions.ego_hit = ego_hit
+        for watched in self._watched:
+            watched.look(time_s)
+        self._conditions.ego_hit = None
+
+    def results(self) -> tuple[ExpectationResult, ...]:
+        """Return how each turned out, in the scenario's order."""
+        return tuple(watched.result() for watched in self._watched)
+
+
+class _Watched:
+    """One expectation; its margin is how far it was from the opposite."""
+
+    def __init__(self, expect: Expect, conditions: Conditions) -> None:
+        self._expect = expect
+        self._watch = Watch(expect.condition, conditions)
+        self._so_far: Outcome | None = None
+        self._until = math.inf if expect.within is None else si_of(expect.within)
+
+    def look(self, time_s: float) -> None:
+        if time_s > self._until + 1e-9:
+            return
+        outcome = self._watch.look()
+        if outcome is None:
+            return
+        if self._expect.mode == "never":
+            outcome = outcome.negated()
+        join = some if self._expect.mode == "eventually" else every
+        self._so_far = outcome if self._so_far is None else join((self._so_far, outcome))
+
+    def result(self) -> ExpectationResult:
+        text, name = print_item(self._expect), self._expect.name or ""
+        found = self._so_far
+        if found is None:  # it could never be said
+            return ExpectationResult(text, self._expect.mode != "eventually", name=name)
+        decides = text_of(found.decides) if found.decides is not None else ""
+        if not math.isfinite(found.margin):
+            return ExpectationResult(text, found.held, decides=decides, name=name)
+        margin = round(found.margin / (UNITS[found.unit].to_si if found.unit else 1.0), 6)
+        return ExpectationResult(text, found.held, margin, found.unit, decides, name)

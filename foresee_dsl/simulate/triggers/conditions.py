@@ -1,43 +1,60 @@
-"""Evaluates conditions against the running world; their definitions are those of `language.model.conditions`.
+"""Evaluates conditions against the running world, and by how much they hold.
 
-What cannot be said, because an actor is not there or does not come to the junction, has no outcome and does not hold.
+Their definitions are those of `language.model.conditions`. Where a condition cannot be evaluated, because an actor is
+not there or does not come to the junction, it has no outcome and does not hold.
+
+By how much it holds is the robustness of signal temporal logic, kept within one dimension: the margin of a comparison
+is how far its measure is from the bound, positive where it holds. `and`, `always` and `for` take the smallest, `or` and
+`eventually` the largest, `not` turns the sign (Donze and Maler, "Robust Satisfaction of Temporal Logic over Real-Valued
+Signals", FORMATS 2010). Metres and seconds cannot be compared: across dimensions the margin is that of what decides
+whether the condition holds, of the first where several do.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import assert_never
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.kernels.boxes import box_distance, overlaps
-from foresee_dsl.language.model import (
-    Comparison,
-    Condition,
-    Equals,
-    InJunction,
-    Measure,
-    Named,
-    Point,
-    Predicate,
-    Quantity,
-    Ref,
-    Shows,
-    Within,
-)
+from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
-from foresee_dsl.simulate.results.junction_outlines import Outlines, point_distance
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta, ttc
-from foresee_dsl.simulate.triggers.robustness import Outcome
+from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, Outlines, eta, point_distance, ttc
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Whether a condition holds at a frame, and by how much.
+
+    Attributes:
+        held: it does.
+        margin: in the SI unit of `unit`, positive where the condition holds; NaN where there is no number.
+        unit: the unit word of what decides, as its author wrote it; "" where there is no number.
+        decides: the part that decides.
+        dimension: of the margin; margins of one dimension can be compared.
+    """
+
+    held: bool
+    margin: float = math.nan
+    unit: str = ""
+    decides: m.Condition | None = None
+    dimension: str = ""
+
+    def negated(self) -> Outcome:
+        """Return the outcome of the opposite."""
+        return replace(self, held=not self.held, margin=-self.margin)
 
 
 class Conditions:
-    """Answers what can be said of a single frame about a simulation; `watch` makes whole conditions of it.
+    """Evaluates conditions at one frame of a simulation; `condition_history` follows them over time.
 
     Args:
-        simulation: at the frame that is asked about.
+        simulation: at the frame at which conditions are evaluated.
         signals: the bundle's, by junction.
     """
 
@@ -46,22 +63,6 @@ class Conditions:
         self._outlines = Outlines(simulation.network)
         self.ego_hit: bool | None = None
         """Whether the ego touches anything at this frame, where that is known already."""
-        self._measures: dict[str, Callable[[Measure], float]] = {
-            "time": lambda _: simulation.time_s,
-            "speed": self._speed,
-            "acceleration": self._acceleration,
-            "eta": self._eta,
-            "distance": self._distance,
-            "ttc": self._ttc,
-            "headway": self._headway,
-        }
-        self._facts: dict[type, Callable[..., Outcome | None]] = {
-            Comparison: self._compare,
-            Predicate: self._predicate,
-            InJunction: self._in_junction,
-            Within: self._within,
-            Shows: self._shows,
-        }
 
     @property
     def frame(self) -> int:
@@ -73,19 +74,60 @@ class Conditions:
         """Its time."""
         return self._simulation.time_s
 
-    def outcome(self, condition: Condition) -> Outcome | None:
-        """Return whether an innermost condition holds now and by how much; None where it cannot be said.
+    def outcome(self, condition: m.Condition) -> Outcome | None:
+        """Return whether a condition without parts holds now and by how much; None where it cannot be evaluated.
 
         Raises:
-            TypeError: it is one of a `require`, about parameters.
+            TypeError: it has parts, or is one of a `require`, about parameters.
         """
-        if isinstance(condition, Equals):
-            raise TypeError("a condition about a parameter says nothing about a run")
-        return self._facts[type(condition)](condition)
+        match condition:
+            case m.Comparison():
+                return self._compare(condition)
+            case m.Predicate():
+                return self._predicate(condition)
+            case m.InJunction():
+                return self._in_junction(condition)
+            case m.Within():
+                return self._within(condition)
+            case m.Shows():
+                return self._shows(condition)
+            case m.Equals():
+                raise TypeError("a condition about a parameter says nothing about a run")
+            case m.Sustained() | m.Not() | m.Both() | m.Either():
+                raise TypeError(f"{condition.kind} has parts: `condition_history.Watch` evaluates it")
+            case _:
+                assert_never(condition)
 
-    def value(self, measure: Measure) -> float:
+    def value(self, measure: m.Measure) -> float:
         """Return a measure's value now, NaN where there is none."""
-        return self._measures[measure.what](measure)
+        if measure.what == "time":
+            return self._simulation.time_s
+        actor, name = self._actor(measure.actor), word_of(measure.other or "")
+        if actor is None:
+            return math.nan
+        other = self._actor(name)
+        value = math.nan
+        match measure.what:
+            case "speed":
+                value = actor.speed
+            case "acceleration":
+                value = actor.acceleration
+            case "eta":
+                left_m = self._simulation.progress.to_junction(actor, name, self._simulation.frame)
+                value = math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
+            case "distance" if self._is_junction(name):
+                value = self._simulation.progress.to_junction(actor, name, self._simulation.frame)
+            case "distance" if other is not None:
+                value = box_distance(actor.box, other.box)
+            case "ttc" if other is not None:
+                value = ttc(actor.mover, other.mover)
+            case "headway" if other is not None:
+                value = box_distance(actor.box, other.box) / max(actor.speed, SLOWEST_MPS)
+            case "distance" | "ttc" | "headway":
+                pass  # the other is not there; one of the traffic may have found no room
+            case _:
+                assert_never(measure.what)
+        return value
 
     def arrived(self, name: str) -> bool:
         """Whether an actor has reached its goal: the ego's point, a path's end, the end of a route."""
@@ -98,10 +140,10 @@ class Conditions:
             return actor.follower.arrived
         return not actor.present
 
-    # --- facts -----------------------------------------------------------------------------------------------------
+    # --- conditions without parts ------------------------------------------------------------------------------------
 
-    def _compare(self, comparison: Comparison) -> Outcome | None:
-        if isinstance(comparison.left, Ref):
+    def _compare(self, comparison: m.Comparison) -> Outcome | None:
+        if isinstance(comparison.left, m.Ref):
             raise TypeError(f"the parameter {comparison.left.name} says nothing about a run")
         left, right = self.value(comparison.left), si_of(comparison.right)
         if math.isnan(left):
@@ -109,7 +151,7 @@ class Conditions:
         slack = left - right if comparison.op[0] == ">" else right - left
         return _judged(comparison, slack >= 0 if comparison.op[-1] == "=" else slack > 0, slack, comparison.right)
 
-    def _predicate(self, predicate: Predicate) -> Outcome:
+    def _predicate(self, predicate: m.Predicate) -> Outcome:
         if predicate.what == "arrived":
             return Outcome(self.arrived(predicate.actor), decides=predicate)
         if predicate.actor == "ego" and self.ego_hit is not None:
@@ -118,7 +160,7 @@ class Conditions:
         hit = actor is not None and any(overlaps(actor.box, other.box) for other in self._simulation.others(actor))
         return Outcome(hit, decides=predicate)
 
-    def _in_junction(self, condition: InJunction) -> Outcome | None:
+    def _in_junction(self, condition: m.InJunction) -> Outcome | None:
         actor = self._actor(condition.actor)
         if actor is None:
             return None
@@ -132,7 +174,7 @@ class Conditions:
             return Outcome(False, -away, "m", condition, "length")
         return Outcome(True, decides=condition)  # how deep it is inside means nothing
 
-    def _within(self, condition: Within) -> Outcome | None:
+    def _within(self, condition: m.Within) -> Outcome | None:
         actor = self._actor(condition.actor)
         away = math.nan if actor is None else self._away(actor, condition)
         if math.isnan(away):
@@ -140,18 +182,18 @@ class Conditions:
         slack = si_of(condition.distance) - away
         return _judged(condition, slack >= 0, slack, condition.distance)
 
-    def _away(self, actor: Actor, condition: Within) -> float:
+    def _away(self, actor: Actor, condition: m.Within) -> float:
         of = condition.of
-        if isinstance(of, Named):
+        if isinstance(of, m.Named):
             name = word_of(of.name)
-            if name not in self._simulation.by_id and name in self._simulation.network.junctions:
+            if self._is_junction(name):
                 return self._outlines.distance(actor.box, name)
             other = self._actor(name)
             return math.nan if other is None else box_distance(actor.box, other.box)
-        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, Point) else self._simulation.scene.places[of]
+        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, m.Point) else self._simulation.scene.places[of]
         return point_distance(actor.box, x, y)
 
-    def _shows(self, condition: Shows) -> Outcome | None:
+    def _shows(self, condition: m.Shows) -> Outcome | None:
         junction, state = word_of(condition.junction), word_of(condition.state)
         signal = self._signals.get(junction)
         if signal is None:
@@ -176,49 +218,49 @@ class Conditions:
                 return (movement.tls, movement.link) if movement.tls is not None and movement.link >= 0 else None
         return None
 
-    # --- measures --------------------------------------------------------------------------------------------------
-
     def _actor(self, name: str | None) -> Actor | None:
         actor = self._simulation.by_id.get(name or "")
         return actor if actor is not None and actor.present else None
 
-    def _speed(self, measure: Measure) -> float:
-        actor = self._actor(measure.actor)
-        return math.nan if actor is None else actor.speed
-
-    def _acceleration(self, measure: Measure) -> float:
-        actor = self._actor(measure.actor)
-        return math.nan if actor is None else actor.acceleration
-
-    def _eta(self, measure: Measure) -> float:
-        actor = self._actor(measure.actor)
-        if actor is None:
-            return math.nan
-        room = self._simulation.progress.to_junction(actor, word_of(measure.other or ""), self._simulation.frame)
-        return math.inf if math.isnan(room) else eta(room, actor.speed)
-
-    def _distance(self, measure: Measure) -> float:
-        actor, name = self._actor(measure.actor), word_of(measure.other or "")
-        if actor is None:
-            return math.nan
-        if name not in self._simulation.by_id and name in self._simulation.network.junctions:
-            return self._simulation.progress.to_junction(actor, name, self._simulation.frame)
-        other = self._actor(name)  # one of the traffic may have found no room
-        return math.nan if other is None else box_distance(actor.box, other.box)
-
-    def _ttc(self, measure: Measure) -> float:
-        actor, other = self._actor(measure.actor), self._actor(word_of(measure.other or ""))
-        return math.nan if actor is None or other is None else ttc(actor.mover, other.mover)
-
-    def _headway(self, measure: Measure) -> float:
-        actor, other = self._actor(measure.actor), self._actor(word_of(measure.other or ""))
-        if actor is None or other is None:
-            return math.nan
-        return box_distance(actor.box, other.box) / max(actor.speed, SLOWEST_MPS)
+    def _is_junction(self, name: str) -> bool:
+        """Whether a name is a junction's; an actor of the same name comes first."""
+        return name not in self._simulation.by_id and name in self._simulation.network.junctions
 
 
-def _judged(condition: Condition, held: bool, slack: float, bound: Quantity | Ref) -> Outcome:
+def _judged(condition: m.Condition, held: bool, slack: float, bound: m.Quantity | m.Ref) -> Outcome:
     """Return the outcome of a comparison with a bound, in whose unit it is told."""
-    if isinstance(bound, Ref):  # `si_of` has refused it
+    if isinstance(bound, m.Ref):  # `si_of` has refused it
         raise TypeError(bound.name)
     return Outcome(held, slack, bound.unit, condition, bound.dimension)
+
+
+def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:
+    """Return the outcome of `and`.
+
+    One that does not hold decides; otherwise it cannot be said where one of them cannot, or with `unknown`.
+    """
+    return _joined(tuple(outcomes), enough=False, unknown=unknown)
+
+
+def some(outcomes: Iterable[Outcome | None]) -> Outcome | None:
+    """Return the outcome of `or`. One that holds decides; otherwise it cannot be said where one cannot."""
+    return _joined(tuple(outcomes), enough=True, unknown=False)
+
+
+def _joined(outcomes: tuple[Outcome | None, ...], *, enough: bool, unknown: bool) -> Outcome | None:
+    """Join outcomes of which one with `held == enough` is enough to decide.
+
+    The margin is that of a part that decides: of those in the dimension of the first, the nearest to the opposite for
+    `and`, the furthest from it for `or`.
+    """
+    known = [outcome for outcome in outcomes if outcome is not None]
+    deciding = [outcome for outcome in known if outcome.held == enough]
+    if not deciding:
+        if unknown or len(known) < len(outcomes):
+            return None
+        deciding = known
+    numbers = [outcome for outcome in deciding if not math.isnan(outcome.margin)]
+    if not numbers:
+        return deciding[0]
+    alike = [outcome for outcome in numbers if outcome.dimension == numbers[0].dimension]
+    return (max if enough else min)(alike, key=lambda outcome: outcome.margin)
