@@ -68,7 +68,7 @@ class Mutator:
         preset: str | Preset = "focused",
         models: Collection[str] | None = None,
     ) -> None:
-        """Find out what can be done to whom, which does not depend on the seed."""
+        """Find out which operators can act on which actors; that does not depend on the seed."""
         self._clip, self._preset, self._pin = clip, presets.preset(preset), pin_of(case)
         self._situation = Situation(
             clip=clip,
@@ -131,10 +131,7 @@ def _plans(situation: Situation, preset: Preset) -> list[_Plan]:
 
 
 def _ranked_target(situation: Situation, preset: Preset, known: dict[str, Operator]) -> str:
-    """Return the ranked actor, or where it cannot be brought near the ego the closest one that can, or "".
-
-    Where nobody can, it is the first that can be mutated at all.
-    """
+    """Return the ranked actor, else the closest one that can be brought near the ego, else the first, or ""."""
     names = sorted({name for recipe in preset.recipes for name in recipe})
     near = situation.closest(situation.frame, list(situation.columns))
     if situation.ranked in near:
@@ -143,7 +140,7 @@ def _ranked_target(situation: Situation, preset: Preset, known: dict[str, Operat
     usable = [a for a in usable if any(_acts(situation, preset, known[n], a) for n in names)]
     if preset.reach_m is None:
         return next(iter(usable), "")
-    rng = np.random.default_rng(0)  # whom to mutate does not depend on the seed
+    rng = np.random.default_rng(0)  # the target does not depend on the seed
     reachable = (
         actor
         for actor in usable

@@ -93,7 +93,7 @@ class HeadStartSettings:
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """Line: how far beside its own way a target walks or rides.
+    """Line: how far beside its own path a target walks or rides.
 
     Attributes:
         high_m: at most so far to either side. Ours: from the middle of a lane of 3.3 m, a bicycle 0.6 m wide comes
@@ -120,7 +120,7 @@ class Preset:
         draws: of so many draws a child is the one whose roll-out comes nearest to the recorded ego; 1 for
             the first, whatever it does.
         reach_m: the ranked actor is left for the closest one that can where no draw brings it nearer than this to the
-            ego (somebody on the far side of a fence can be timed as one likes); None: it is not.
+            ego (behind a fence no timing brings an actor near); None: it is not.
         farthest_m: a target farther from the ego than this at the risky point is not mutated; None for no limit.
     """
 
@@ -152,7 +152,7 @@ FOCUSED = Preset(
     # Ours. Steering finds most, but nearly all of that no braking could have avoided; what timing finds, it could
     # three times in five (pilot): half of the children each. What cannot be done to a class is left out, so that the
     # first four are for a vehicle steer, timing and both with a swap; for a bicycle on a lane steer, timing, line and
-    # swap with steer; for somebody on foot timing, line, delay and head start.
+    # swap with steer; for a pedestrian timing, line, delay and head start.
     recipes=(
         ("steer",),
         ("timing",),
@@ -167,7 +167,7 @@ FOCUSED = Preset(
     targets="ranked",
     farthest_m=45.0,
     draws=16,
-    reach_m=0.5,  # what a driver who swerves or brakes a little differently makes up for
+    reach_m=0.5,  # the difference that slightly different steering or braking makes
     steer=SteerSettings(
         least_share=0.3,
         before_point_s=1.0,  # at the clip's beginning, 108 of 117 failures came before the risky point (pilot)

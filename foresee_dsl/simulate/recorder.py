@@ -1,4 +1,4 @@
-"""Writes down every actor at every frame, and makes a trace of it."""
+"""Records every actor at every frame, and makes a trace of it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Recorder:
         self.events.append(Event(round(time_s, 6), actor, what, detail or {}))
 
     def frame(self, signals: Signals) -> FloatArray:
-        """Write down where everybody is, and what the signals show.
+        """Record where all actors are, and what the signals show.
 
         Returns:
             [A, 7] the columns of `Trace.states`; not to be changed.

@@ -1,4 +1,4 @@
-"""The trace: every actor, every frame, in one numpy layout; what the forecaster and the clipper read."""
+"""The trace: every actor, every frame, in one numpy layout; the forecast and the clips are made from it."""
 
 from __future__ import annotations
 

@@ -207,12 +207,12 @@ class World:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
 
     def roll(self, vehicle: str, speed_mps: float, *, free: bool) -> None:
-        """Let a vehicle drive exactly a speed, whatever is in its way, until `let_go`.
+        """Let a vehicle drive exactly a speed, whatever is ahead of it, until `let_go`.
 
         Args:
             vehicle: its id. speed_mps: m/s.
-            free: it may drive into the junction ahead. SUMO counts a vehicle that does not ask there as one that has
-                stopped at its stop sign already.
+            free: it may enter the junction ahead. SUMO counts a vehicle that enters without asking as one that has
+                already stopped at its stop sign.
         """
         self._sumo.vehicle.setSpeedMode(vehicle, 0 if free else _ASKS)
         self._sumo.vehicle.setSpeed(vehicle, speed_mps)
@@ -233,9 +233,7 @@ class World:
         """Add a body that is moved from outside: `place` must follow before every step.
 
         Args:
-            vehicle: its id.
-            model: its vehicle type.
-            route: where SUMO's vehicles think that it is heading.
+            vehicle: its id. model: its vehicle type. route: what SUMO's vehicles take for its route.
             length_m: its length, where it is not the type's.
         """
         self._bodies[vehicle] = (model, route, length_m)
@@ -245,10 +243,7 @@ class World:
         """Put a vehicle that is moved from outside where it will be at the end of the next step.
 
         Args:
-            vehicle: its id.
-            x_front: m.
-            y_front: m.
-            heading_rad: counter-clockwise from east.
+            vehicle: its id. x_front, y_front: m. heading_rad: counter-clockwise from east.
             lane: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
 
         Raises:

@@ -130,7 +130,7 @@ def _body(
 
 
 class _Beginning:
-    """What a clip says of its first frame."""
+    """The statements of a clip about its first frame."""
 
     def __init__(self, case: TestCase, trace: Trace, frame: int) -> None:
         self._trace, self._frame, self._now_s = trace, frame, float(trace.time_s[frame])
@@ -143,7 +143,7 @@ class _Beginning:
                 case m.Actor():
                     self._written[item.name] = item
                 case m.When() | m.SignalState() | m.Traffic() | m.End():
-                    pass  # said of this frame: triggers, what signals show, each actor of the traffic, the window
+                    pass  # restated for this frame: triggers, signals, each actor of the traffic, the window
                 case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
                     pass  # a clip has its parent's (see `language.project.expand.expand_clip`)
                 case m.Doc() | m.Param() | m.Require() | m.Case() | m.Cases():
@@ -187,13 +187,13 @@ class _Beginning:
         ]
 
     def whens(self) -> list[m.When]:
-        """Return what actors take up at once, and the triggers."""
+        """Return the triggers that resume what actors are doing, and those of the run."""
         resumed = [self._resumed(k) for k in self._others]
         kept = [self._ends_keeping(k) for k in self._others]
         return [when for when in (*resumed, *kept) if when is not None] + list(self._later)
 
     def _source(self, actor: str) -> tuple[m.ActorItem, ...]:
-        """Return what the scenario says of an actor, nothing of one of the background traffic."""
+        """Return the scenario's statements about an actor; none about one of the background traffic."""
         written = self._written.get(actor)
         return written.body if written else ()
 
@@ -226,14 +226,14 @@ class _Beginning:
         return (m.EdgeRoute(edges=route),) if route else ()
 
     def _cruise(self, info: ActorInfo, orders: ActorOrders) -> m.Value | None:
-        """Return what an actor drives where nothing hinders it: as told last, as its author wrote, or as it does."""
+        """Return an actor's cruise speed: as a trigger set it last, as its author wrote it, or as in the trace."""
         if orders.cruise is not None:
             return orders.cruise
         written = next((item.speed for item in self._source(info.id) if isinstance(item, m.CruiseSpeed)), None)
         return written or (_quantity(info.cruise_mps, "speed") if info.cruise_mps > 0 else None)
 
     def _rules(self, k: int, orders: ActorOrders) -> tuple[m.IgnoresRule | m.MeetsState, ...]:
-        """Return what is ignored and who is met, without what is over because the junction lies behind."""
+        """Return the rules that are ignored and the actor that is met, but for junctions that lie behind."""
         name = self._trace.actors[k].id
         items: list[m.IgnoresRule | m.MeetsState] = [i for i in self._source(name) if isinstance(i, m.IgnoresRule)]
         items += [m.IgnoresRule(what=i.what, junction=i.junction) for i in orders.ignores]
@@ -263,7 +263,7 @@ class _Beginning:
                 m.CruiseSpeed()
                 | m.IgnoresRule()
                 | m.MeetsState()
-                # The trace says where it is, how fast, and which way is left.
+                # The trace has its place, its speed and what is left of its route.
                 | m.Route()
                 | m.EdgeRoute()
                 | m.Path()
@@ -279,9 +279,9 @@ class _Beginning:
                 assert_never(item)
 
     def _resumed(self, k: int) -> m.When | None:
-        """Return a trigger that takes up at once what an actor is in the middle of: a stop, a change of speed or lane.
+        """Return a trigger that resumes at once an actor's unfinished stop or change of speed or lane.
 
-        What a sequence waits for is taken up there.
+        What a sequence waits for is resumed in that sequence.
         """
         again: list[m.Action] = []
         name = self._trace.actors[k].id
@@ -299,7 +299,7 @@ class _Beginning:
         return at_once(*again) if again else None
 
     def _ends_keeping(self, k: int) -> m.When | None:
-        """Return the trigger that gives an actor its own speed back, which keeps another where it meets somebody."""
+        """Return the trigger that gives an actor its own speed back, while it keeps another to meet an actor."""
         info = self._trace.actors[k]
         orders = self._triggers.told(info.id)
         meets = orders.speed.action if orders.speed else None
@@ -350,7 +350,7 @@ def _steers_left(item: m.Steers, now_s: float) -> tuple[m.Steers, ...]:
 
 
 def _seconds(value: float) -> m.Quantity:
-    """Two decimals hold every multiple of the step, 0.05 s, exactly."""
+    """Return a time; two decimals hold every multiple of the step, 0.05 s, exactly."""
     return m.Quantity.of(value, "time", 2)
 
 

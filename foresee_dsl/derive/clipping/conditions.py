@@ -1,8 +1,8 @@
-"""A condition as a clip has to say it that begins in the middle of a run.
+"""Rewrites a condition for a clip, which begins in the middle of a run.
 
-Times count from the clip's beginning, what is known of actors that are gone is put in, and a `for` that had begun says
-`since` when. Since when it holds is read from the run's record; how a condition reads that is looked at from then on is
-the same for any run, so that this is computed here and not recorded.
+Times count from the clip's beginning, what is known of actors that have left is put in, and a `for` that had begun says
+`since` when. That time is read from the run's record; how the condition then reads is the same for any run, so that it
+is computed here and not recorded.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Moment:
 
 
 def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *, held: bool | None = None) -> Known:
-    """Return a condition as the clip has to say it: true at the same frames as in the run.
+    """Return a condition as the clip needs it: true at the same frames as in the run.
 
     Args:
         condition: as its author wrote it.
@@ -46,7 +46,7 @@ def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *,
         runs: since when what a `for` is about holds, by the place of the `for` among the condition's `parts`; absent
             where it does not hold. None for a condition that was not looked at yet.
         held: of an `every` or `next`, whether the condition has to be false before it fires; None of what fires once.
-            It is exact to the frame as well when the condition is false and when it cannot be said, where that tells
+            It is exact to the frame as well when the condition is false and when it has no outcome, where that tells
             whether the trigger fires again.
     """
     # The first time that all parts of an `and` are true, all is known. Beside an `or`, a `for` may still be unknown.
@@ -61,7 +61,7 @@ class _Rebase:
         self._moment, self._runs, self._again = moment, runs, again
 
     def part(self, condition: m.Condition, number: int, *, positive: bool) -> Known:
-        """Return a part as the clip says it; `positive`: it is under an even number of `not`."""
+        """Return a part as the clip needs it; `positive`: it is under an even number of `not`."""
         match condition:
             case m.Not():
                 inner = self.part(condition.condition, number + 1, positive=not positive)
@@ -86,7 +86,7 @@ class _Rebase:
         if mentioned(condition) & self._moment.gone:
             if isinstance(condition, m.Predicate):
                 return condition.what == "arrived"  # an actor that has left has; it touches nothing
-            return not positive  # it will never be said, so that it never makes the whole true
+            return not positive  # it will never have an outcome, so that it never makes the whole true
         left = condition.left if isinstance(condition, m.Comparison) else None
         if isinstance(condition, m.Comparison) and isinstance(left, m.Measure) and left.what == "time":
             return self._time(condition)

@@ -113,9 +113,9 @@ def with_fidelity(clip: Clip, found: Deviation) -> Clip:
 
 
 def _apart(here: NDArray[np.float64], there: NDArray[np.float64]) -> float:
-    """Return the largest distance between two ways ([T, 2], m), NaN where the first is not there at the beginning."""
+    """Return the largest distance between two tracks ([T, 2], m), NaN where the first is absent at the beginning."""
     stays = [int(np.flatnonzero(~np.isnan(places[:, 0])).max(initial=-1)) + 1 for places in (here, there)]
-    # Who drives over the end of its route leaves in a frame or in the next: a matter of rounding.
+    # A vehicle at the end of its route leaves in one frame or the next: a matter of rounding.
     last = min(stays) if max(stays) - min(stays) <= 1 else max(stays)
     return float(np.hypot(*(_held(here[:last]) - _held(there[:last])).T).max(initial=0.0 if last else np.nan))
 

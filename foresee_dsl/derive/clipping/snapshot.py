@@ -1,4 +1,4 @@
-"""What a run was doing at one frame: which actors are there, where, and which way they still have to go."""
+"""A run at one frame: which actors are there, where, and the rest of their routes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a clip says of its parent's triggers: those that may still fire, and the rest of sequences that have begun.
+"""A clip's triggers: those of its parent that may still fire, and the rest of sequences that have begun.
 
 How far the triggers had come, and what they had told each actor, is read from the run's record (`Trace.director`).
 """
@@ -93,7 +93,7 @@ class Triggers:
         return (m.When(condition=never, actions=tuple(m.Starts(actor=name) for name in left)),) if left else ()
 
     def future(self, actions: Iterable[m.Action], until: m.Condition | bool = True) -> tuple[m.Action, ...]:
-        """Return actions that have not begun as the clip has to say them; `until`: what each step waits for besides.
+        """Return actions that have not begun as the clip needs them; `until`: what each step waits for besides.
 
         Those of actors that are gone are left out, and starts of actors that have been started: they would wait for it.
         What comes `then` once a condition holds that never will is left out with all that comes after it.

@@ -74,8 +74,8 @@ def _fitting(situation: Situation, actor: str) -> tuple[str, ...]:
 def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
     """Say whether an actor can have another model at a frame.
 
-    Its class must be the same, its speed and its cruise speed within the new model's. The new body must overlap nobody,
-    and must leave `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where it was less).
+    Its class must be the same, its speed and its cruise speed within the new model's. The new body overlaps no other
+    and leaves `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where it was less).
 
     Args:
         trace: the parent's run. actor: its column. frame: the clip's first. spec: the new model.

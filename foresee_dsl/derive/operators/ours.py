@@ -93,7 +93,7 @@ class HeadStart(BuiltIn):
 
     @staticmethod
     def _places(situation: Situation, target: str, along_m: float, settings: HeadStartSettings) -> list[float]:
-        """Return where it is a little later (m), without the places where somebody else is at the beginning."""
+        """Return where it is a little later (m), without the places where another actor is at the beginning."""
         trace, column = situation.trace, situation.columns[target]
         info = trace.actors[column]
         line = Polyline.of(info.path)

@@ -193,6 +193,6 @@ def others_at(trace: Trace, actor: int, frame: int) -> FloatArray:
 
 
 def touches_nobody(trace: Trace, actor: int, frame: int, box: FloatArray) -> bool:
-    """Say whether an actor's footprint, [5], could be elsewhere at a frame without touching anybody."""
+    """Say whether an actor's footprint, [5], could be elsewhere at a frame without touching another."""
     others = others_at(trace, actor, frame)
     return not len(others) or bool((box_distances(box, others) > 0).all())

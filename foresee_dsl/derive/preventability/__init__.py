@@ -52,7 +52,7 @@ class Preventability:
 
     Attributes:
         verdict: yes, no, or not decided. why: a sentence for people.
-        struck: who struck whom in the failure: `runner struck the ego`; "" where nobody was struck.
+        struck: which of the two struck the other: `runner struck the ego`; "" without a contact.
         impact_mps: relative speed at the failure's contact, m/s; None without a contact.
         perceived_s: when the risk was perceived. braked_s: when braking began, or would have; None where it was not.
         braked_impact_mps: relative speed at the contact that braking left, m/s; None where it left none.

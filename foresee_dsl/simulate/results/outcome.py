@@ -163,7 +163,7 @@ def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
     (low, high), (theirs_low, theirs_high) = (
         _outermost(body, sign * nx, sign * ny, (-ny, nx)) for body, sign in ((ego, 1.0), (other, -1.0))
     )
-    # The middle of the overlap; bodies whose speeds do not tell may have none, and then it is the nearer end.
+    # The middle of the overlap; where the speeds do not separate the bodies there may be none: then the nearer end.
     across = min(max((max(low, theirs_low) + min(high, theirs_high)) / 2, low), high)
     out = _extent(ego, normal) / 2 + ego.x * nx + ego.y * ny
     dx, dy = out * nx - across * ny - ego.x, out * ny + across * nx - ego.y
@@ -244,7 +244,7 @@ class Judge:
         arrived: bool,
         may_wait: bool,
     ) -> Decision | None:
-        """Look at one frame; None while the run goes on.
+        """Judge one frame; None while the run is not over.
 
         Args:
             time_s: 0 at the first frame.

@@ -67,7 +67,7 @@ class ExpectationResult:
         text: as written. held: whether it did.
         margin: by how much, positive where it held; None where there is no number.
         unit: the margin's, that of the comparison which decides.
-        decides: the comparison or fact that decides, as text; "" where it could not be said at any frame.
+        decides: the comparison or fact that decides, as text; "" where it had no outcome at any frame.
         name: the line's label, or "".
     """
 
@@ -88,7 +88,7 @@ class Impact:
         side: which side of the ego was touched first. other_side: and of the other.
         ahead_m, left_m: where on the ego's outline, from the centre of its footprint along and across its heading.
         turned_rad: the other's heading less the ego's, -pi to pi (left positive).
-        struck_by: who moved towards the other along the contact normal: the ego, the other, both, or neither (they
+        struck_by: which moved towards the other along the contact normal: the ego, the other, both, or neither (they
             touched in passing).
         relative_mps: the magnitude of the difference of the velocities.
         closing_mps: its part along the contact normal, positive where they come together.
@@ -125,7 +125,7 @@ class Impact:
 
     @property
     def struck(self) -> str:
-        """Who struck whom, in words."""
+        """Which of the two struck the other, in words."""
         return {
             "ego": f"the ego struck {self.with_}",
             "other": f"{self.with_} struck the ego",
@@ -155,7 +155,7 @@ class RunResult:
     trace: Trace
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
-    """Of a contact, the `invalid` one of the first frame too; None where nobody was touched (off the road as well)."""
+    """Of a contact, the `invalid` one of the first frame too; None without a contact (off the road as well)."""
 
     @cached_property
     def near_misses(self) -> NearMisses:

@@ -1,1 +1,1 @@
-"""Triggers: their conditions, their actions, and the state of both while a run goes on."""
+"""Triggers: their conditions, their actions, and the state of both during a run."""

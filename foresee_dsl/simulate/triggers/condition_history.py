@@ -34,7 +34,7 @@ class Watch:
         self._last: tuple[int, Outcome | None] | None = None
 
     def look(self) -> Outcome | None:
-        """Return whether the condition holds at this frame and by how much; None where it cannot be said."""
+        """Return whether the condition holds at this frame and by how much; None where it cannot be evaluated."""
         frame = self._conditions.frame
         if self._last is None or self._last[0] != frame:
             outcome, _ = self._look(self._condition, 0, positive=True)
@@ -42,7 +42,7 @@ class Watch:
         return self._last[1]
 
     def holds(self) -> bool:
-        """Whether the condition holds at this frame; what cannot be said does not."""
+        """Whether the condition holds at this frame; without an outcome it does not."""
         outcome = self.look()
         return outcome is not None and outcome.held
 
@@ -84,7 +84,7 @@ class _Window:
     Args:
         condition: the `for`.
         now_s: when it is looked at first.
-        unsaid: whether what cannot be said counts as holding, for `run`.
+        unsaid: whether a frame without an outcome counts as holding, for `run`.
     """
 
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:
@@ -122,7 +122,7 @@ class _Window:
 class Expectations:
     """What is expected of a run; `look` once a frame, `results` at its end.
 
-    `never` and `always` must hold at every frame at which they can be said, `eventually` at one (within its time).
+    `never` and `always` must hold at every frame with an outcome, `eventually` at one (within its time).
     """
 
     def __init__(self, expects: Sequence[Expect], conditions: Conditions) -> None:
@@ -164,7 +164,7 @@ class _Watched:
     def result(self) -> ExpectationResult:
         text, name = print_item(self._expect), self._expect.name or ""
         found = self._so_far
-        if found is None:  # it could never be said
+        if found is None:  # it never had an outcome
             return ExpectationResult(text, self._expect.mode != "eventually", name=name)
         decides = text_of(found.decides) if found.decides is not None else ""
         if not math.isfinite(found.margin):

@@ -228,7 +228,7 @@ class Conditions:
 
 
 def _judged(condition: m.Condition, held: bool, slack: float, bound: m.Quantity | m.Ref) -> Outcome:
-    """Return the outcome of a comparison with a bound, in whose unit it is told."""
+    """Return the outcome of a comparison with a bound, in whose unit the margin is."""
     if isinstance(bound, m.Ref):  # `si_of` has refused it
         raise TypeError(bound.name)
     return Outcome(held, slack, bound.unit, condition, bound.dimension)
@@ -237,13 +237,13 @@ def _judged(condition: m.Condition, held: bool, slack: float, bound: m.Quantity 
 def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:
     """Return the outcome of `and`.
 
-    One that does not hold decides; otherwise it cannot be said where one of them cannot, or with `unknown`.
+    One that does not hold decides; otherwise it has none where one of them has none, or with `unknown`.
     """
     return _joined(tuple(outcomes), enough=False, unknown=unknown)
 
 
 def some(outcomes: Iterable[Outcome | None]) -> Outcome | None:
-    """Return the outcome of `or`. One that holds decides; otherwise it cannot be said where one cannot."""
+    """Return the outcome of `or`. One that holds decides; otherwise it has none where one has none."""
     return _joined(tuple(outcomes), enough=True, unknown=False)
 
 

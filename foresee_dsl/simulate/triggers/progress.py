@@ -23,7 +23,6 @@ class Progress:
     """Lengths along routes and paths; a look-up of one actor at one frame is done once."""
 
     def __init__(self, network: RoadNetwork, actors: Sequence[Actor]) -> None:
-        """Know the network and everybody's line."""
         self._network = network
         self._lines: dict[str, Polyline] = {}
         for actor in actors:
@@ -76,7 +75,7 @@ class Progress:
         return math.nan if span is None else span[0] - self.front(actor, frame)
 
     def ahead(self, actor: Actor, frame: int, within_m: float) -> Iterable[tuple[Passage, float]]:
-        """Return the junctions that an actor has not left, each with the way to it (negative inside)."""
+        """Return the junctions that an actor has not left, each with the distance to it (m, negative inside)."""
         line = actor.placed.line
         if line is None:
             return

@@ -27,11 +27,11 @@ _ROUNDING_S = 1e-6
 class Run:
     """Since when what a `for` is about holds without a break.
 
-    Under an odd number of `not`, what cannot be said counts as holding: only a `for` that is false can matter there.
+    Under an odd number of `not`, a frame without an outcome counts as holding: only a false `for` matters there.
 
     Attributes:
         since_s: in the run, or before it (`for 2 s since -1.30 s`).
-        known: that it did not hold just before that; False where nobody looked, or it could not be said.
+        known: that it did not hold just before; False where it was not evaluated then, or had no outcome.
     """
 
     since_s: float

@@ -36,8 +36,8 @@ class Trigger:
     """A `when`.
 
     When an `every` fires while its own sequence is still running, the sequence starts anew: what the old one has set
-    off goes on until something replaces it, but the rest of its steps do not come any more. While its condition cannot
-    be said, nothing changes.
+    off continues until something replaces it, but the rest of its steps is dropped. While its condition has no outcome,
+    nothing changes.
     """
 
     def __init__(self, index: int, when: When, conditions: Conditions, director: Performer) -> None:
