@@ -51,8 +51,7 @@ class ModelSpec:
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """One phase of a signal: its stage (index), SUMO's state string, its duration, and the time since its stage
-    began."""
+    """One phase of a signal: its stage (index), SUMO's state string, duration, and the time since its stage began."""
 
     stage: int
     state: str
@@ -62,10 +61,9 @@ class Phase:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """The fixed-time program of one junction's signal. `junction` is the language's name (or the imported id), `tls`
-    SUMO's id.
+    """The fixed-time program of a junction's signal; `tls` is SUMO's id.
 
-    Stages are named; in a foreign network with programs of its own, every phase is a stage called `phase_N`.
+    In a foreign network with programs of its own, every phase is a stage called `phase_N`.
     """
 
     junction: str
@@ -79,20 +77,19 @@ class Signal:
         Raises:
             KeyError: no such stage.
         """
-        members = [(k, p) for k, p in enumerate(self.phases) if self.stages[p.stage] == stage]
+        members = [k for k, phase in enumerate(self.phases) if self.stages[phase.stage] == stage]
         if not members:
             raise KeyError(stage)
-        for k, phase in members:
-            if elapsed_s < phase.since_stage_s + phase.duration_s - 1e-9:
-                return k, phase.since_stage_s + phase.duration_s - elapsed_s
-        k, phase = members[-1]
-        return k, 0.0
+        for k in members:
+            until_s = self.phases[k].since_stage_s + self.phases[k].duration_s
+            if elapsed_s < until_s - 1e-9:
+                return k, until_s - elapsed_s
+        return members[-1], 0.0
 
 
 @dataclass(frozen=True)
 class Steering:
-    """A steering offset: share of the largest angle (left positive), from `start_s` for `duration_s` (None: to the
-    end)."""
+    """A steering offset: share of the largest angle (left positive), from `start_s` for `duration_s` or to the end."""
 
     value: float
     start_s: float

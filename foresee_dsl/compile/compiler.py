@@ -19,9 +19,6 @@ from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.model import Network
 from foresee_dsl.language.project.document import PlacementError, TestCase
 
-_TYPES = "types.add.xml"
-
-
 _Cached = TypeVar("_Cached")
 _Key = TypeVar("_Key")
 
@@ -115,10 +112,9 @@ def _types_of(specs: tuple[ModelSpec, ...]) -> Path:
 
     text = types_of(specs)
     try:
-        file = cache_folder("types") / hashlib.sha256(text.encode()).hexdigest()[:16] / _TYPES
+        file = cache_folder("types") / hashlib.sha256(text.encode()).hexdigest()[:16] / "types.add.xml"
         write_whole(file, text)
     except OSError as err:
-        raise CompileError(
-            f"the cache of vehicle types cannot be used ({err}); FORESEE_CACHE can name another"
-        ) from err
+        message = f"the cache of vehicle types cannot be used ({err}); FORESEE_CACHE can name another"
+        raise CompileError(message) from err
     return file

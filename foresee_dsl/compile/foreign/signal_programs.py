@@ -7,6 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import SubElement  # no parsing: that is safe_xml's
 
@@ -113,9 +114,7 @@ def stages_of(headings: Mapping[str, float]) -> list[tuple[str, tuple[str, ...]]
     """
     left = sorted(headings)
     found: list[tuple[str, tuple[str, ...]]] = []
-    pairs = sorted(
-        (-_apart(headings[one], headings[other]), one, other) for i, one in enumerate(left) for other in left[i + 1 :]
-    )
+    pairs = sorted((-abs(wrap(headings[a] - headings[b])), a, b) for a, b in combinations(left, 2))
     for apart, one, other in pairs:
         if -apart >= OPPOSITE_RAD and one in left and other in left:
             axis = headings[one] + wrap(headings[other] + math.pi - headings[one]) / 2
@@ -149,16 +148,12 @@ def _last_headings(topology: Topology) -> dict[str, float]:
     return {edge: math.atan2(y1 - y0, x1 - x0) for edge, ((x0, y0), (x1, y1)) in ends.items()}
 
 
-def _from(heading_rad: float) -> str:
-    """Where traffic with a heading comes from, as a compass point: northbound traffic comes from `s`."""
-    clockwise_from_north = math.pi / 2 - (heading_rad + math.pi)
-    return _COMPASS[round(clockwise_from_north / (math.pi / 4)) % len(_COMPASS)]
-
-
 def _named(*headings: float) -> str:
-    words = sorted({_from(heading) for heading in headings}, key=_ORDER.index)
-    plain = all(len(word) == 1 for word in words)
-    return f"{('' if plain else '_').join(words)}_go"
+    """Name a stage after the compass points that its traffic comes from: northbound traffic comes from `s`."""
+    clockwise_from_north = (math.pi / 2 - (heading + math.pi) for heading in headings)
+    points = {_COMPASS[round(angle / (math.pi / 4)) % len(_COMPASS)] for angle in clockwise_from_north}
+    words = sorted(points, key=_ORDER.index)
+    return f"{('' if all(len(word) == 1 for word in words) else '_').join(words)}_go"
 
 
 def _numbered(stages: Sequence[tuple[str, tuple[str, ...]]]) -> list[tuple[str, tuple[str, ...]]]:
@@ -169,7 +164,3 @@ def _numbered(stages: Sequence[tuple[str, tuple[str, ...]]]) -> list[tuple[str, 
         seen[name] += 1
         numbered.append((name if seen[name] == 1 else f"{name.removesuffix('_go')}_{seen[name]}_go", edges))
     return numbered
-
-
-def _apart(one_rad: float, other_rad: float) -> float:
-    return abs(wrap(one_rad - other_rad))

@@ -6,7 +6,7 @@ import itertools
 import math
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.compile.nets import signals
@@ -110,29 +110,27 @@ def _road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[_Edge, ...]
         raise CompileError(f"road {road.name} needs at least one lane")
     ends = (junctions[road.start].at, junctions[road.end].at)
     line = [_xy(p) for p in (ends[0], *road.via, ends[1])]
-    sidewalk = _si(road.sidewalk) or None
-    parking = None if road.parking is None else _si(road.parking)
     half_median = _si(road.median) / 2
-    width = _si(road.lane_width, LANE_WIDTH_M)
     speed = _si(road.speed, SPEED_MPS)
 
-    def edge(name: str, start: str, end: str, count: int, shape: Sequence[XY]) -> _Edge:
-        return _Edge(
-            id=name,
-            start=start,
-            end=end,
-            lanes=count,
-            lane_width=width,
-            speed=speed,
-            spread="right" if back else "center",
-            shape=tuple(shift_right(shape, half_median) if back else shape),
-            parking=parking,
-            sidewalk=sidewalk,
-            priority=_priority(lanes + back, speed),
-        )
-
-    there = edge(road.name, road.start, road.end, lanes, line)
-    return (there, edge(road.name + BACK, road.end, road.start, back, line[::-1])) if back else (there,)
+    there = _Edge(
+        id=road.name,
+        start=road.start,
+        end=road.end,
+        lanes=lanes,
+        lane_width=_si(road.lane_width, LANE_WIDTH_M),
+        speed=speed,
+        spread="right" if back else "center",
+        shape=tuple(shift_right(line, half_median) if back else line),
+        parking=None if road.parking is None else _si(road.parking),
+        sidewalk=_si(road.sidewalk) or None,
+        # the road with more lanes goes first, among equals the faster one
+        priority=1000 * (lanes + back) + round(speed * 3.6),
+    )
+    if not back:
+        return (there,)
+    shape = tuple(shift_right(line[::-1], half_median))
+    return there, replace(there, id=road.name + BACK, start=road.end, end=road.start, lanes=back, shape=shape)
 
 
 def shift_right(line: Sequence[XY], distance: float) -> list[XY]:
@@ -220,11 +218,6 @@ def _check_buildings(network: Network, topology: Topology) -> None:
             if shape.intersects(band):
                 at = shapely.intersection(shape, band).centroid
                 raise CompileError(f"building {name} stands on {lane}, at ({at.x:.0f} m, {at.y:.0f} m)")
-
-
-def _priority(lanes: int, speed_mps: float) -> int:
-    """SUMO's priority of a road: the one with more lanes goes first, among equals the faster one."""
-    return 1000 * lanes + round(speed_mps * 3.6)
 
 
 def _xy(point: Point) -> XY:

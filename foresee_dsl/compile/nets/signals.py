@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 from foresee_dsl.compile.bundle import Phase, Signal
@@ -87,11 +88,8 @@ def write_programs(
 ) -> None:
     """Write programs for netconvert or SUMO; a phase's name is its stage's.
 
-    Args:
-        programs: one for each signal.
-        out: the file.
-        program_id: SUMO's name for all of them; "0" is what netconvert calls its own.
-        offsets: when a signal's first phase begins, by SUMO's id, s; 0 where it is absent.
+    `program_id`: SUMO's name for all of them; "0" is what netconvert calls its own. `offsets`: when a signal's first
+    phase begins, by SUMO's id, s; 0 where it is absent.
     """
     render("signals.tll.xml", out, programs=programs, program_id=program_id, offsets=offsets or {})
 
@@ -185,11 +183,8 @@ def _stage_phases(k: int, stage: Stage, links: Sequence[Link], roads_of: Mapping
         parts = [(state, green_s - clearance), (alone, clearance)]
     parts.append(("".join("y" if c in _VEHICLE_GREEN else "r" for c in alone), AMBER_S))
     parts.append(("r" * len(state), ALL_RED_S))
-    phases, since = [], 0.0
-    for text, duration in parts:
-        phases.append(Phase(k, text, duration, since))
-        since += duration
-    return phases
+    begins = accumulate((duration for _, duration in parts), initial=0.0)
+    return [Phase(k, text, duration, since) for (text, duration), since in zip(parts, begins, strict=False)]
 
 
 def stage_state(green: frozenset[str], links: Sequence[Link], roads_of: Mapping[str, str]) -> str:
@@ -198,27 +193,24 @@ def stage_state(green: frozenset[str], links: Sequence[Link], roads_of: Mapping[
     Vehicles from the named roads go. Pedestrians go where the road that they cross is not named, and where every
     vehicle that may come across is one that yields to them (it turns).
     """
-    moving = {link.index for link in links if not link.is_crossing and roads_of[link.edge] in green}
-    by_index = {link.index: link for link in links}
+    moving = {link.index: link for link in links if not link.is_crossing and roads_of[link.edge] in green}
     walking = {
         link.index
         for link in links
         if link.is_crossing
         and not any(roads_of[edge] in green for edge in link.crosses)
-        and all(_gives_way(by_index[foe], link) for foe in link.foes & moving)
+        and all(
+            moving[foe].direction != "s" and link.index in moving[foe].yields_to for foe in link.foes & moving.keys()
+        )
     }
-    going = moving | walking
-    letters = []
-    for link in links:
+    going = moving.keys() | walking
+
+    def letter(link: Link) -> str:
         if link.index not in going:
-            letters.append("r")
-        else:
-            letters.append("g" if not link.is_crossing and link.yields_to & going else "G")
-    return "".join(letters)
+            return "r"
+        return "g" if not link.is_crossing and link.yields_to & going else "G"
 
-
-def _gives_way(vehicle: Link, crossing: Link) -> bool:
-    return vehicle.direction != "s" and crossing.index in vehicle.yields_to
+    return "".join(map(letter, links))
 
 
 def _grouped(names: tuple[str, ...], phases: Sequence[tuple[str, str, float]]) -> tuple[Phase, ...]:
