@@ -81,7 +81,8 @@ def _keyword(word: str) -> Suggestion:
 
 def _of_slot(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Suggestion]:
     if slot.token == "UNIT":
-        yield from (Suggestion(unit, "unit") for unit in _units(_dimension(files, path, slot)))
+        dimension = _dimension(files, path, slot)
+        yield from (Suggestion(u.word, "unit") for u in UNITS.values() if dimension in (None, u.dimension))
     elif slot.token == "NUMBER":
         dimension = _dimension(files, path, slot)
         if dimension is not None and not place.word:
@@ -105,7 +106,7 @@ def _names(files: Files, path: Path, slot: Slot, place: Before) -> Iterator[Sugg
     if slot.token == "NAME" and form_of(slot.node.kind, slot.field).parameter:
         for name, found in files.definitions(path, "parameter").items():
             if _fits(found, slot, kind):
-                yield _parameter(name, found)
+                yield Suggestion(name, "name", _describe(found))
 
 
 def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Before) -> Iterator[Suggestion]:
@@ -190,11 +191,7 @@ def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
     for name, found in files.definitions(path, "parameter").items():
         type_ = found.occurrence.owner.fields.get("type")
         if type_ == ("model" if model else dimension) or (dimension is None and not model):
-            yield _parameter(name, found)
-
-
-def _parameter(name: str, found: Found) -> Suggestion:
-    return Suggestion(name, "name", _describe(found))
+            yield Suggestion(name, "name", _describe(found))
 
 
 def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
@@ -217,23 +214,16 @@ def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
     return form_of(above.kind, field).dimension
 
 
-def _units(dimension: Dimension | None) -> tuple[str, ...]:
-    """The unit words of a dimension; all of them for None."""
-    return tuple(unit.word for unit in UNITS.values() if dimension in (None, unit.dimension))
-
-
 def _of_parameter(type_: str) -> Dimension | None:
     return next((dimension for dimension in EXAMPLES if dimension == type_), None)
 
 
 def _describe(found: Found) -> str:
     node = found.occurrence.owner
-    kind = str(node.fields.get("kind", "")) or {m.Param: "parameter", m.VehicleModel: "model"}.get(
-        node.kind, node.kind.__name__.lower()
-    )
     if node.kind is m.Param:
         return f"parameter, {node.fields.get('type', '')}"
-    return kind
+    kind = "model" if node.kind is m.VehicleModel else node.kind.__name__.lower()
+    return str(node.fields.get("kind", "")) or kind
 
 
 def _files(path: Path, *, networks: bool) -> Iterator[Suggestion]:

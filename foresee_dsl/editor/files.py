@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -100,11 +100,13 @@ class Files:
     def definitions(self, path: Path, *kinds: SymbolKind) -> dict[str, Found]:
         """Return what can be named in a file, by name, of some kinds; a nearer definition hides a farther one."""
         found: dict[str, Found] = {}
-        for file in self.scope(path):
-            for o in self.names(file):
-                if o.defines and o.kind in kinds:
-                    found.setdefault(o.name, Found(file, o))
+        for known in self._defined(path, *kinds):
+            found.setdefault(known.occurrence.name, known)
         return found
+
+    def _defined(self, path: Path, *kinds: SymbolKind) -> Iterator[Found]:
+        for file in self.scope(path):
+            yield from (Found(file, o) for o in self.names(file) if o.defines and o.kind in kinds)
 
     def define(self, path: Path, use: Occurrence) -> Found | None:
         """Return where a name that is used in a file is defined."""
@@ -113,7 +115,8 @@ class Files:
         if use.defines:
             return Found(path, use)
         if use.kind == "stage" and use.owner.kind is not m.Ref:
-            return self._stage(path, use)
+            stages = (f for f in self._defined(path, "stage") if f.occurrence.name == use.name)
+            return next((f for f in stages if use.scope in ("", f.occurrence.scope)), None)
         kinds = self._kinds(path, use)
         # A word where a parameter may stand is one if there is one of that name.
         for kind in ("parameter", *kinds) if use.owner.kind is m.Ref else kinds:
@@ -133,8 +136,8 @@ class Files:
 
     def stages(self, path: Path, junction: object) -> tuple[str, ...]:
         """Return the names of a junction's stages."""
-        found = (o for file in self.scope(path) for o in self.names(file))
-        return tuple(o.name for o in found if o.defines and o.kind == "stage" and o.scope == junction)
+        found = (known.occurrence for known in self._defined(path, "stage"))
+        return tuple(o.name for o in found if o.scope == junction)
 
     def type_of(self, path: Path, parameter: str) -> str:
         """Return the type of a parameter as its line says it, or ""."""
@@ -153,13 +156,6 @@ class Files:
             }
             return types.get(self.type_of(path, use.scope), ())
         return (use.kind,)
-
-    def _stage(self, path: Path, use: Occurrence) -> Found | None:
-        for file in self.scope(path):
-            for o in self.names(file):
-                if o.defines and o.kind == "stage" and o.name == use.name and use.scope in ("", o.scope):
-                    return Found(file, o)
-        return None
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from lsprotocol import types
 from pygls.exceptions import JsonRpcException
 
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.completion import Suggestion, complete
+from foresee_dsl.editor.files import Files
 from foresee_dsl.editor.hover import hover as hover_of
 from foresee_dsl.editor.session import SOURCE, ForeseeServer, Positions
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, occurrences, outline
@@ -63,9 +66,9 @@ def make_server() -> ForeseeServer:
     """Return a language server with all its features."""
     server = ForeseeServer()
     feature = server.feature
-    feature(types.TEXT_DOCUMENT_DID_OPEN)(_opened)
+    feature(types.TEXT_DOCUMENT_DID_OPEN)(_opened_or_saved)
     feature(types.TEXT_DOCUMENT_DID_CHANGE)(_changed)
-    feature(types.TEXT_DOCUMENT_DID_SAVE)(_saved)
+    feature(types.TEXT_DOCUMENT_DID_SAVE)(_opened_or_saved)
     feature(types.TEXT_DOCUMENT_DID_CLOSE)(_closed)
     feature(types.SHUTDOWN)(_shut_down)
     feature(types.TEXT_DOCUMENT_COMPLETION, types.CompletionOptions(trigger_characters=[" ", ".", '"', "(", "[", "/"]))(
@@ -89,16 +92,14 @@ def make_server() -> ForeseeServer:
 # ---- documents ------------------------------------------------------------------------------------------------------
 
 
-def _opened(server: ForeseeServer, params: types.DidOpenTextDocumentParams) -> None:
+def _opened_or_saved(
+    server: ForeseeServer, params: types.DidOpenTextDocumentParams | types.DidSaveTextDocumentParams
+) -> None:
     server.check_soon(params.text_document.uri, places=True)
 
 
 def _changed(server: ForeseeServer, params: types.DidChangeTextDocumentParams) -> None:
     server.check_soon(params.text_document.uri, places=False)
-
-
-def _saved(server: ForeseeServer, params: types.DidSaveTextDocumentParams) -> None:
-    server.check_soon(params.text_document.uri, places=True)
 
 
 def _closed(server: ForeseeServer, params: types.DidCloseTextDocumentParams) -> None:
@@ -144,10 +145,10 @@ def _hover(server: ForeseeServer, params: types.HoverParams) -> types.Hover | No
     return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, found.markdown), places.range(found.span))
 
 
-def _named(server: ForeseeServer, params: _At) -> Occurrence | None:
+def _named(server: ForeseeServer, params: _At) -> tuple[Files, Path, Occurrence | None]:
     uri = params.text_document.uri
-    line, column = server.positions(uri).place(params.position)
-    return navigate.at(server.files(uri), server.path(uri), line, column)
+    files, path = server.files(uri), server.path(uri)
+    return files, path, navigate.at(files, path, *server.positions(uri).place(params.position))
 
 
 def _location(server: ForeseeServer, place: navigate.Place) -> types.Location:
@@ -156,16 +157,15 @@ def _location(server: ForeseeServer, place: navigate.Place) -> types.Location:
 
 
 def _definition(server: ForeseeServer, params: types.DefinitionParams) -> types.Location | None:
-    uri, found = params.text_document.uri, _named(server, params)
-    place = navigate.definition(server.files(uri), server.path(uri), found) if found is not None else None
+    files, path, found = _named(server, params)
+    place = navigate.definition(files, path, found) if found is not None else None
     return _location(server, place) if place is not None else None
 
 
 def _references(server: ForeseeServer, params: types.ReferenceParams) -> list[types.Location]:
-    uri, found = params.text_document.uri, _named(server, params)
+    files, path, found = _named(server, params)
     if found is None:
         return []
-    files, path = server.files(uri), server.path(uri)
     defined = navigate.definition(files, path, found)
     places = navigate.references(files, path, found)
     wanted = params.context.include_declaration
@@ -173,21 +173,21 @@ def _references(server: ForeseeServer, params: types.ReferenceParams) -> list[ty
 
 
 def _prepare_rename(server: ForeseeServer, params: types.PrepareRenameParams) -> types.Range | None:
-    uri, found = params.text_document.uri, _named(server, params)
+    files, path, found = _named(server, params)
     if found is None:
         return None
     try:
-        return server.positions(uri).range(navigate.renamed_from(server.files(uri), server.path(uri), found))
+        return server.positions(params.text_document.uri).range(navigate.renamed_from(files, path, found))
     except navigate.RenameError as error:
         raise _refused(str(error)) from None
 
 
 def _rename(server: ForeseeServer, params: types.RenameParams) -> types.WorkspaceEdit:
-    uri, found = params.text_document.uri, _named(server, params)
+    files, path, found = _named(server, params)
     if found is None:
         raise _refused("there is no name here")
     try:
-        renaming = navigate.rename(server.files(uri), server.path(uri), found, params.new_name)
+        renaming = navigate.rename(files, path, found, params.new_name)
     except navigate.RenameError as error:
         raise _refused(str(error)) from None
     changes: dict[str, list[types.TextEdit]] = {}
@@ -279,12 +279,7 @@ def _semantic_tokens(server: ForeseeServer, params: types.SemanticTokensParams) 
         if (here.line, here.character) < (line, start):
             continue
         ahead = here.character - (start if here.line == line else 0)
-        data += [
-            here.line - line,
-            ahead,
-            where.end.character - here.character,
-            _LEGEND.token_types.index(token),
-            int(o.defines),
-        ]
+        length = where.end.character - here.character
+        data += [here.line - line, ahead, length, _LEGEND.token_types.index(token), int(o.defines)]
         line, start = here.line, here.character
     return types.SemanticTokens(data)

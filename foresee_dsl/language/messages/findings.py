@@ -9,7 +9,7 @@ from dataclasses import replace
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import print_item, written
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
 
@@ -39,8 +39,6 @@ class Findings:
 
     def only_once(self, items: Sequence[m.Item]) -> None:
         """Report every statement of one kind after the first."""
-        from foresee_dsl.language.printer import print_item  # here: a file without mistakes needs no printer
-
         for item in items[1:]:
             word = re.match(r"\w+", print_item(item))
             message = f"`{word[0] if word else item}` stands twice"

@@ -90,7 +90,7 @@ def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
     if last is not None and last.block is not None and last.block[0] <= at < last.block[1]:
         return _place(last, at, text, own_line)
     if last is not None and at < last.end:
-        _inside(last, at, text)
+        _behind(last, text, same_line=last.start[0] == at[0])  # a list that goes over several lines
     elif own_line:
         following = container.children[k] if k < len(container.children) else None
         (following.before if following is not None else container.at_end).append((at[0], text))
@@ -103,16 +103,8 @@ def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
     return None
 
 
-def _inside(leaf: _Entry, at: _Place, text: str) -> None:
-    """A comment inside a list that goes over several lines."""
-    if leaf.after is None and leaf.start[0] == at[0]:
-        leaf.after = text
-    else:
-        leaf.before.append((0, text))
-
-
-def _behind(entry: _Entry, text: str) -> None:
-    if entry.after is None:
+def _behind(entry: _Entry, text: str, *, same_line: bool = True) -> None:
+    if entry.after is None and same_line:
         entry.after = text
     else:
         entry.before.append((0, text))

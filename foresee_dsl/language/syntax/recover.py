@@ -13,7 +13,6 @@ from typing import get_args
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
-from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import TAKEN, USAGE
 from foresee_dsl.language.messages.suggest import closest
@@ -61,64 +60,48 @@ class _Recovery:
     def run(self) -> tuple[_Tree, list[TextError]]:
         statements, self._errors = scan(self._text, self._lines)
         broken_braces = bool(self._errors)
-        trees: list[Token | _Tree] = []
+        trees: list[_Tree | None] = []
         definitions = statements
-        if statements and self._first_word(statements[0]) == "foresee":
-            tree = self._parse(statements[0], "header")
-            trees += [tree] if tree is not None else []
+        if statements and self._word(statements[0]) == "foresee":
+            trees.append(self._parse(statements[0], "header"))
             definitions = statements[1:]
         elif statements:
-            self._header_missing(statements[0])
-            near = closest(self._first_word(statements[0]), ("foresee", *_DEFINITIONS))
+            help = "write `foresee 1`, the version of the language, on the first line"
+            self._error_of(statements[0], "FS009", "the first line must be `foresee 1`", help)
+            near = closest(self._word(statements[0]), ("foresee", *_DEFINITIONS))
             definitions = statements[1:] if near == "foresee" else statements
         if not definitions and not self._errors:
-            place = self._lines.span(len(self._text), len(self._text) + 1)
-            self._errors.append(TextError("FS014", "this file defines nothing", _one_of_the_definitions(), place))
+            end = len(self._text)
+            self._error("FS014", "this file defines nothing", _one_of_the_definitions(), end, end + 1)
         for k, raw in enumerate(definitions):
             if k > 0 and broken_braces:
                 break  # what follows a brace too many belongs to the first definition
-            tree = self._definition(raw, is_first=k == 0)
-            trees += [tree] if tree is not None else []
-        return Tree("file", trees), self._errors
-
-    def _header_missing(self, first: Raw) -> None:
-        place = self._span(first)
-        help = "write `foresee 1`, the version of the language, on the first line"
-        self._errors.append(TextError("FS009", "the first line must be `foresee 1`", help, place))
+            trees.append(self._definition(raw, is_first=k == 0))
+        return Tree("file", [tree for tree in trees if tree is not None]), self._errors
 
     def _definition(self, raw: Raw, *, is_first: bool) -> _Tree | None:
-        word = self._first_word(raw)
+        word = self._word(raw)
         if len(self._errors) >= MOST:
             return None
-        if not word:
-            place = self._lines.span(raw.open, raw.open + 1)
-            self._errors.append(TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place))
-            return None
         meant = word if word in _DEFINITIONS else closest(word, _DEFINITIONS)
-        if not is_first:
+        if not word:
+            self._error("FS003", "a block without a statement in front of it", _NO_HEAD, raw.open, raw.open + 1)
+        elif not is_first and word in _DEFINITIONS:
             message = f"a second definition, `{word[:40]}`, in one file"
-            if word in _DEFINITIONS:
-                self._errors.append(TextError("FS008", message, "give it a file of its own", self._span(raw)))
-            else:
-                self._errors.append(
-                    TextError("FS008", f"`{word[:40]}` stands outside the braces", "move it inside", self._span(raw))
-                )
-            return None
-        if meant is None:
-            what = f"`{word[:40]}` cannot be what a file defines"
-            self._errors.append(TextError("FS004", what, _one_of_the_definitions(), self._span(raw)))
-            return None
-        if word != meant:
-            self._misspelt(raw, word, meant)
-            return None
-        extends = meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end)
-        rule, inner = ("extension", "extension_item") if extends else (_DEFINITIONS[meant], None)
-        return self._statement(raw, rule, inner)
-
-    def _misspelt(self, raw: Raw, word: str, meant: str) -> None:
-        at = self._lines.span(raw.start, raw.start + len(word))
-        self._errors.append(TextError("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", at))
-        self._block(raw, _blocks()[meant])
+            self._error_of(raw, "FS008", message, "give it a file of its own")
+        elif not is_first:
+            self._error_of(raw, "FS008", f"`{word[:40]}` stands outside the braces", "move it inside")
+        elif meant is None:
+            self._error_of(raw, "FS004", f"`{word[:40]}` cannot be what a file defines", _one_of_the_definitions())
+        elif word != meant:
+            end = raw.start + len(word)
+            self._error("FS004", f"unknown word '{word[:40]}'", f"did you mean '{meant}'?", raw.start, end)
+            self._block(raw, _blocks()[meant])
+        elif meant == "scenario" and _EXTENDS.search(self._text, raw.start, raw.end):
+            return self._statement(raw, "extension", "extension_item")
+        else:
+            return self._statement(raw, _DEFINITIONS[meant])
+        return None
 
     def _statement(self, raw: Raw, rule: str, inner: str | None = None) -> _Tree | None:
         """Parse one statement; its block's statements (of the rule `inner`) one by one."""
@@ -143,7 +126,7 @@ class _Recovery:
 
     def _inner(self, raw: Raw, rule: str) -> str | None:
         """Return the rule of the statements in a statement's braces, by its first word."""
-        word = self._first_word(raw)
+        word = self._word(raw)
         if rule == "extension_item" and word in _HOLDERS:
             word = self._word(raw, 1)
         if rule == "action" and word != "then":
@@ -153,8 +136,7 @@ class _Recovery:
 
     def _block(self, raw: Raw, rule: str) -> list[_Tree]:
         if self._depth > MAX_DEPTH:
-            message = "this is nested too deeply"
-            self._errors.append(TextError("FS018", message, "split it into several statements", self._span(raw)))
+            self._error_of(raw, "FS018", "this is nested too deeply", "split it into several statements")
             return []
         self._depth += 1
         trees = [self._statement(inner, rule) for inner in raw.block or ()]
@@ -186,22 +168,23 @@ class _Recovery:
 
     def _at_brace(self, refusal: Refusal, raw: Raw, rule: str) -> TextError:
         place = self._lines.span(raw.open, raw.open + 1)
-        word = self._first_word(raw)
+        word = self._word(raw)
         if raw.start == raw.end:
             return TextError("FS003", "a block without a statement in front of it", _NO_HEAD, place)
         if rule in PLACES and word in USAGE and "{" not in USAGE[word]:
             return TextError("FS003", f"`{word}` has no block", f"write it like `{USAGE[word]}`", place)
         return TextError(refusal.code, refusal.message, refusal.help, place)
 
-    def _first_word(self, raw: Raw) -> str:
-        return self._word(raw, 0)
-
-    def _word(self, raw: Raw, index: int) -> str:
+    def _word(self, raw: Raw, index: int = 0) -> str:
         words = self._text[raw.start : raw.end].split(maxsplit=index + 1)
         return words[index].rstrip(":") if index < len(words) else ""
 
-    def _span(self, raw: Raw) -> Span:
-        return self._lines.span(raw.start, max(raw.end, raw.start + 1))
+    def _error(self, code: str, message: str, help: str, start: int, end: int) -> None:
+        self._errors.append(TextError(code, message, help, self._lines.span(start, end)))
+
+    def _error_of(self, raw: Raw, code: str, message: str, help: str) -> None:
+        """An error of a whole statement."""
+        self._error(code, message, help, raw.start, max(raw.end, raw.start + 1))
 
 
 def _one_of_the_definitions() -> str:
@@ -213,13 +196,9 @@ def _shift(tree: _Tree, lines: int, columns: int) -> None:
     for subtree in tree.iter_subtrees():
         metas: Sequence[object] = (subtree.meta, *(c for c in subtree.children if isinstance(c, Token)))
         for at in metas:
-            _shift_one(at, lines, columns)
-
-
-def _shift_one(at: object, lines: int, columns: int) -> None:
-    if getattr(at, "line", None) is None:
-        return
-    for line, column in (("line", "column"), ("end_line", "end_column")):
-        if getattr(at, line) == 1:
-            setattr(at, column, getattr(at, column) + columns)
-        setattr(at, line, getattr(at, line) + lines)
+            for line, column in (("line", "column"), ("end_line", "end_column")):
+                if getattr(at, line, None) is None:
+                    continue
+                if getattr(at, line) == 1:
+                    setattr(at, column, getattr(at, column) + columns)
+                setattr(at, line, getattr(at, line) + lines)

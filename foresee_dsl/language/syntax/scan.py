@@ -110,12 +110,12 @@ class _Scanner:
             return
         if piece == "\n":
             self._line_start, self._first_on_line = at + 1, -1
-        elif self._first_on_line < 0:
-            self._first_on_line = at
-        if piece == "\n":
-            if not (self._in_list and self._list_goes_on(at)):
+            if not (self._in_list and self._list_continues(at)):
                 self._end()
-        elif piece == ";":
+            return
+        if self._first_on_line < 0:
+            self._first_on_line = at
+        if piece == ";":
             self._end()
         elif piece == "{":
             self._open(at)
@@ -129,7 +129,7 @@ class _Scanner:
     def _end(self) -> None:
         self._current, self._after_brace, self._in_list = None, False, False
 
-    def _list_goes_on(self, at: int) -> bool:
+    def _list_continues(self, at: int) -> bool:
         ahead = re.compile(r"[\]{};]").search(self._text, at, at + _LIST_REACH)
         return ahead is not None and ahead[0] == "]"
 
@@ -139,12 +139,8 @@ class _Scanner:
             while self._trusting and indent is not None and len(self._stack) > 1 and indent <= self._stack[-1].indent:
                 self._unclosed(start)
             if self._after_brace and len(self.errors) < MOST:
-                place = self._lines.span(start, end)
-                self.errors.append(
-                    TextError(
-                        "FS003", "two statements on one line", "begin a new line, or write `;` between them", place
-                    )
-                )
+                help = "begin a new line, or write `;` between them"
+                self.errors.append(TextError("FS003", "two statements on one line", help, self._lines.span(start, end)))
                 self._after_brace = False
             self._current = Raw(start, end)
             self._stack[-1].found.append(self._current)
@@ -176,8 +172,7 @@ class _Scanner:
         raw.close = at
         self.balanced = False
         self._end()
-        first = self._text[raw.start : raw.end].split(" ", maxsplit=1)
-        name = first[0].rstrip(":")[:40] if first else "block"
+        name = self._text[raw.start : raw.end].split(" ", maxsplit=1)[0].rstrip(":")[:40]
         place = self._lines.span(raw.start, raw.open + 1)
         message = f"the block of `{name}` is not closed"
         self._open_blocks.append(TextError("FS007", message, "add a `}` where it ends", place))
