@@ -89,14 +89,10 @@ def _of_name(files: Files, path: Path, use: Occurrence) -> str:
     found = files.define(path, use)
     if found is None:
         return ""
-    return f"{_code(_written(files, found))}\n\n{_where(path, found)}{_more(files, path, found)}"
-
-
-def _more(files: Files, path: Path, found: Found) -> str:
-    """What an actor's model is like."""
-    model = found.occurrence.owner.fields.get("model")
-    about = _model(files, path, model) if isinstance(model, str) else None
-    return f"\n\n{about}" if about is not None else ""
+    text = f"{_code(_written(files, found))}\n\n{_where(path, found)}"
+    name = found.occurrence.owner.fields.get("model")
+    model = _model(files, path, name) if isinstance(name, str) else None
+    return f"{text}\n\n{model}" if model is not None else text
 
 
 def _model(files: Files, path: Path, name: str) -> str | None:
@@ -107,9 +103,8 @@ def _model(files: Files, path: Path, name: str) -> str | None:
     rows = [f"**{name}** {_where(path, found)}", ""]
     for field, value in found.occurrence.owner.fields.items():
         if isinstance(value, Node) and value.kind is m.Quantity:
-            rows.append(
-                f"- {field.replace('_', ' ')} {value.fields['value']:f} {value.fields.get('unit', '')}".rstrip()
-            )
+            number, unit = value.fields["value"], value.fields.get("unit", "")
+            rows.append(f"- {field.replace('_', ' ')} {number:f} {unit}".rstrip())
     return "\n".join(rows)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping
 from decimal import Decimal
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from pydantic import ValidationError
 
@@ -44,7 +44,7 @@ def changed_body(
     Args:
         change: the line.
         body: as the clip or scenario (and the lines before) have it.
-        findings: takes the mistakes: nothing of that name, a WAS that is not so, a NOW that does not fit. Then the
+        findings: takes the errors: nothing of that name, a WAS that is not so, a NOW that does not fit. Then the
             statements come back as they were.
         models: every model that may be named; None where another checks them.
         place: what is changed, in words.
@@ -64,29 +64,18 @@ def changed_body(
         message = f"{_label(change)} cannot be {value_text(change.now)}: {complaint(error)}"
         findings.add(change, "now", BAD_CHANGE, message)
         return body
-    if (
-        isinstance(new, m.Ego | m.Actor)
-        and isinstance(new.model, str)
-        and change.property == "model"
-        and models is not None
-    ):
-        check_model(new.model, new.kind, models, findings, place=(change, "now"))
-        new = _at_its_own_pace(new, models.get(str(change.was)), models.get(new.model))
+    model = new.model if isinstance(new, Participant) and change.property == "model" else None
+    if models is not None and isinstance(new, Participant) and isinstance(model, str):
+        check_model(model, new.kind, models, findings, place=(change, "now"))
+        new = _at_its_own_pace(new, models.get(str(change.was)), models.get(model))
     return tuple(new if item is old else item for item in body) if old is not None else (*body, new)
 
 
 def weakened(before: tuple[m.ScenarioItem, ...], after: tuple[m.ScenarioItem, ...]) -> str | None:
     """Return the name of an expectation that is easier to meet after a change than before; None where none is."""
     old = {item.name: item for item in before if isinstance(item, m.Expect) and item.name}
-    for item in after:
-        if (
-            isinstance(item, m.Expect)
-            and item.name in old
-            and item is not old[item.name]
-            and weaker(old[item.name], item)
-        ):
-            return item.name
-    return None
+    pairs = ((old[item.name], item) for item in after if isinstance(item, m.Expect) and item.name in old)
+    return next((now.name for was, now in pairs if now is not was and weaker(was, now)), None)
 
 
 class _RefusedError(Exception):
@@ -205,31 +194,25 @@ def _owner(change: m.Change, body: tuple[m.ScenarioItem, ...]) -> m.ScenarioItem
 
 
 def _read(change: m.Change, found: m.ScenarioItem | None) -> m.ParamValue | m.Ref | None:
-    match found:
-        case m.Param(default=default):
-            return default
-        case m.End(after=after):
-            return after
-        case m.Expect(condition=condition):
-            compared = [part for part in parts(condition) if isinstance(part, m.Comparison)]
-            return compared[0].right if len(compared) == 1 else None
-        case _:
-            has: m.Quantity | m.Ref | None = getattr(found, change.property, None)
-            return has if has is not None else m.Quantity(value=Decimal(0))
+    if isinstance(found, m.Expect):
+        compared = [part for part in parts(found.condition) if isinstance(part, m.Comparison)]
+        return compared[0].right if len(compared) == 1 else None
+    has: m.ParamValue | m.Ref | None = getattr(found, _field(change), None)
+    return has if has is not None else m.Quantity(value=Decimal(0))
 
 
 def _written(change: m.Change, now: m.ParamValue | m.Ref, found: m.ScenarioItem | None) -> m.ScenarioItem:
-    match found:
-        case m.Param():
-            return _with(found, default=now)
-        case m.End():
-            return _with(found, after=now)
-        case m.Expect(condition=condition):
-            new = mapped(condition, lambda part: _with(part, right=now) if isinstance(part, m.Comparison) else part)
-            return _with(found, condition=new)
-        case m.Weather():
-            return _with(found, **{change.property: now})
-    return m.Weather.model_validate({change.property: now})
+    if found is None:
+        return m.Weather.model_validate({change.property: now})
+    if isinstance(found, m.Expect):
+        new = mapped(found.condition, lambda part: _with(part, right=now) if isinstance(part, m.Comparison) else part)
+        return _with(found, condition=new)
+    return _with(found, **{_field(change): now})
+
+
+def _field(change: m.Change) -> str:
+    """The field of the statement, other than an expectation, whose value a change replaces."""
+    return {"param": "default", "end": "after"}.get(change.actor, change.property)
 
 
 def _with(item: _ItemT, /, **fields: object) -> _ItemT:
@@ -267,8 +250,7 @@ def _changed(actor: Participant, change: m.Change, now: m.ParamValue | m.Ref, ru
         return _with(actor, state=_with(actor.state, speed=now))
     kind, field = rule.statement
     times = {"start": change.start, "duration": change.duration} if change.property == "steer" else {}
-    new = kind.model_validate({field: now} | times)
-    return _with(actor, body=(*(item for item in actor.body if not isinstance(item, kind)), new))
+    return _replaced(actor, cast(m.ActorItem, kind.model_validate({field: now} | times)))
 
 
 def _value(found: object) -> m.ParamValue | m.Ref | None:

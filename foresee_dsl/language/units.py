@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 Dimension = Literal["time", "length", "speed", "acceleration", "angle", "angular_rate", "mass", "ratio", "count"]
 
@@ -19,7 +19,7 @@ class Unit:
     to_si: float
 
 
-_ALL = (
+_ALL = (  # of each dimension the unit of generated files first
     Unit("s", "time", 1.0),
     Unit("ms", "time", 1e-3),
     Unit("min", "time", 60.0),
@@ -40,40 +40,19 @@ _ALL = (
 UNITS = MappingProxyType({unit.word: unit for unit in _ALL})
 """Every unit word that the language knows. A bare number has the dimension `ratio` or `count`, as its place asks."""
 
-OTHER_WORDS = MappingProxyType(
-    {
-        "sec": "s",
-        "secs": "s",
-        "second": "s",
-        "seconds": "s",
-        "minute": "min",
-        "minutes": "min",
-        "metre": "m",
-        "metres": "m",
-        "meter": "m",
-        "meters": "m",
-        "kph": "km/h",
-        "kmph": "km/h",
-        "mps": "m/s",
-        "ms-2": "m/s^2",
-        "degree": "deg",
-        "degrees": "deg",
-        "°": "deg",
-    }
-)
+_ALSO_WRITTEN = {
+    "s": "sec secs second seconds",
+    "min": "minute minutes",
+    "m": "metre metres meter meters",
+    "km/h": "kph kmph",
+    "m/s": "mps",
+    "m/s^2": "ms-2",
+    "deg": "degree degrees °",
+}
+OTHER_WORDS = MappingProxyType({other: unit for unit, others in _ALSO_WRITTEN.items() for other in others.split()})
 """What people write instead of a unit word, so that a message can name the right one."""
 
 SI_WORD: MappingProxyType[Dimension, str] = MappingProxyType(
-    {
-        "time": "s",
-        "length": "m",
-        "speed": "m/s",
-        "acceleration": "m/s^2",
-        "angle": "deg",  # what people read; the model's SI value is in radians
-        "angular_rate": "deg/s",
-        "mass": "kg",
-        "ratio": "",
-        "count": "",
-    }
+    {known: next((unit.word for unit in _ALL if unit.dimension == known), "") for known in get_args(Dimension)}
 )
-"""The unit that generated files use for each dimension."""
+"""The unit that generated files use for each dimension: SI, but degrees for angles (what people read)."""

@@ -6,26 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase
-from foresee_dsl.language.model.values import (
-    Acceleration,
-    ActorName,
-    Angle,
-    Count,
-    JunctionId,
-    Length,
-    ModelName,
-    Name,
-    Place,
-    Point,
-    Ratio,
-    Ref,
-    RoadId,
-    Speed,
-    Time,
-    Turn,
-)
 
 
 class Leg(Phrase):
@@ -38,8 +21,8 @@ class Leg(Phrase):
         right (constant): a turn, or a side | right over j4
     """
 
-    turn: Turn | Ref
-    junction: JunctionId
+    turn: v.Turn | v.Ref
+    junction: v.JunctionId
 
 
 class Route(Item):
@@ -53,7 +36,7 @@ class Route(Item):
     words = "route (statement): where an actor drives: a road and turns, or edges | route from south straight over j4"
 
     kind: Literal["route"] = "route"
-    start: RoadId
+    start: v.RoadId
     legs: tuple[Leg, ...]
 
 
@@ -64,7 +47,7 @@ class EdgeRoute(Item):
     pattern = "route {edges}"
 
     kind: Literal["edge_route"] = "edge_route"
-    edges: tuple[RoadId, ...] = Field(min_length=1)
+    edges: tuple[v.RoadId, ...] = Field(min_length=1)
     shortest: bool = False
     """True when written with `...`: consecutive edges need not touch."""
 
@@ -83,7 +66,7 @@ class Path(Item):
     words = "path (statement): a line off the lanes that an actor follows | path [(90 m, 10 m), (90 m, 30 m)]"
 
     kind: Literal["path"] = "path"
-    points: tuple[Place, ...] = Field(min_length=2)
+    points: tuple[v.Place, ...] = Field(min_length=2)
 
 
 class StartAt(Item):
@@ -95,7 +78,7 @@ class StartAt(Item):
     """
 
     kind: Literal["start_at"] = "start_at"
-    place: Place
+    place: v.Place
 
 
 class StartSpeed(Item):
@@ -104,7 +87,7 @@ class StartSpeed(Item):
     pattern = "start speed {speed}"
 
     kind: Literal["start_speed"] = "start_speed"
-    speed: Speed
+    speed: v.Speed
 
 
 class CruiseSpeed(Item):
@@ -114,7 +97,7 @@ class CruiseSpeed(Item):
     words = "speed (statement): how fast: an actor where nothing hinders it, or a road's limit | speed 50 km/h"
 
     kind: Literal["speed"] = "speed"
-    speed: Speed
+    speed: v.Speed
 
 
 class GoalAt(Item):
@@ -124,7 +107,7 @@ class GoalAt(Item):
     words = "goal (statement): where the ego's route ends | goal 40 m past j4 on ego.route"
 
     kind: Literal["goal"] = "goal"
-    place: Place
+    place: v.Place
 
 
 class IgnoresRule(Item):
@@ -135,7 +118,7 @@ class IgnoresRule(Item):
 
     kind: Literal["ignores"] = "ignores"
     what: Literal["signals", "priority"]
-    junction: JunctionId | None = None
+    junction: v.JunctionId | None = None
 
 
 class MeetsState(Item):
@@ -148,9 +131,9 @@ class MeetsState(Item):
     """
 
     kind: Literal["meets_state"] = "meets_state"
-    other: ActorName
-    junction: JunctionId
-    gap: Time
+    other: v.ActorName
+    junction: v.JunctionId
+    gap: v.Time
     order: Literal["after", "before"] = "after"
 
 
@@ -161,7 +144,7 @@ class Walked(Item):
     words = "moving (statement): how far along its path an actor is already | moving 2.60 m"
 
     kind: Literal["walked"] = "walked"
-    along: Length
+    along: v.Length
 
 
 class Steers(Item):
@@ -172,9 +155,9 @@ class Steers(Item):
     words = "steers (statement): a steering offset, -1 (right) to 1 (left) | steers 0.12 from 1.00 s for 1.00 s"
 
     kind: Literal["steers"] = "steers"
-    value: Ratio
-    start: Time | None = None
-    duration: Time | None = None
+    value: v.Ratio
+    start: v.Time | None = None
+    duration: v.Time | None = None
 
 
 class Timing(Item):
@@ -190,7 +173,7 @@ class Timing(Item):
     words = "timing (statement): its speed along its own way, as a ratio | timing 0.90"
 
     kind: Literal["timing"] = "timing"
-    factor: Ratio
+    factor: v.Ratio
 
 
 class Delay(Item):
@@ -200,7 +183,7 @@ class Delay(Item):
     words = "delay (statement): an actor moves off that much later | delay 0.5 s"
 
     kind: Literal["delay"] = "delay"
-    time: Time
+    time: v.Time
 
 
 WIDEST_LINE_M = 5.0
@@ -218,7 +201,7 @@ class Line(Item):
     words = "line (statement): how far an actor keeps to the left of its path or its lane's middle | line 0.60 m"
 
     kind: Literal["line"] = "line"
-    left: Length
+    left: v.Length
 
 
 class State(Phrase):
@@ -234,11 +217,11 @@ class State(Phrase):
         steer (setting): the angle of the front wheels in a state; of a mutant: a steering offset | steer 2.0 deg
     """
 
-    at: Point
-    heading: Angle
-    speed: Speed
-    acceleration: Acceleration | None = None
-    steer: Angle | None = None
+    at: v.Point
+    heading: v.Angle
+    speed: v.Speed
+    acceleration: v.Acceleration | None = None
+    steer: v.Angle | None = None
 
 
 class Recorded(Item):
@@ -255,7 +238,7 @@ class Recorded(Item):
     """
 
     kind: Literal["recorded"] = "recorded"
-    time: Time
+    time: v.Time
     state: State
 
 
@@ -286,7 +269,7 @@ class Ego(Item):
     words = "ego (statement): the vehicle of the driver under test | ego: car.sedan { ... }"
 
     kind: Literal["ego"] = "ego"
-    model: ModelName | Ref
+    model: v.ModelName | v.Ref
     state: State | None = None
     body: tuple[ActorItem, ...] = ()
 
@@ -311,8 +294,8 @@ class Actor(Item):
     """
 
     kind: Literal["vehicle", "bicycle", "pedestrian", "obstacle"]
-    name: Annotated[Name, Names("actor", defines=True)]
-    model: ModelName | Ref
+    name: Annotated[v.Name, Names("actor", defines=True)]
+    model: v.ModelName | v.Ref
     state: State | None = None
     body: tuple[ActorItem, ...] = ()
 
@@ -335,11 +318,11 @@ class Traffic(Item):
     """
 
     kind: Literal["traffic"] = "traffic"
-    name: Annotated[Name, Names("actor", defines=True)]
-    count: Count
-    models: tuple[ModelName, ...] = Field(min_length=1)
-    within: Length
-    seed: Count
+    name: Annotated[v.Name, Names("actor", defines=True)]
+    count: v.Count
+    models: tuple[v.ModelName, ...] = Field(min_length=1)
+    within: v.Length
+    seed: v.Count
 
 
 class Meets(Item):
@@ -354,10 +337,10 @@ class Meets(Item):
     pattern = "{actor} meets {other} at {junction} {order} {gap}"
 
     kind: Literal["meets"] = "meets"
-    actor: ActorName
-    other: ActorName
-    junction: JunctionId
-    gap: Time
+    actor: v.ActorName
+    other: v.ActorName
+    junction: v.JunctionId
+    gap: v.Time
     order: Literal["after", "before"] = "after"
 
 
@@ -367,9 +350,9 @@ class Ignores(Item):
     pattern = "{actor} ignores {what} [at {junction}]"
 
     kind: Literal["does_ignore"] = "does_ignore"
-    actor: ActorName
+    actor: v.ActorName
     what: Literal["signals", "priority"]
-    junction: JunctionId | None = None
+    junction: v.JunctionId | None = None
 
 
 class Starts(Item):
@@ -379,7 +362,7 @@ class Starts(Item):
     words = "starts (action): an actor that waited moves off | walker starts"
 
     kind: Literal["starts"] = "starts"
-    actor: ActorName
+    actor: v.ActorName
 
 
 class ChangesSpeed(Item):
@@ -389,9 +372,9 @@ class ChangesSpeed(Item):
     words = "changes (action): its speed or its lane | lead changes speed to 3 m/s over 2 s"
 
     kind: Literal["changes_speed"] = "changes_speed"
-    actor: ActorName
-    to: Speed
-    over: Time | None = None
+    actor: v.ActorName
+    to: v.Speed
+    over: v.Time | None = None
 
 
 class ChangesLane(Item):
@@ -401,8 +384,8 @@ class ChangesLane(Item):
     words = "lane (action): to the left or right neighbour | cutter changes lane left"
 
     kind: Literal["changes_lane"] = "changes_lane"
-    actor: ActorName
-    side: Literal["left", "right"] | Ref
+    actor: v.ActorName
+    side: Literal["left", "right"] | v.Ref
 
 
 class Stops(Item):
@@ -412,8 +395,8 @@ class Stops(Item):
     words = "stops (action): brakes and stands, for good or for a time | lead stops for 4 s"
 
     kind: Literal["stops"] = "stops"
-    actor: ActorName
-    duration: Time | None = None
+    actor: v.ActorName
+    duration: v.Time | None = None
 
 
 class Wait(Item):
@@ -423,7 +406,7 @@ class Wait(Item):
     words = "wait (action): nothing happens for that time | wait 2 s"
 
     kind: Literal["wait"] = "wait"
-    duration: Time
+    duration: v.Time
 
 
 class Then(Item):
@@ -469,6 +452,6 @@ class When(Item):
 
     kind: Literal["when"] = "when"
     repeat: Literal["once", "every", "next"] | None = None
-    name: Annotated[Name, Names("label", defines=True)] | None = None
+    name: Annotated[v.Name, Names("label", defines=True)] | None = None
     condition: Condition
     actions: tuple[Action, ...] = Field(min_length=1)

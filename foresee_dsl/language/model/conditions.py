@@ -8,22 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.item import ONE_OF, Names, Phrase
-from foresee_dsl.language.model.values import (
-    ActorName,
-    AlongEdge,
-    AlongRoute,
-    Id,
-    JunctionId,
-    Length,
-    PastJunction,
-    Point,
-    Ref,
-    StageId,
-    Time,
-    Value,
-    Word,
-)
 from foresee_dsl.language.units import Dimension
 
 SIGNAL_COLOURS = ("green", "amber", "red")
@@ -66,8 +52,8 @@ class Measure(Phrase):
 
     kind: Literal["measure"] = "measure"
     what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
-    actor: ActorName | None = None
-    other: Annotated[Id | Ref, Names("thing")] | None = None
+    actor: v.ActorName | None = None
+    other: Annotated[v.Id | v.Ref, Names("thing")] | None = None
     """The second actor or the junction."""
 
     def own_pattern(self) -> str:
@@ -89,9 +75,9 @@ class Comparison(Phrase):
     pattern = "{left} {op} {right}"
 
     kind: Literal["comparison"] = "comparison"
-    left: Measure | Ref
+    left: Measure | v.Ref
     op: Literal["<", "<=", ">", ">="]
-    right: Value
+    right: v.Value
 
 
 class Equals(Phrase):
@@ -101,8 +87,8 @@ class Equals(Phrase):
     words = "is (condition): a parameter has that value, or a signal shows that | ego.signal(j4) is red"
 
     kind: Literal["equals"] = "equals"
-    left: Annotated[Ref, Names("parameter")]
-    right: Word
+    left: Annotated[v.Ref, Names("parameter")]
+    right: v.Word
 
 
 class Predicate(Phrase):
@@ -116,7 +102,7 @@ class Predicate(Phrase):
 
     kind: Literal["predicate"] = "predicate"
     what: Literal["collision", "arrived"]
-    actor: ActorName
+    actor: v.ActorName
 
 
 class InJunction(Phrase):
@@ -126,8 +112,8 @@ class InJunction(Phrase):
     never_bare = ("and", "or", "for")
 
     kind: Literal["in_junction"] = "in_junction"
-    actor: ActorName
-    junction: JunctionId | None = None
+    actor: v.ActorName
+    junction: v.JunctionId | None = None
 
 
 class Named(Phrase):
@@ -136,7 +122,7 @@ class Named(Phrase):
     pattern = "{name}"
 
     kind: Literal["named"] = "named"
-    name: Annotated[Id | Ref, Names("thing")]
+    name: Annotated[v.Id | v.Ref, Names("thing")]
 
 
 class Within(Phrase):
@@ -146,9 +132,9 @@ class Within(Phrase):
     pattern = "{actor} within {distance} of {of}"
 
     kind: Literal["within"] = "within"
-    actor: ActorName
-    distance: Length
-    of: Annotated[Named | Point | AlongEdge | AlongRoute | PastJunction, ONE_OF]
+    actor: v.ActorName
+    distance: v.Length
+    of: Annotated[Named | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction, ONE_OF]
 
 
 class Shows(Phrase):
@@ -162,9 +148,9 @@ class Shows(Phrase):
     """
 
     kind: Literal["shows"] = "shows"
-    actor: ActorName | None = None
-    junction: JunctionId
-    state: StageId
+    actor: v.ActorName | None = None
+    junction: v.JunctionId
+    state: v.StageId
 
 
 class Sustained(Phrase):
@@ -185,8 +171,8 @@ class Sustained(Phrase):
 
     kind: Literal["for"] = "for"
     condition: Condition
-    duration: Time
-    since: Time | None = None
+    duration: v.Time
+    since: v.Time | None = None
     """0 s or earlier; without it, nothing is known of the time before the run."""
 
 

@@ -6,21 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Names
-from foresee_dsl.language.model.values import (
-    Acceleration,
-    Angle,
-    AngularRate,
-    Count,
-    Length,
-    Mass,
-    ModelName,
-    Name,
-    Point,
-    Speed,
-    Text,
-    Time,
-)
 
 
 class Doc(Item):
@@ -30,7 +17,7 @@ class Doc(Item):
     words = 'doc (statement): a sentence for people | doc "One sentence."'
 
     kind: Literal["doc"] = "doc"
-    text: Text
+    text: v.Text
 
 
 class Stage(Item):
@@ -45,9 +32,9 @@ class Stage(Item):
     """
 
     kind: Literal["stage"] = "stage"
-    name: Annotated[Name, Names("stage", defines=True)]
-    green: tuple[Annotated[Name, Names("road")], ...] = Field(min_length=1)
-    duration: Time
+    name: Annotated[v.Name, Names("stage", defines=True)]
+    green: tuple[Annotated[v.Name, Names("road")], ...] = Field(min_length=1)
+    duration: v.Time
 
 
 class Junction(Item):
@@ -70,10 +57,10 @@ class Junction(Item):
     """
 
     kind: Literal["junction"] = "junction"
-    name: Annotated[Name, Names("junction", defines=True)]
-    at: Point
+    name: Annotated[v.Name, Names("junction", defines=True)]
+    at: v.Point
     control: Literal["signals", "priority", "right_before_left", "stop"] = "priority"
-    crossings: tuple[Name, ...] | None = None
+    crossings: tuple[v.Name, ...] | None = None
     """The roads that can be crossed: empty for all, None for none."""
     stages: tuple[Stage, ...] = ()
 
@@ -105,17 +92,17 @@ class Road(Item):
     """
 
     kind: Literal["road"] = "road"
-    name: Annotated[Name, Names("road", defines=True)]
-    start: Annotated[Name, Names("junction")]
-    end: Annotated[Name, Names("junction")]
-    lanes: Count | None = None
-    back: Count | None = None
-    lane_width: Length | None = None
-    speed: Speed | None = None
-    parking: Length | None = None
-    sidewalk: Length | None = None
-    median: Length | None = None
-    via: tuple[Point, ...] = ()
+    name: Annotated[v.Name, Names("road", defines=True)]
+    start: Annotated[v.Name, Names("junction")]
+    end: Annotated[v.Name, Names("junction")]
+    lanes: v.Count | None = None
+    back: v.Count | None = None
+    lane_width: v.Length | None = None
+    speed: v.Speed | None = None
+    parking: v.Length | None = None
+    sidewalk: v.Length | None = None
+    median: v.Length | None = None
+    via: tuple[v.Point, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
         """Return whether it has few settings and no list of points."""
@@ -130,8 +117,8 @@ class Building(Item):
     words = "building (statement): hides what is behind it | building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]"
 
     kind: Literal["building"] = "building"
-    name: Name
-    outline: tuple[Point, ...] = Field(min_length=3)
+    name: v.Name
+    outline: tuple[v.Point, ...] = Field(min_length=3)
 
 
 NetworkItem = Annotated[Doc | Junction | Road | Building, ONE_OF]
@@ -145,7 +132,7 @@ class Network(Item):
     words = "network (definition): junctions and roads | network town { ... }"
 
     kind: Literal["network"] = "network"
-    name: Name
+    name: v.Name
     body: tuple[NetworkItem, ...]
 
 
@@ -181,22 +168,22 @@ class VehicleModel(Item):
     """
 
     kind: Literal["model"] = "model"
-    name: Annotated[ModelName, Names("model", defines=True)]
-    length: Length
-    width: Length
-    height: Length | None = None
-    wheelbase: Length | None = None
-    front_overhang: Length | None = None
-    rear_overhang: Length | None = None
-    mass: Mass | None = None
-    max_speed: Speed | None = None
-    cruise_speed: Speed | None = None
-    acceleration: Acceleration | None = None
-    braking: Acceleration | None = None
-    emergency_braking: Acceleration | None = None
-    max_steer: Angle | None = None
-    steer_rate: AngularRate | None = None
-    source: Text | None = None
+    name: Annotated[v.ModelName, Names("model", defines=True)]
+    length: v.Length
+    width: v.Length
+    height: v.Length | None = None
+    wheelbase: v.Length | None = None
+    front_overhang: v.Length | None = None
+    rear_overhang: v.Length | None = None
+    mass: v.Mass | None = None
+    max_speed: v.Speed | None = None
+    cruise_speed: v.Speed | None = None
+    acceleration: v.Acceleration | None = None
+    braking: v.Acceleration | None = None
+    emergency_braking: v.Acceleration | None = None
+    max_steer: v.Angle | None = None
+    steer_rate: v.AngularRate | None = None
+    source: v.Text | None = None
 
 
 class Catalogue(Item):
@@ -206,5 +193,5 @@ class Catalogue(Item):
     words = "models (definition): sizes and abilities; in traffic: which models take part | models more { ... }"
 
     kind: Literal["models"] = "models"
-    name: Name
+    name: v.Name
     body: tuple[Annotated[Doc | VehicleModel, ONE_OF], ...]

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from typing import get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.messages.suggest import closest, unit_hint
+from foresee_dsl.language.messages.suggest import did_you_mean, unit_hint
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.nodes import Node, TextError
 from foresee_dsl.language.units import Dimension
 
@@ -89,7 +88,7 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
     shown = _short(detail["input"])
     if field == "unit":
         return TextError("FS005", f"unknown unit '{shown}'", unit_hint(str(detail["input"])), place)
-    text = str(detail["input"])
+    text, limits = str(detail["input"]), detail.get("ctx", {})
     match detail["type"]:
         case "missing":
             found = TextError("FS014", f"{_what(node)} needs `{field}`", f"add a `{field}`", _head(node))
@@ -100,43 +99,27 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
         case "string_pattern_mismatch":
             found = _wrong_text(node, field, text, place)
         case "too_short":
-            found = TextError("FS014", f"{_what(node)} needs more in `{field}`", _at_least(detail), place)
+            help = f"give at least {limits.get('min_length', 1)}"
+            found = TextError("FS014", f"{_what(node)} needs more in `{field}`", help, place)
         case "string_too_long" | "string_too_short":
-            found = TextError("FS017", "this text is empty or too long", _length(detail), place)
+            most = limits.get("max_length")
+            help = f"use at most {most} characters" if most else "write something between the quotes"
+            found = TextError("FS017", "this text is empty or too long", help, place)
         case "greater_than_equal" | "less_than_equal" | "finite_number":
             found = TextError("FS016", f"`{shown}` is out of range", "use a number between -1e9 and 1e9", place)
         case _:
-            found = TextError("FS010", f"`{shown}` cannot stand here", _asked_for(node.kind, field), place)
+            help = f"`{field}` is something else" if field else ""
+            if node.kind is m.Change:
+                help = "write a value with its unit, or the name of a model"
+            found = TextError("FS010", f"`{shown}` cannot stand here", help, place)
     return found
 
 
-def _length(detail: ErrorDetails) -> str:
-    most = detail.get("ctx", {}).get("max_length")
-    return f"use at most {most} characters" if most else "write something between the quotes"
-
-
-def _at_least(detail: ErrorDetails) -> str:
-    least = detail.get("ctx", {}).get("min_length", 1)
-    return f"give at least {least}"
-
-
 def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
-    known = [k for k in _literals(node.kind.model_fields[field].annotation) if isinstance(k, str)]
-    help = f"known are {', '.join(known)}"
-    found = closest(word, known)
-    if found is not None:
-        help = f"did you mean '{found}'?"
+    known = form_of(node.kind, field).words
+    help = did_you_mean(word, known) or f"known are {', '.join(known)}"
     noun = {"what": "rule", "preventable": "answer", "property": "property"}.get(field, field)
     return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
-
-
-def _literals(annotation: object) -> Iterable[object]:
-    """All members of the Literals in an annotation."""
-    for part in get_args(annotation):
-        if isinstance(part, str):
-            yield part
-        else:
-            yield from _literals(part)
 
 
 def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError:
@@ -175,17 +158,10 @@ def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     return TextError("FS011", f"`{_short(text)}` is no name", help, place)
 
 
-def _asked_for(kind: type[m.Item], field: str) -> str:
-    if kind is m.Change:
-        return "write a value with its unit, or the name of a model"
-    return f"`{field}` is something else" if field else ""
-
-
 def _what(node: Node) -> str:
     name = node.fields.get("name")
-    word = {m.VehicleModel: "model", m.When: "this trigger", m.Stage: "stage"}.get(
-        node.kind, node.kind.__name__.lower()
-    )
+    words = {m.VehicleModel: "model", m.When: "this trigger", m.Stage: "stage"}
+    word = words.get(node.kind, node.kind.__name__.lower())
     return f"{word} '{_short(name)}'" if isinstance(name, str) else word
 
 

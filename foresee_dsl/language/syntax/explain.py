@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -132,7 +132,7 @@ class Refusal:
             state.exhaust_lexer()
         except UnexpectedInput:
             return False
-        words = [word for name in sorted(state.accepts()) if (word := _terminal(name)) and word[0].isalpha()]
+        words = _words(state.accepts())
         meant = closest(before[1], words)
         if meant is None or before[1] in words:
             return False
@@ -185,26 +185,19 @@ class Refusal:
         """How what is at fault is written."""
         first = re.match(r"[^\W\d]\w*", self._text)
         word = first[0] if first is not None else ""
-        found = next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), "")
         if self._rule == "traffic_item" and word == "models":
-            found = "models [car.compact, van.delivery]"
-        elif self._rule in ("scenario_item", "clip_item") and re.search(r":\s*[\w.]+\s+at\b", self._text):
-            found = _STATE_USAGE
-        elif not found and self._rule == "action" and word not in ("wait", "then"):
-            found = ACTION_USAGE
-        elif not found:
-            found = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else "")
-        return found
+            return "models [car.compact, van.delivery]"
+        if self._rule in ("scenario_item", "clip_item") and re.search(r":\s*[\w.]+\s+at\b", self._text):
+            return _STATE_USAGE
+        usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else "")
+        if self._rule == "action" and word not in ("wait", "then"):
+            usual = ACTION_USAGE
+        return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
     def _literals(self) -> tuple[list[str], list[str]]:
         """The words and the signs that were expected, in a fixed order."""
-        texts = []
-        for name in sorted(self._accepted):
-            pattern = _terminal(name)
-            if pattern is not None:
-                texts.append(pattern)
-        words = [text for text in texts if text[0].isalpha()]
-        return words, [text for text in texts if not text[0].isalpha()]
+        signs = [text for name in sorted(self._accepted) if (text := _terminal(name)) and not text[0].isalpha()]
+        return _words(self._accepted), signs
 
     def _expected(self) -> str:
         """What was expected, in people's words, most telling first."""
@@ -254,8 +247,7 @@ def _accepted(error: UnexpectedInput) -> set[str]:
 @cache
 def _keywords() -> frozenset[str]:
     """Every fixed word of the grammar."""
-    names = [terminal.name for terminal in statement_parser().terminals]
-    return frozenset(word for name in names if (word := _terminal(name)) is not None and word[0].isalpha())
+    return frozenset(_words(terminal.name for terminal in statement_parser().terminals))
 
 
 @cache
@@ -264,10 +256,8 @@ def _homes() -> Mapping[str, tuple[str, ...]]:
     found: dict[str, list[str]] = {}
     for rule, place in PLACES.items():
         state: Any = statement_parser().parse_interactive("", start=rule)  # Lark leaves `accepts` without types
-        for name in sorted(state.accepts()):
-            word = _terminal(name)
-            if word is not None and word[0].isalpha():
-                found.setdefault(word, []).append(place)
+        for word in _words(state.accepts()):
+            found.setdefault(word, []).append(place)
     return {word: tuple(places) for word, places in found.items()}
 
 
@@ -281,6 +271,11 @@ def _dimensions() -> Mapping[str, Dimension]:
             if dimension is not None:
                 found.setdefault(word, dimension)
     return found
+
+
+def _words(terminals: Iterable[str]) -> list[str]:
+    """The fixed words among some terminals, in a fixed order."""
+    return [word for name in sorted(terminals) if (word := _terminal(name)) is not None and word[0].isalpha()]
 
 
 def _terminal(name: str) -> str | None:
