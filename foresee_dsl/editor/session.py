@@ -132,9 +132,7 @@ class ForeseeServer(LanguageServer):
     def check_soon(self, uri: str, *, places: bool) -> None:
         """Check a document, and the open ones that build on it, once nothing has changed for a moment.
 
-        Args:
-            uri: what has changed, or was opened or saved.
-            places: also look at where things stand, which takes longer.
+        With `places` also look at where things stand, at once; that takes longer.
         """
         changed, files = self.path(uri), self.files(uri)
         for other in list(self.workspace.text_documents):
@@ -224,13 +222,9 @@ def _diagnostic(diagnostic: Diagnostic, where: types.Range) -> types.Diagnostic:
 def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) -> tuple[Diagnostic, ...]:
     """Return what is wrong with a file and with the files that it builds on.
 
-    Args:
-        path: the file; it need not exist on the disk.
-        text: what it holds.
-        overlay: the texts that the editor holds, by absolute path.
-        places: also build the network and place every actor, which takes up to some seconds.
-
-    Nothing is raised for what is in the text, nor where SUMO's programs are missing.
+    The file need not exist on the disk; `overlay` are the texts that the editor holds, by absolute path. With `places`
+    the network is built and every actor placed, which takes up to some seconds. Nothing is raised for what is in the
+    text, nor where SUMO's programs are missing.
     """
     try:
         result = check_paths([str(path)], {**overlay, path: text})

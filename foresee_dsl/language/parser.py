@@ -112,11 +112,7 @@ def _numbers(span: Span) -> _Numbers:
 
 
 def read_text(path: Path, name: str) -> str:
-    """Return a file's text, byte order mark and newlines as they are.
-
-    Args:
-        path: the file.
-        name: how it is called in messages.
+    """Return a file's text, byte order mark and newlines as they are; `name` is how messages call it.
 
     Raises:
         InputError: the file is missing, is a folder, too large, or no UTF-8 text.

@@ -142,12 +142,7 @@ class Layout:
 
 
 def layout(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> Layout:
-    """Return how a statement is written.
-
-    Args:
-        item: any statement of the model.
-        parameters: the names of the scenario's parameters (an id of the same name is quoted).
-    """
+    """Return how a statement is written; an id that is called like one of the parameters is quoted."""
     if isinstance(item, m.Add | m.Replace):
         return _held("add" if isinstance(item, m.Add) else "change", item.item, parameters)
     pattern = read_pattern(item.own_pattern())
@@ -173,11 +168,8 @@ def _held(word: str, item: m.Item, parameters: frozenset[str]) -> Layout:
 def written(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> str:
     """Return a part of a statement as text: `50 km/h`, `20 m along ego.route`, `time > 5 s and not arrived(ego)`.
 
-    Digits are the author's, and a condition has no more brackets than it needs.
-
-    Args:
-        item: a value, place, condition or the like; of a statement, what stands before its braces.
-        parameters: the names of the scenario's parameters (an id of the same name is quoted).
+    Digits are the author's, and a condition has no more brackets than it needs. Of a statement, it is what stands
+    before its braces. An id that is called like one of the parameters is quoted.
     """
     if isinstance(item, m.Quantity):
         return f"{item.value:f} {item.unit}" if item.unit else f"{item.value:f}"

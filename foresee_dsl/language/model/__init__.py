@@ -7,10 +7,8 @@ the file back. A class carries how it is written (`item.Item`); `ITEMS` are all 
 
 from foresee_dsl.language.model.actors import *
 from foresee_dsl.language.model.campaign import *
-from foresee_dsl.language.model.changeable import *
 from foresee_dsl.language.model.conditions import *
 from foresee_dsl.language.model.derived import *
-from foresee_dsl.language.model.extension import *
 from foresee_dsl.language.model.item import *
 from foresee_dsl.language.model.network import *
 from foresee_dsl.language.model.scenario import *

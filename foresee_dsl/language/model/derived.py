@@ -1,16 +1,225 @@
-"""Clips and mutants: files that pin a parent and say only what is theirs."""
+"""Files that build on another (extensions, clips, mutants) and state only what is different; what a `change` may name.
+
+The parser, the checks, the editor and `language.changes`, which makes the change, all read `PROPERTIES` and `OWNERS`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.actors import Actor, Ego, When
+from foresee_dsl.language.model import actors as a
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
-from foresee_dsl.language.model.scenario import ParamValue, SignalState
-from foresee_dsl.language.model.values import ActorName, FilePath, Length, Name, Point, Quantity, Text, Time
+from foresee_dsl.language.model.scenario import ParamValue, SignalState, Statement, Tags
+from foresee_dsl.language.model.values import ActorName, FilePath, Id, Length, Name, Point, Quantity, Text, Time
+from foresee_dsl.language.units import Dimension
+
+# ---- what a change may name -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """A property of an actor that can change.
+
+    Attributes:
+        dimension: of its value; None for the name of a model.
+        statement: the class of the statement in the actor's block that gives it, and its field; None where the actor
+            itself has a field of the property's name.
+        default: what an actor without the statement has; None where such an actor has nothing to change.
+        accepts: whether a value in SI is one that the property takes.
+        needs: which values it takes, for the message.
+        for_ego: the ego's can change too, although the driver under test drives it.
+    """
+
+    dimension: Dimension | None
+    statement: tuple[type[Item], str] | None = None
+    default: Quantity | None = None
+    accepts: Callable[[float], bool] = lambda _: True
+    needs: str = ""
+    for_ego: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Owner:
+    """What a `change` may name that is no actor.
+
+    Attributes:
+        properties: the words behind the dot; empty for the name of a parameter or an expectation.
+        dimension: of their values; None where that depends on which one is named.
+        not_in_clips: why a mutant cannot change it; "" where it can.
+    """
+
+    properties: tuple[str, ...] = ()
+    dimension: Dimension | None = None
+    not_in_clips: str = ""
+
+
+PROPERTIES: Mapping[str, Property] = MappingProxyType(
+    {
+        "model": Property(None, for_ego=True),
+        "steer": Property(
+            "ratio",
+            (a.Steers, "value"),
+            Quantity(value=Decimal(0)),
+            lambda share: -1 <= share <= 1,
+            "steering is a share of the largest angle, from -1 (right) to 1 (left)",
+        ),
+        "timing": Property(
+            "ratio",
+            (a.Timing, "factor"),
+            Quantity(value=Decimal(1)),
+            lambda factor: factor > 0,
+            "timing is a ratio over zero",
+        ),
+        "speed": Property(
+            "speed", (a.CruiseSpeed, "speed"), None, lambda speed: speed >= 0, "a speed is zero or more", for_ego=True
+        ),
+        "delay": Property(
+            "time",
+            (a.Delay, "time"),
+            Quantity(value=Decimal(0), unit="s"),
+            lambda delay: delay >= 0,
+            "a delay is zero or more",
+        ),
+        "line": Property(
+            "length",
+            (a.Line, "left"),
+            Quantity(value=Decimal(0), unit="m"),
+            lambda left: -a.WIDEST_LINE_M <= left <= a.WIDEST_LINE_M,
+            f"a line is at most {a.WIDEST_LINE_M:g} m to the left (positive) or right of the actor's way",
+        ),
+        "moving": Property(
+            "length",
+            (a.Walked, "along"),
+            None,
+            lambda along: along >= 0,
+            "how far it has come along its path is zero or more",
+        ),
+    }
+)
+"""The properties of actors. A clip's actor has its speed in its state; elsewhere it is the cruise speed."""
+
+OWNERS: Mapping[str, Owner] = MappingProxyType(
+    {
+        "weather": Owner(("rain", "fog", "wetness", "sun"), "ratio"),
+        "expect": Owner(),
+        "param": Owner(not_in_clips="has no parameters"),
+        "end": Owner(("after",), "time", not_in_clips="ends with its window"),
+    }
+)
+"""What is no actor; no actor can have one of these names."""
+
+
+def changeable_of(owner: str) -> tuple[str, ...]:
+    """Return the properties that a `change` line may name of an actor or owner; none where any name may stand."""
+    return OWNERS[owner].properties if owner in OWNERS else tuple(PROPERTIES)
+
+
+class Change(Item):
+    """`change runner.model: car.compact => car.sports`, `change runner.steer: 0.00 => 0.12 from 4.00 s for 1.00 s`.
+
+    Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
+    the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
+    its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
+    its way); `moving` (a length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the number
+    that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
+    default, and `end.after`.
+    """
+
+    pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
+    words = """
+        change (statement): one change: in a mutant WAS => NOW, in an extension a whole statement
+            | change runner.timing: 1.00 => 0.80
+    """
+
+    kind: Literal["change"] = "change"
+    actor: ActorName
+    """The actor, or one of `weather`, `expect`, `param` and `end`."""
+    property: Name
+    was: Annotated[ParamValue, Names("model")]
+    now: Annotated[ParamValue, Names("model")]
+    start: Time | None = None
+    duration: Time | None = None
+
+
+# ---- scenarios that extend another ----------------------------------------------------------------------------------
+
+Droppable = Literal[
+    "param",
+    "weather",
+    "vehicle",
+    "bicycle",
+    "pedestrian",
+    "obstacle",
+    "traffic",
+    "signal",
+    "when",
+    "expect",
+    "end",
+    "case",
+    "cases",
+]
+
+
+class Add(Item):
+    """`add vehicle late: car.compact { ... }`: one statement more."""
+
+    pattern = "add {item}"
+    words = "add (statement): one statement more than in the extended scenario | add weather rain 0.3"
+
+    kind: Literal["add"] = "add"
+    item: Statement
+
+
+class Replace(Item):
+    """`change vehicle runner: car.suv { ... }`: the statement of the same kind and name is this one now.
+
+    A statement that a scenario has at most once (the ego, the network, `weather`, `end`) needs no name; a `when` or
+    `expect` needs one.
+    """
+
+    pattern = "change {item}"
+
+    kind: Literal["replace"] = "replace"
+    item: Statement
+
+
+class Drop(Item):
+    """`drop vehicle runner`, `drop when late`, `drop weather`, `drop cases` (the drawn ones)."""
+
+    pattern = "drop {what} [{name}]"
+    words = "drop (statement): a statement of the extended scenario that is not in this one | drop vehicle runner"
+
+    kind: Literal["drop"] = "drop"
+    what: Droppable
+    name: Id | None = None
+
+
+ExtensionItem = Annotated[Doc | Tags | Add | Replace | Change | Drop, ONE_OF]
+
+
+class Extension(Item):
+    """`scenario wet_runner extends "runner.foresee" { ... }`: the other scenario with its cases, and these differences.
+
+    `doc` and `tags` are its own; tags that it does not give are the other's.
+    """
+
+    pattern = "scenario {name} extends {parent} { ...body }"
+    words = 'extends (link): the scenario is another one, with the differences that follow | wet extends "dry.foresee"'
+
+    kind: Literal["extension"] = "extension"
+    name: Name
+    parent: FilePath
+    body: tuple[ExtensionItem, ...]
+
+
+# ---- clips and mutants ----------------------------------------------------------------------------------------------
 
 Pin = Annotated[str, Field(pattern=r"^sha256:[0-9a-f]{12}$")]
 """The first twelve digits of the hash of the parent's meaning (`language.meaning`)."""
@@ -72,7 +281,7 @@ class Fidelity(Item):
     ego: Length | None = None
 
 
-ClipItem = Annotated[Doc | Window | Risk | Ego | Goal | Actor | SignalState | When | Fidelity, ONE_OF]
+ClipItem = Annotated[Doc | Window | Risk | a.Ego | Goal | a.Actor | SignalState | a.When | Fidelity, ONE_OF]
 
 
 class Clip(Item):
@@ -105,33 +314,6 @@ class Clip(Item):
     def risk(self) -> Risk | None:
         """The forecaster's sentence, if any."""
         return next((item for item in self.body if isinstance(item, Risk)), None)
-
-
-class Change(Item):
-    """`change runner.model: car.compact => car.sports`, `change runner.steer: 0.00 => 0.12 from 4.00 s for 1.00 s`.
-
-    Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
-    the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
-    its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
-    its way); `moving` (a length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the number
-    that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
-    default, and `end.after`.
-    """
-
-    pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
-    words = """
-        change (statement): one change: in a mutant WAS => NOW, in an extension a whole statement
-            | change runner.timing: 1.00 => 0.80
-    """
-
-    kind: Literal["change"] = "change"
-    actor: ActorName
-    """The actor, or one of `weather`, `expect`, `param` and `end`."""
-    property: Name
-    was: Annotated[ParamValue, Names("model")]
-    now: Annotated[ParamValue, Names("model")]
-    start: Time | None = None
-    duration: Time | None = None
 
 
 class Origin(Item):

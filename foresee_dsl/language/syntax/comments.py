@@ -40,11 +40,7 @@ class _Entry:
 def attach(root: Node, header: Span, comments: Sequence[Token], text: str) -> Mapping[Key, Comments]:
     """Return the comments and blank lines of each statement that has any, by its path in the model.
 
-    Args:
-        root: the definition.
-        header: where `foresee 1` stands.
-        comments: all comment tokens, in order.
-        text: the file, newlines as `\\n`.
+    `header` is where `foresee 1` stands; the comments are in order; newlines in the text are `\\n`.
     """
     head = _Entry(HEADER, *_places(header))
     file = _Entry(END, (0, 0), (10**9, 0), ((0, 0), (10**9, 0)), [head, _entry((), root.span, root)])

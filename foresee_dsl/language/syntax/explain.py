@@ -60,13 +60,7 @@ class Refusal:
     """
 
     def __init__(self, error: UnexpectedInput, text: str, rule: str) -> None:
-        """Look at an error.
-
-        Args:
-            error: what Lark raised.
-            text: the statement; braces are already empty.
-            rule: what it was to be (`actor_item`).
-        """
+        """Look at Lark's error in a statement (its braces are empty) that was to be of a rule such as `actor_item`."""
         self._text = text
         self._rule = rule
         self._accepted = _accepted(error)
