@@ -26,7 +26,7 @@ _BACKGROUND = re.compile(r"(.*)(_[0-9]+)$", re.DOTALL)
 
 @dataclass(frozen=True)
 class Found:
-    """A definition in a file; `suffix` is what the use says beyond the defined name (`_back`, `_01`)."""
+    """A definition in a file; `suffix` is what the use adds to the defined name (`_back`, `_01`)."""
 
     path: Path
     occurrence: Occurrence
@@ -140,7 +140,7 @@ class Files:
         return tuple(o.name for o in found if o.scope == junction)
 
     def type_of(self, path: Path, parameter: str) -> str:
-        """Return the type of a parameter as its line says it, or ""."""
+        """Return the type of a parameter as written, or ""."""
         found = self.definitions(path, "parameter").get(parameter)
         return str(found.occurrence.owner.fields.get("type", "")) if found is not None else ""
 

@@ -1,4 +1,4 @@
-"""What to say about the word under the cursor."""
+"""The help text for the word under the cursor."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.files import Files, Found
 from foresee_dsl.editor.symbols import Occurrence
-from foresee_dsl.editor.syntax import plain
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
+from foresee_dsl.language.parser import plain
 from foresee_dsl.language.project.addresses import shown
 from foresee_dsl.language.syntax.nodes import Node
 from foresee_dsl.language.units import SI_WORD, UNITS, Unit
@@ -96,7 +96,7 @@ def _of_name(files: Files, path: Path, use: Occurrence) -> str:
 
 
 def _model(files: Files, path: Path, name: str) -> str | None:
-    """A model's size and abilities, as its catalogue says them."""
+    """A model's size and abilities, as in its catalogue."""
     found = files.definitions(path, "model").get(name)
     if found is None:
         return None

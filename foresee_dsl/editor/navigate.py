@@ -116,7 +116,7 @@ def edited(text: str, spans: list[Span], name: str) -> str:
 
 
 def _uses(files: Files, path: Path, target: Found) -> Iterator[tuple[Path, Occurrence, str]]:
-    """Every name in the workspace that means the target, with what it says beyond the target's name."""
+    """Every name in the workspace that means the target, with what it adds to the target's name."""
     for file in dict.fromkeys((path, target.path, *files.all())):
         if target.path not in files.scope(file):
             continue
@@ -164,15 +164,15 @@ def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
 
 
 def _check_result(files: Files, file: Path, spans: list[Span], name: str) -> None:
-    """A renaming must bring in no mistake."""
+    """A renaming must bring in no error."""
     text = files.text(file) or ""
     try:
         before = len(check_document(parse(text, str(file))))
         found = check_document(parse(edited(text, spans, name), str(file)))
     except InputError as error:
-        raise RenameError(f"this would be a mistake in '{shown(file)}': {error.diagnostics[0].message}") from None
+        raise RenameError(f"this would be an error in '{shown(file)}': {error.diagnostics[0].message}") from None
     if len(found) > before:
-        raise RenameError(f"this would be a mistake in '{shown(file)}': {found[0].message}")
+        raise RenameError(f"this would be an error in '{shown(file)}': {found[0].message}")
 
 
 def _of_base(use: Occurrence, suffix: str) -> Span:

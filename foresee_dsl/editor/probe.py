@@ -1,6 +1,6 @@
 """What the grammar lets stand at a place in a text that is being written, and what a word there would mean.
 
-The text up to the place is cut down to the heads of the open blocks and the statement itself, so that mistakes
+The text up to the place is cut down to the heads of the open blocks and the statement itself, so that errors
 elsewhere do not matter. The parser then says which tokens it accepts. To learn what a name or a number would mean, one
 is put there, the statement is ended in the shortest way, and the place of the name in the resulting nodes is looked up.
 """
@@ -17,8 +17,9 @@ from lark.exceptions import LarkError
 from lark.lexer import PatternStr
 from lark.parsers.lalr_interactive_parser import InteractiveParser
 
-from foresee_dsl.editor.syntax import plain, root_of, walk
+from foresee_dsl.editor.syntax import root_of, walk
 from foresee_dsl.language.model import Item
+from foresee_dsl.language.parser import plain
 from foresee_dsl.language.syntax.grammar import parser
 from foresee_dsl.language.syntax.nodes import Node
 

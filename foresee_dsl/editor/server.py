@@ -216,7 +216,7 @@ def _formatting(server: ForeseeServer, params: types.DocumentFormattingParams) -
     try:
         formatted = format_text(text, str(server.path(uri)))
     except InputError:
-        return None  # its mistakes are shown already
+        return None  # its errors are shown already
     places = server.positions(uri)
     return [] if formatted == text else [types.TextEdit(places.whole(), formatted)]
 

@@ -15,9 +15,9 @@ from pygls.uris import from_fs_path, to_fs_path
 
 from foresee_dsl import __version__
 from foresee_dsl.editor.files import Files
-from foresee_dsl.editor.syntax import plain
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError, Span
-from foresee_dsl.language.parser import parse
+from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.parser import parse, plain
 from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.checked_files import check_paths
 
@@ -88,7 +88,7 @@ class ForeseeServer(LanguageServer):
     """The language server: pygls' protocol, our files, and one worker for the checks."""
 
     def __init__(self) -> None:
-        # Whole texts: files are short, and what counts as a line's end is then ours to say.
+        # Whole texts, not changes: files are short, and we decide what ends a line.
         super().__init__("foresee", __version__, text_document_sync_kind=types.TextDocumentSyncKind.Full)
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="checks")
         self._waiting: dict[str, asyncio.Task[None]] = {}
@@ -182,8 +182,8 @@ class ForeseeServer(LanguageServer):
                 yield _diagnostic(diagnostic, here.range(diagnostic.span))
             else:
                 elsewhere.setdefault(file, []).append(diagnostic)
-        for file, mistakes in elsewhere.items():
-            yield self._of_another(uri, path, file, mistakes)
+        for file, errors in elsewhere.items():
+            yield self._of_another(uri, path, file, errors)
 
     def _of_another(self, uri: str, path: Path, file: Path, found: list[Diagnostic]) -> types.Diagnostic:
         """What is wrong in a file that this one names, shown where it names it."""
@@ -197,7 +197,7 @@ class ForeseeServer(LanguageServer):
             for d in found
         ]
         first = next((d for d in found if d.severity == "error"), found[0])
-        message = f"'{file.name}' has a mistake: {first.message}"
+        message = f"'{file.name}' has an error: {first.message}"
         moved = Diagnostic(first.code, message, "", str(path), severity=first.severity)
         shown = _diagnostic(moved, self.positions(uri).range(next(uses, None)))
         shown.related_information = related
@@ -241,8 +241,6 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
 
 def find_alone(text: str, name: str) -> tuple[Diagnostic, ...]:
     """Return what is wrong with a text that is no file yet."""
-    from foresee_dsl.language.checks.documents import check_document
-
     try:
         return check_document(parse(text, name))
     except InputError as error:

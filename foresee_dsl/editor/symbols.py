@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from types import MappingProxyType
 
-from foresee_dsl.editor.syntax import plain, read_syntax, walk
+from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
+from foresee_dsl.language.parser import plain
 from foresee_dsl.language.syntax.nodes import Node
 
 _MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType({"eta": "junction", "ttc": "actor", "headway": "actor"})
@@ -98,7 +99,7 @@ def _of_node(node: Node, above: tuple[Node, ...]) -> Iterator[Occurrence]:
 
 
 def _kind_of_word(node: Node, above: tuple[Node, ...]) -> SymbolKind | None:
-    """In an extension, whose parameters stand elsewhere, a word may be a parameter or what its field says."""
+    """In an extension, whose parameters are in the other file, a word may be a parameter or what its field takes."""
     if node.kind is not m.Ref or not above or above[0].kind is not m.Extension:
         return None
     for field, value in above[-1].fields.items():

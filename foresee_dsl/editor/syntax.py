@@ -9,12 +9,12 @@ from functools import lru_cache
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
-from foresee_dsl.language.parser import MAX_BYTES
+from foresee_dsl.language.parser import MAX_BYTES, plain
 from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.nodes import Node, NodeMaker
 
 _KEPT = 256
-"""Texts whose syntax is kept (ours: the files of a folder and some edits; about 100 kB each)."""
+"""Texts whose syntax stays in memory (ours: the files of a folder and some edits; about 100 kB each)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +30,6 @@ class Syntax:
     root: Node | None
     whole: bool
     comments: tuple[Token, ...] = ()
-
-
-def plain(text: str) -> str:
-    """Return a text as the parser sees it: newlines are `\\n`, no byte order mark."""
-    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
 @lru_cache(maxsize=_KEPT)

@@ -217,8 +217,8 @@ def _field(change: m.Change) -> str:
 
 def _with(item: _ItemT, /, **fields: object) -> _ItemT:
     """Copy with other fields, validated (`model_copy` does not validate)."""
-    kept = {name: getattr(item, name) for name in type(item).model_fields}
-    return type(item).model_validate(kept | fields)
+    same = {name: getattr(item, name) for name in type(item).model_fields}
+    return type(item).model_validate(same | fields)
 
 
 # ---- what is an actor's ---------------------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ def parse(text: str, path: str) -> Document:
     Raises:
         InputError: with every error found, once each, in the order of their places.
     """
-    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    text = plain(text)
     if not text.strip():
         help = "begin with `foresee 1`, then a scenario, network, clip, mutant or models block"
         raise InputError((Diagnostic("FS002", "the file is empty", help, path),))
@@ -72,6 +72,11 @@ def parse(text: str, path: str) -> Document:
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
     around = attach(nodes[0], span_of(header), comments, text)
     return Document(path=path, text=text, model=model, spans=builder.spans, comments=around)
+
+
+def plain(text: str) -> str:
+    """Return a text as the grammar reads it: newlines are `\\n`, no byte order mark."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def load(path: Path, shown_as: str | None = None) -> Document:
@@ -175,7 +180,7 @@ def _look_further(text: str, error: UnexpectedInput) -> tuple[Tree[Token], list[
     if isinstance(error, UnexpectedToken) and error.token.type == "$END":
         line, column = text.count("\n") + 1, 1
     place = Span(line, column, line, column + 1)
-    return Tree("file", []), [TextError("FS003", "unexpected text: this is not how a statement goes on", "", place)]
+    return Tree("file", []), [TextError("FS003", "unexpected text: a statement cannot continue like this", "", place)]
 
 
 def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:

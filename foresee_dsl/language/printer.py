@@ -29,7 +29,7 @@ def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = N
     """Return a definition as the text of its file.
 
     Args:
-        model: what the file says.
+        model: what the file defines.
         comments: as in `Document.comments`: then blank lines stand where the author put them (one at most). Without
             them, one blank line separates groups of statements.
     """

@@ -438,7 +438,7 @@ class When(Item):
     """`when ego.eta(j4) < 4 s { ... }`: the actions happen, all at once, the first time that the condition holds.
 
     `when every CONDITION` fires each time that the condition becomes true (it may be at the first frame); `when next`
-    does the same but not before the condition has been false once (clips say so of one that has just fired). A name
+    does the same but not before the condition has been false once (in clips, for a trigger that has just fired). A name
     before the condition, `when late: ...`, is what `extends` and messages call it by.
     """
 

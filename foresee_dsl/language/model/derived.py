@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from decimal import Decimal
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -16,6 +15,7 @@ from pydantic import Field
 from foresee_dsl.language.model import actors as a
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.model.scenario import ParamValue, SignalState, Statement, Tags
 from foresee_dsl.language.model.values import ActorName, FilePath, Id, Length, Name, Point, Quantity, Text, Time
 from foresee_dsl.language.units import Dimension
@@ -28,21 +28,30 @@ class Property:
     """A property of an actor that can change.
 
     Attributes:
-        dimension: of its value; None for the name of a model.
         statement: the class of the statement in the actor's block that gives it, and its field; None where the actor
             itself has a field of the property's name.
-        default: what an actor without the statement has; None where such an actor has nothing to change.
+        neutral: what an actor without the statement has; None where such an actor has nothing to change.
         accepts: whether a value in SI is one that the property takes.
         needs: which values it takes, for the message.
         for_ego: the ego's can change too, although the driver under test drives it.
     """
 
-    dimension: Dimension | None
     statement: tuple[type[Item], str] | None = None
-    default: Quantity | None = None
+    neutral: float | None = None
     accepts: Callable[[float], bool] = lambda _: True
     needs: str = ""
     for_ego: bool = False
+
+    @property
+    def dimension(self) -> Dimension | None:
+        """The dimension of its value; None for the name of a model."""
+        return form_of(*self.statement).dimension if self.statement is not None else None
+
+    @property
+    def default(self) -> Quantity | None:
+        """What an actor without the statement has, as a quantity."""
+        dimension = self.dimension
+        return Quantity.of(self.neutral, dimension, 0) if dimension is not None and self.neutral is not None else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,44 +71,24 @@ class Owner:
 
 PROPERTIES: Mapping[str, Property] = MappingProxyType(
     {
-        "model": Property(None, for_ego=True),
+        "model": Property(for_ego=True),
         "steer": Property(
-            "ratio",
             (a.Steers, "value"),
-            Quantity(value=Decimal(0)),
+            0,
             lambda share: -1 <= share <= 1,
             "steering is a share of the largest angle, from -1 (right) to 1 (left)",
         ),
-        "timing": Property(
-            "ratio",
-            (a.Timing, "factor"),
-            Quantity(value=Decimal(1)),
-            lambda factor: factor > 0,
-            "timing is a ratio over zero",
-        ),
-        "speed": Property(
-            "speed", (a.CruiseSpeed, "speed"), None, lambda speed: speed >= 0, "a speed is zero or more", for_ego=True
-        ),
-        "delay": Property(
-            "time",
-            (a.Delay, "time"),
-            Quantity(value=Decimal(0), unit="s"),
-            lambda delay: delay >= 0,
-            "a delay is zero or more",
-        ),
+        "timing": Property((a.Timing, "factor"), 1, lambda factor: factor > 0, "timing is a ratio over zero"),
+        "speed": Property((a.CruiseSpeed, "speed"), None, lambda v: v >= 0, "a speed is zero or more", for_ego=True),
+        "delay": Property((a.Delay, "time"), 0, lambda delay: delay >= 0, "a delay is zero or more"),
         "line": Property(
-            "length",
             (a.Line, "left"),
-            Quantity(value=Decimal(0), unit="m"),
+            0,
             lambda left: -a.WIDEST_LINE_M <= left <= a.WIDEST_LINE_M,
             f"a line is at most {a.WIDEST_LINE_M:g} m to the left (positive) or right of the actor's way",
         ),
         "moving": Property(
-            "length",
-            (a.Walked, "along"),
-            None,
-            lambda along: along >= 0,
-            "how far it has come along its path is zero or more",
+            (a.Walked, "along"), None, lambda along: along >= 0, "how far it has come along its path is zero or more"
         ),
     }
 )

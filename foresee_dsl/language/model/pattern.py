@@ -34,16 +34,11 @@ _TOKEN = re.compile(
 class Form(Enum):
     """How a text in a field is written."""
 
-    NAME = auto()
-    """As it is."""
-    MODEL = auto()
-    """As it is; where a parameter may stand, a name without a dot is one."""
-    ID = auto()
-    """As a name, or in quotes when it is none."""
-    WORD = auto()
-    """As an id, or as the name of a model."""
-    TEXT = auto()
-    """In quotes."""
+    NAME = auto()  # as it is
+    MODEL = auto()  # as it is; where a parameter may stand, a name without a dot is one
+    ID = auto()  # as a name, or in quotes when it is none
+    WORD = auto()  # as an id, or as the name of a model
+    TEXT = auto()  # in quotes
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ class Tags(Item):
 
 
 class UseNetwork(Item):
-    """`use network "networks/town.foresee"` (also `.net.xml`, `.xodr`), relative to the file that says it."""
+    """`use network "networks/town.foresee"` (also `.net.xml`, `.xodr`), relative to this file."""
 
     pattern = "use network {path}"
     words = 'use (statement): a network, or models, from another file | use network "networks/town.foresee"'
@@ -282,7 +282,7 @@ _Statement = (
     | Cases
 )
 Statement = Annotated[_Statement, ONE_OF]
-"""What a scenario says besides `doc` and `tags`: what one that extends another can add and replace."""
+"""What a scenario holds besides `doc` and `tags`: what one that extends another can add and replace."""
 
 ScenarioItem = Annotated[Doc | Tags | _Statement, ONE_OF]
 

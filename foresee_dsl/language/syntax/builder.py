@@ -29,7 +29,7 @@ class Builder:
     """
 
     def __init__(self, *, partial: bool = False) -> None:
-        """Make a builder; `partial`: parts of the tree are missing, so say nothing of what is absent."""
+        """Make a builder; `partial`: parts of the tree are missing, so what is absent is no error."""
         self.spans: dict[tuple[int, str], Span] = {}
         self.errors: list[TextError] = []
         self._partial = partial

@@ -19,7 +19,7 @@ HEADER: Key = ("header",)
 END: Key = ("end",)
 """The key of what stands after the last brace."""
 BARE = " "
-"""How a comment without a text is kept (an empty string is a blank line)."""
+"""The text of a comment without one (an empty string is a blank line)."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""What to say about a statement that the grammar refuses: spelling first, then what was expected, in people's words."""
+"""Messages for statements that the grammar refuses: spelling first, then what was expected, in plain words."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ _OFTEN = (
         r"write `within 60 s \g<rest>`, for example",
     ),
 )
-"""Errors that are often made and that the grammar notices only later: what it looks like, and what to say."""
+"""Errors that are often made and that the grammar notices only later: a pattern, the message and the help."""
 
 
 class Refusal:
-    """One statement that the grammar refused, and what to say about it.
+    """One statement that the grammar refused, and the message for it.
 
     Attributes:
         start, end: the place inside the statement's text.

@@ -56,7 +56,7 @@ class _AnyName(frozenset[str]):
 
 
 ANY_NAME: frozenset[str] = _AnyName()
-"""The parameters of a scenario that extends another: a word may be one of the other's, which this file does not say.
+"""The parameters of a scenario that extends another: a word may be one of the other's, which are not in this file.
 
 A word that turns out to be none becomes a name again when the two are joined (`extend.extended`).
 """
@@ -258,7 +258,7 @@ class NodeMaker:
         return self._made(tree, (deviation, ego))
 
     def _holding(self, tree: _Tree) -> Node:
-        """A statement in front of which a word says what is done with it: its lines count as the holder's own."""
+        """A statement behind `add` or `change`: its lines count as the holder's own."""
         held = self.make(next(_trees(tree.children)))
         node = Node(_KINDS[tree.data], span_of(tree), {"item": held}, {"item": held.span}, block=held.block)
         node.lines = [(("item", *key), span, inner) for key, span, inner in held.lines]
