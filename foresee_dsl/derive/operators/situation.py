@@ -18,7 +18,7 @@ from foresee_dsl.forecast.geometry import FloatArray, distances_to_ego
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.boxes import box_distances
 from foresee_dsl.language.model import Actor, Change, Clip, Quantity
-from foresee_dsl.language.model.changeable import PROPERTIES
+from foresee_dsl.language.model.derived import PROPERTIES
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
 
@@ -94,7 +94,7 @@ class Situation:
         """Return a property of an actor (other than its model) as the clip states it, else its default, if it has one.
 
         Args:
-            actor: its id. name: one of `language.model.changeable.PROPERTIES`.
+            actor: its id. name: one of `language.model.derived.PROPERTIES`.
         """
         known = PROPERTIES[name]
         if known.statement is None or known.dimension is None:
