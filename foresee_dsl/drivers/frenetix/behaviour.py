@@ -101,11 +101,9 @@ def decide(situation: Situation, foes: Records, matches: Records, prediction: Re
     leaders = find_leaders(egos, actors[ahead], prediction[ahead], offsets)[:, ::STRIDE]
     braking = signal_brakings(route, ego.strongest, situation.signals)
     wall_s = find_wall(egos, actors, foes, matches, route.junctions, braking, route.points)
-    stop_s = wall_s if wall_s < np.inf else None
-    state = State.CRUISE
     walker_s = patience.walker(situation)
-    if walker_s is not None:
-        stop_s = walker_s if stop_s is None else min(stop_s, walker_s)
+    stop_s = min((s for s in (wall_s, walker_s) if s is not None and s < np.inf), default=None)
+    state = State.CRUISE
     if stop_s is not None:
         at_line = np.abs(stop_s - route.junctions["stop_s"]) < AT_LINE_M
         state = State.STOP if at_line.any() else State.YIELD

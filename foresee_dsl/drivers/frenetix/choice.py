@@ -9,7 +9,7 @@ import numpy as np
 from foresee_dsl.drivers.frenetix import settings as cfg
 from foresee_dsl.drivers.frenetix.behaviour import STRIDE, Behaviour
 from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Motion, Plan
-from foresee_dsl.drivers.frenetix.planner import Candidates
+from foresee_dsl.drivers.frenetix.planner import STANDS_MPS, Candidates
 from foresee_dsl.drivers.pdm.situation import Situation
 from foresee_dsl.drivers.protocol import FloatArray
 from foresee_dsl.kernels.pdm.records import ROLLED, BoolArray, Records
@@ -17,7 +17,6 @@ from foresee_dsl.kernels.pdm.scoring import conflicts
 
 LEAVES_M = 0.05
 """Ours: tolerance for rounding and smoothing of the lanes' edges."""
-STANDS_MPS = 0.5
 PASSES_M = 0.3
 """Ours: how far a sample may pass the place where it shall stop; stop places lie half a metre before the line."""
 
@@ -104,7 +103,7 @@ def _cost(situation: Situation, behaviour: Behaviour, candidates: Candidates, la
     if behaviour.stop_s is not None:
         room = behaviour.stop_s - front
         if situation.ego.forward < cfg.CREEP_MPS and behaviour.stop_s - situation.ego.front_s < cfg.HOLD_M:
-            most = np.zeros_like(most)  # near enough: it comes to rest, and does not creep the rest of the way
+            most = np.zeros_like(most)  # near enough: it stops here instead of creeping closer
         most = np.minimum(most, np.sqrt(braking * np.maximum(room, 0.0)))
         allowed &= (room > -PASSES_M).all(axis=1) | (speed[:, 0] < cfg.CREEP_MPS)
     cost += cfg.FAST_WEIGHT * (np.maximum(speed - most, 0.0) ** 2).mean(axis=1)
