@@ -143,4 +143,4 @@ def test_a_store_that_is_none_is_said(tmp_path: Path) -> None:
     for action in ("stat", "gc"):
         assert "no store in" in foresee("store", action, tmp_path / "nowhere", expect=1).stderr
         assert not (tmp_path / "nowhere").exists()
-    assert "none: stat, gc, export, merge" in " ".join(foresee("store", "tidy", expect=2).stderr.split())
+    assert "is not one of: stat, gc, export, merge" in " ".join(foresee("store", "tidy", expect=2).stderr.split())

@@ -11,6 +11,7 @@ import numpy as np
 from foresee_dsl.drivers.protocol import (
     Control,
     Driver,
+    EgoState,
     Foe,
     JunctionPassage,
     Mission,
@@ -200,7 +201,12 @@ def drive(
             if math.hypot(a.x - state.x, a.y - state.y) < 15.0:
                 gap = separation(own, corners(a.x, a.y, a.heading_rad, a.length_m, a.width_m))
                 run.gap_m = min(run.gap_m, gap)
-        observation = Observation(time_s, state.as_ego(), seen, signals(time_s))
+        observation = Observation(
+            time_s,
+            EgoState(state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer),
+            seen,
+            signals(time_s),
+        )
         answer = driver.step(observation)
         run.states.append(state)
         run.controls.append(answer)

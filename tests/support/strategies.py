@@ -46,13 +46,13 @@ def hints(kind: type[m.Item]) -> dict[str, Any]:
 
 
 def alternatives(hint: Any) -> Iterator[Any]:
-    """Return what an annotation may be: the members of its unions, without `Annotated` around a union."""
+    """Return what an annotation may be: the members of its unions, without `Annotated` around these."""
     origin = get_origin(hint)
     if origin in (Union, types.UnionType):
         for part in get_args(hint):
             yield from alternatives(part)
-    elif origin is Annotated and get_origin(get_args(hint)[0]) in (Union, types.UnionType):
-        yield from alternatives(get_args(hint)[0])
+    elif origin is Annotated and (get_origin(inner := get_args(hint)[0]) in (Union, types.UnionType) or inner is m.Ref):
+        yield from alternatives(inner)
     else:
         yield hint
 
