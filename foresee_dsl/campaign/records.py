@@ -13,11 +13,12 @@ from pydantic import TypeAdapter
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.story import Story
 
 
 @dataclass(frozen=True)
 class SeedOutcome:
-    """One test case as it was run, unmutated. `preventability`: of a failure."""
+    """One test case as it was run, unmutated. `preventability` and `story`: of a failure."""
 
     id: str
     family: str
@@ -31,6 +32,7 @@ class SeedOutcome:
     impact: Impact | None = None
     near: NearMisses | None = None
     preventability: Preventability | None = None
+    story: Story | None = None
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class Mutants:
 
 @dataclass(frozen=True)
 class ChildOutcome:
-    """One mutant as it was run; `text` already holds what was found. `preventability`: of a failure."""
+    """One mutant as it was run; `text` already holds what was found. `preventability` and `story`: of a failure."""
 
     name: str
     file: str
@@ -92,6 +94,7 @@ class ChildOutcome:
     preventability: Preventability | None = None
     impact: Impact | None = None
     near: NearMisses | None = None
+    story: Story | None = None
 
     @property
     def preventable(self) -> Preventable | None:

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from foresee_dsl.campaign.findings import findings_of
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
@@ -167,6 +168,7 @@ class CampaignResult:
             "broken": list(self.broken),
             "test_cases": [_seed_dict(s) for s in self.seeds],
             "clip_runs": [_clip_dict(c) for c in self.clips],
+            "findings": [finding.as_dict() for finding in findings_of(self)],
             "open_first": [child.file for child in self.to_open_first()],
         }
 
@@ -225,6 +227,7 @@ def _details(run: SeedOutcome | ChildOutcome) -> dict[str, Any]:
         "impact": run.impact.as_dict() if run.impact else None,
         "near_misses": run.near.as_dict() if run.near else None,
         "preventability": preventability or None,
+        "story": run.story.as_dict() if run.story else None,
     }
 
 

@@ -19,6 +19,7 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.story import tell
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
@@ -90,6 +91,7 @@ def run_child(
         preventability=avoided,
         impact=result.impact,
         near=result.near_misses,
+        story=tell(result.trace, case) if result.verdict.is_failure else None,
     )
     return outcome, result
 

@@ -15,6 +15,7 @@ from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.story import tell
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
@@ -67,6 +68,7 @@ class SeedStep(Step[None, None]):
             impact=result.impact,
             near=result.near_misses,
             preventability=avoided,
+            story=tell(result.trace, case) if result.verdict.is_failure else None,
         )
         return outcome, result.trace
 

@@ -1,0 +1,159 @@
+"""Findings: the failures of a campaign that tell the same story, as one, with the simplest of them in front."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.derive.preventability import Preventability
+from foresee_dsl.language.model import Mutant, Quantity
+from foresee_dsl.language.parser import parse
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.story import Story
+
+Failure = SeedOutcome | ChildOutcome
+"""A failing test case, as it is or mutated."""
+
+
+class Outcomes(Protocol):
+    """What a `CampaignResult` has of this."""
+
+    @property
+    def seeds(self) -> tuple[SeedOutcome, ...]:
+        """The test cases that were run."""
+        ...
+
+    @property
+    def clips(self) -> tuple[ClipOutcome, ...]:
+        """The clips, with their children."""
+        ...
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Failures that tell the same story.
+
+    Attributes:
+        name: the representative's. story: the representative's. representative: the simplest of them.
+        siblings, sibling_files: the others' names and files, sorted.
+        test_case: the address of the representative's test case. family: of all of them.
+        file: the representative's: of a child relative to the campaign's folder, of a test case its address.
+        clip: the file of the representative's clip, relative to the campaign's folder; "" of a test case.
+    """
+
+    name: str
+    story: Story
+    representative: Failure
+    siblings: tuple[str, ...]
+    sibling_files: tuple[str, ...]
+    test_case: str
+    family: str
+    file: str
+    clip: str = ""
+
+    @property
+    def verdict(self) -> Verdict:
+        """The representative's."""
+        return self.representative.verdict
+
+    @property
+    def preventability(self) -> Preventability | None:
+        """The representative's."""
+        return self.representative.preventability
+
+    @property
+    def count(self) -> int:
+        """How many failures it stands for."""
+        return 1 + len(self.siblings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for `campaign.json`."""
+        return {
+            "name": self.name,
+            "sentence": self.story.sentence,
+            "class": self.story.contact.value,
+            "verdict": self.verdict.value,
+            "test_case": self.test_case,
+            "family": self.family,
+            "file": self.file,
+            "clip": self.clip or None,
+            "count": self.count,
+            "siblings": list(self.siblings),
+            "sibling_files": list(self.sibling_files),
+            "preventability": self.preventability.verdict.value if self.preventability else None,
+            "why": self.preventability.why if self.preventability else None,
+            "story": self.story.as_dict(),
+        }
+
+
+@dataclass(frozen=True)
+class _Told:
+    """A failure with its story, and what says how simple it is."""
+
+    name: str
+    failure: Failure
+    story: Story
+    test_case: str
+    family: str
+    file: str
+    clip: str
+    simplicity: tuple[int, float]
+
+
+def findings_of(result: Outcomes) -> tuple[Finding, ...]:
+    """Return the findings of a campaign; by family, then those that stand for most failures, then by name."""
+    groups: dict[tuple[str, ...], list[_Told]] = defaultdict(list)
+    for told in _told(result):
+        groups[told.family, *told.story.signature].append(told)
+    found = (_finding(sorted(group, key=lambda told: (told.simplicity, told.name))) for group in groups.values())
+    return tuple(sorted(found, key=lambda f: (_family_order(f.family), -f.count, f.name)))
+
+
+def _family_order(family: str) -> tuple[bool, int, str]:
+    return (not family.isdigit(), int(family) if family.isdigit() else 0, family)
+
+
+def _finding(group: list[_Told]) -> Finding:
+    first, *others = group
+    others.sort(key=lambda told: told.name)
+    return Finding(
+        name=first.name,
+        story=first.story,
+        representative=first.failure,
+        siblings=tuple(told.name for told in others),
+        sibling_files=tuple(told.file for told in others),
+        test_case=first.test_case,
+        family=first.family,
+        file=first.file,
+        clip=first.clip,
+    )
+
+
+def _told(result: Outcomes) -> list[_Told]:
+    told = [
+        _Told(case_file_name(s.id, s.scenario), s, s.story, s.id, s.family, s.id, "", (0, 0.0))
+        for s in result.seeds
+        if s.story is not None
+    ]
+    for clip in result.clips:
+        for child in clip.failing:
+            if child.story is not None:
+                told.append(_Told(child.name, child, child.story, clip.seed, clip.family, child.file, clip.file,
+                                  _simplicity(child)))  # fmt: skip
+    return told
+
+
+def case_file_name(address: str, scenario: str) -> str:
+    """Return the name that a test case's files begin with: `red_light_runner_r02`."""
+    case = address.partition("::")[2]
+    return f"{scenario}_{case}" if case else scenario
+
+
+def _simplicity(child: ChildOutcome) -> tuple[int, float]:
+    """Return how many lines a mutant changes, and how far its numbers are from the original ones, together."""
+    model = parse(child.text, child.name).model
+    changes = model.changes if isinstance(model, Mutant) else ()
+    far = sum(abs(c.now.si - c.was.si) for c in changes if isinstance(c.now, Quantity) and isinstance(c.was, Quantity))
+    return len(changes), round(far, 9)
