@@ -151,6 +151,7 @@ class CampaignResult:
         total = self.row()
         return {
             "schema": 1,
+            "document": "campaign",
             **{name: getattr(self.settings, name) for name in ("driver", "ranker", "preset")},
             "settings": asdict(self.settings),
             "seeds": {

@@ -19,6 +19,7 @@ from typer.core import TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.common import BUG, explain_error
+from foresee_dsl.cli.output import for_tools
 
 COMMANDS = (
     ("Write", "check", "check.check"),
@@ -79,7 +80,7 @@ _SETTINGS = {"help_option_names": ["-h", "--help"]}
 
 def _alone(call: Callable[..., None], name: str, panel: str) -> Any:  # noqa: ANN401 - as above
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=_SETTINGS)
-    alone.command(name=name, rich_help_panel=panel)(call)
+    alone.command(name=name, rich_help_panel=panel)(for_tools(call, name))
     return typer.main.get_command(alone)
 
 

@@ -22,7 +22,17 @@ from foresee_dsl.cli.campaign_options import (
     shard_of,
     with_flags,
 )
-from foresee_dsl.cli.common import FAILED, OK, AllowOutsideOption, JsonOption, SeedOption, console, print_json
+from foresee_dsl.cli.common import (
+    FAILED,
+    OK,
+    AllowOutsideOption,
+    JsonOption,
+    SeedOption,
+    console,
+    json_document,
+    print_json,
+)
+from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,6 +63,8 @@ def campaign(
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     log_json: Annotated[Path | None, typer.Option(help="Write every event to this file, a JSON object a line.")] = None,
+    format_: FormatOption = ReportFormat.text,
+    junit: JunitOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
@@ -108,8 +120,9 @@ def campaign(
             if result.interrupted:
                 break
         others = store.of_other_versions()
-    screen = console(error=json)
-    _report(screen, results, report, json=json)
+    form = ReportFormat.json if json else format_
+    _report(results, report, form, junit)
+    screen = console(error=form is not ReportFormat.text)
     if others:
         screen.print(of_other_versions(flags.store_folder, others))
     if results[-1][1].interrupted:
@@ -119,17 +132,31 @@ def campaign(
         raise typer.Exit(FAILED)
 
 
-def _report(screen: Console, results: list[tuple[Path, CampaignResult]], file: Path | None, *, json: bool) -> None:
-    """Print what each campaign found, with its folder: on the screen or as JSON, and in a file."""
+def _report(
+    results: list[tuple[Path, CampaignResult]], file: Path | None, form: ReportFormat, junit: Path | None
+) -> None:
+    """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file."""
     from foresee_dsl.campaign.folder import as_text
+    from foresee_dsl.report.case_results import CaseResult, of_campaign
     from foresee_dsl.report.terminal import print_campaign, save_campaign
 
-    for folder, result in results:
-        if json:
-            typer.echo(as_text(result.as_dict()), nl=False)
-        else:
+    def people(screen: Console) -> None:
+        for folder, result in results:
             print_campaign(screen, result, folder)
-        if file is not None:
+
+    def found() -> list[CaseResult]:
+        return [one for folder, result in results for one in of_campaign(result, folder)]
+
+    report_results(
+        form,
+        results=found,
+        data=lambda: "".join(as_text(result.as_dict()) for _, result in results),
+        people=people,
+        junit=junit,
+        properties=[("driver", result.settings.driver) for _, result in results],
+    )
+    if file is not None:
+        for folder, result in results:
             save_campaign(file, result, folder)
 
 
@@ -237,6 +264,8 @@ def assess(
     jobs: Jobs = CPUS,
     seed: SeedOption = 0,
     show: Annotated[bool, typer.Option("--failures", help="Also list the runs that did not arrive.")] = False,
+    format_: FormatOption = ReportFormat.text,
+    junit: JunitOption = None,
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
@@ -247,19 +276,24 @@ def assess(
     from foresee_dsl.campaign.assessment import assess_drivers
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_dsl.report.case_results import of_assessment
     from foresee_dsl.report.drivers import as_dict, print_assessment, runs_progress
 
     drivers = list(dict.fromkeys(driver or ["pdm"]))
     for name in drivers:
         load_driver(name)  # an unknown name is reported before anything runs
     cases = load_test_cases(paths, allow_outside=allow_outside)
-    screen = console(error=json)
-    with runs_progress(screen, len(cases) * len(drivers)) as done:
+    form = ReportFormat.json if json else format_
+    with runs_progress(console(error=form is not ReportFormat.text), len(cases) * len(drivers)) as done:
         runs, broken = assess_drivers(cases, drivers, jobs=jobs, seed=seed, on_run=done)
-    if json:
-        print_json(as_dict(runs, broken, seed))
-    else:
-        print_assessment(screen, runs, broken, failures=show)
+    report_results(
+        form,
+        results=lambda: of_assessment(runs, broken, seed),
+        data=lambda: json_document(as_dict(runs, broken, seed)),
+        people=lambda screen: print_assessment(screen, runs, broken, failures=show),
+        junit=junit,
+        properties=[("driver", name) for name in drivers],
+    )
     if broken:
         raise typer.Exit(FAILED)
 
@@ -273,6 +307,8 @@ def verify(
         bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
     ] = False,
     jobs: Jobs = CPUS,
+    format_: FormatOption = ReportFormat.text,
+    junit: JunitOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run recorded failures again: reproduced, fixed, changed, or stale (the parent was edited)?
@@ -284,13 +320,17 @@ def verify(
     """
     from foresee_dsl.campaign.verify import Status, as_dict, verify_files
     from foresee_dsl.language.project.addresses import recorded_children
+    from foresee_dsl.report.case_results import of_rechecks
+    from foresee_dsl.report.terminal import print_verification
 
     rechecks = verify_files(recorded_children(paths), driver=driver, run_programs=run_programs, jobs=jobs)
-    if json:
-        print_json(as_dict(rechecks))
-    else:
-        from foresee_dsl.report.terminal import print_verification
-
-        print_verification(console(), rechecks)
+    report_results(
+        ReportFormat.json if json else format_,
+        results=lambda: of_rechecks(rechecks, driver),
+        data=lambda: json_document(as_dict(rechecks)),
+        people=lambda screen: print_verification(screen, rechecks),
+        junit=junit,
+        properties=[("driver", driver or "as recorded")],
+    )
     if any(r.status in (Status.STALE, Status.CHANGED) for r in rechecks):
         raise typer.Exit(FAILED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json as jsonlib
 import textwrap
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -9,11 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.common import (
+    CALL,
     FAILED,
     AllowOutsideOption,
     JsonOption,
     console,
     counted,
+    give,
     print_diagnostics,
     print_json,
 )
@@ -105,15 +108,17 @@ def _codes(given: Iterable[str] | None, option: str) -> tuple[str, ...]:
 
 
 def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, failed: bool) -> None:
+    if format_ is Format.full or CALL.get().output is not None:  # beside a file for a tool, people have theirs
+        _print_for_people(result, shown)
     if format_ in (Format.sarif, Format.github):
         from foresee_dsl.language.codes.code import every_code
         from foresee_dsl.report.github import render_github
         from foresee_dsl.report.sarif import to_sarif
 
         if format_ is Format.sarif:
-            print_json(to_sarif(shown, every_code()))
+            give(jsonlib.dumps(to_sarif(shown, every_code()), indent=2) + "\n")
         else:
-            typer.echo(render_github(shown, every_code()), nl=bool(shown))
+            give(_lines(render_github(shown, every_code())))
     elif format_ is Format.json:
         from foresee_dsl.language.messages.diagnostics import to_json
 
@@ -122,13 +127,19 @@ def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, fai
     elif format_ is Format.concise:
         from foresee_dsl.language.messages.diagnostics import render_concise
 
-        typer.echo("\n".join(map(render_concise, shown)), nl=bool(shown))
-    else:
-        if shown:
-            print_diagnostics(tuple(shown))
-        if not any(d.severity == "error" for d in shown):
-            warned = "no mistakes, but warnings" if shown else "no mistakes found"
-            typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
+        give(_lines("\n".join(map(render_concise, shown))))
+
+
+def _print_for_people(result: Checked, shown: Sequence[Diagnostic]) -> None:
+    if shown:
+        print_diagnostics(tuple(shown))
+    if not any(d.severity == "error" for d in shown):
+        warned = "no mistakes, but warnings" if shown else "no mistakes found"
+        typer.echo(f"{counted(result.files, 'file')}, {counted(len(result.cases), 'test case')}: {warned}")
+
+
+def _lines(text: str) -> str:
+    return f"{text}\n" if text else ""
 
 
 # ---- explain --------------------------------------------------------------------------------------------------------

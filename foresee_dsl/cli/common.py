@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sys
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +16,8 @@ import typer
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import Console
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
@@ -49,9 +54,47 @@ def console(*, error: bool = False) -> Console:
     return Console(stderr=error, soft_wrap=False, highlight=False)
 
 
+@dataclass(frozen=True)
+class Call:
+    """The command that runs: its name, and the file of its `--output`."""
+
+    command: str
+    output: Path | None = None
+
+
+CALL: ContextVar[Call] = ContextVar("CALL", default=Call(""))  # noqa: B039 - it is immutable
+
+
+@contextmanager
+def calling(call: Call) -> Iterator[None]:
+    """Remember, within it, which command runs."""
+    token = CALL.set(call)
+    try:
+        yield
+    finally:
+        CALL.reset(token)
+
+
 def print_json(data: dict[str, Any]) -> None:
-    """Print one JSON document."""
-    typer.echo(json.dumps(data, indent=2))
+    """Print one JSON document, or write it to the file of `--output`."""
+    give(json_document(data))
+
+
+def json_document(data: dict[str, Any]) -> str:
+    """Return a JSON document as text: its schema's number first, then its name (`docs/schemas/NAME-NUMBER.json`)."""
+    named = {"schema": data.get("schema", 1), "document": data.get("document", CALL.get().command)}
+    return json.dumps({**named, **data}, indent=2) + "\n"
+
+
+def give(text: str) -> None:
+    """Print what a tool reads, or write it whole to the file of `--output`."""
+    output = CALL.get().output
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    from foresee_dsl.files import write_whole
+
+    write_whole(output, text)
 
 
 def counted(number: int, noun: str) -> str:

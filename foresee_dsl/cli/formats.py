@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, counted, print_json
+from foresee_dsl.cli.output import for_tools
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.plugins import PluginGroup
 
@@ -26,6 +27,8 @@ class _Formats(TyperGroup):
     """The commands of a group of plug-ins, each made when it is asked for."""
 
     plugins: PluginGroup
+    document: str
+    """What their JSON is called."""
 
     def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - typer's own, passed on
         super().__init__(**settings)
@@ -37,7 +40,7 @@ class _Formats(TyperGroup):
         if cmd_name not in self.commands:
             return None
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich", context_settings=SETTINGS)
-        alone.command(name=cmd_name)(_printing(self._format(cmd_name)))
+        alone.command(name=cmd_name)(for_tools(_printing(self._format(cmd_name)), self.document))
         return typer.main.get_command(alone)
 
     def _format(self, name: str) -> Callable[..., Imported]:
@@ -56,10 +59,12 @@ class _Formats(TyperGroup):
 
 class _Importers(_Formats):
     plugins = PluginGroup("foresee_dsl.importers", "importer", ExchangeError)
+    document = "import"
 
 
 class _Exporters(_Formats):
     plugins = PluginGroup("foresee_dsl.exporters", "exporter", ExchangeError)
+    document = "export"
 
 
 def _printing(write: Callable[..., Imported]) -> Callable[..., None]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foresee_dsl.cli import common
+from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
     from foresee_dsl.forecast.protocol import RiskyPoint
+    from foresee_dsl.simulate.results.verdict import RunResult
     from foresee_dsl.simulate.trace import Trace
 
 TraceArgument = Annotated[Path, typer.Argument(metavar="TRACE", help="A trace (.npz) that `foresee run` wrote.")]
@@ -26,6 +28,8 @@ def run(
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit code 1 unless it passes and every expectation holds.")
     ] = False,
+    format_: FormatOption = ReportFormat.text,
+    junit: JunitOption = None,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
@@ -33,10 +37,10 @@ def run(
 
     [dim]foresee run scenarios/scenario7.foresee::r01 --out runs[/dim]
     """
-    from dataclasses import asdict
-
     from foresee_dsl.campaign.driving import case_name, run_test_case
     from foresee_dsl.language.project.loading import load_test_case
+    from foresee_dsl.report.case_results import of_run
+    from foresee_dsl.report.terminal import print_run
     from foresee_dsl.simulate.results.verdict import Verdict
 
     case = load_test_case(address, allow_outside=allow_outside)
@@ -46,32 +50,38 @@ def run(
         out.mkdir(parents=True, exist_ok=True)
         trace = out / f"{case_name(case)}.npz"
         result.trace.save(trace)
-    if json:
-        common.print_json(
-            {
-                "schema": 1,
-                "test_case": case.id,
-                "driver": driver,
-                "seed": seed,
-                "verdict": result.verdict.value,
-                "time_s": round(result.time_s, 2),
-                "with": result.with_,
-                "reason": result.reason,
-                "impact": result.impact.as_dict() if result.impact else None,
-                "near_misses": result.near_misses.as_dict(),
-                "duration_s": round(result.duration_s, 2),
-                "steps": result.steps,
-                "expectations": [asdict(expectation) for expectation in result.expectations],
-                "trace": str(trace) if trace else None,
-                "digest": result.trace.digest,
-            }
-        )
-    else:
-        from foresee_dsl.report.terminal import print_run
-
-        print_run(common.console(), case.id, result, trace)
+    report_results(
+        ReportFormat.json if json else format_,
+        results=lambda: (of_run(case.id, driver, seed, result, (str(trace),) if trace else ()),),
+        data=lambda: common.json_document(_run_document(case.id, driver, seed, result, trace)),
+        people=lambda screen: print_run(screen, case.id, result, trace),
+        junit=junit,
+        properties=(("driver", driver), ("seed", str(seed))),
+    )
     if strict and (result.verdict is not Verdict.PASS or not all(e.held for e in result.expectations)):
         raise typer.Exit(common.FAILED)
+
+
+def _run_document(address: str, driver: str, seed: int, result: RunResult, trace: Path | None) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "schema": 1,
+        "test_case": address,
+        "driver": driver,
+        "seed": seed,
+        "verdict": result.verdict.value,
+        "time_s": round(result.time_s, 2),
+        "with": result.with_,
+        "reason": result.reason,
+        "impact": result.impact.as_dict() if result.impact else None,
+        "near_misses": result.near_misses.as_dict(),
+        "duration_s": round(result.duration_s, 2),
+        "steps": result.steps,
+        "expectations": [asdict(expectation) for expectation in result.expectations],
+        "trace": str(trace) if trace else None,
+        "digest": result.trace.digest,
+    }
 
 
 def forecast(

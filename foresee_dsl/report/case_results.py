@@ -1,0 +1,260 @@
+"""Test cases and children as results that build servers, code hosts and pytest show: one record for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.errors import Diagnostic, InputError, Span
+from foresee_dsl.language.codes.code import Code
+from foresee_dsl.language.model import Case, Item, Mutant
+from foresee_dsl.language.parser import load, parse
+from foresee_dsl.simulate.results.verdict import ExpectationResult, RunResult, Verdict
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.assessment import DriverRun
+    from foresee_dsl.campaign.results import CampaignResult
+    from foresee_dsl.campaign.verify import Recheck
+    from foresee_dsl.derive.preventability import Preventability
+    from foresee_dsl.language.project.document import Document
+
+
+class Outcome(StrEnum):
+    """How a test result counts: `failed` is the software under test, `error` is that it could not be tested."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    ERROR = "error"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A line that a result is shown at; `span` is None where the whole file is meant."""
+
+    path: str
+    span: Span | None = None
+    source_line: str = ""
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """One test case or child and how it ended.
+
+    Attributes:
+        suite: the file that it belongs to. name: unique in its suite.
+        rule: what happened, in a word: a verdict (`F4`), or a status of `verify` (`changed`).
+        message: how it ended, in a sentence. details: further lines for people.
+        reproduce: the command that shows it again. attachments: files to keep, such as the trace.
+        time_s: simulated seconds.
+    """
+
+    suite: str
+    name: str
+    outcome: Outcome
+    rule: str
+    message: str
+    place: Place
+    details: tuple[str, ...] = ()
+    reproduce: str = ""
+    attachments: tuple[str, ...] = ()
+    time_s: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """Everything that a person needs of a failure, over several lines."""
+        place = self.place.path if self.place.span is None else f"{self.place.path}:{self.place.span.line}"
+        shown = f"{place}: {self.place.source_line.strip()}" if self.place.source_line else place
+        again = (f"reproduce: {self.reproduce}",) if self.reproduce else ()
+        return "\n".join((self.message, *self.details, shown, *again))
+
+
+def outcome_of(verdict: Verdict) -> Outcome:
+    """Return how a verdict counts."""
+    if verdict is Verdict.PASS:
+        return Outcome.PASSED
+    return Outcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else Outcome.FAILED
+
+
+def of_run(address: str, driver: str, seed: int, result: RunResult, attachments: Sequence[str] = ()) -> CaseResult:
+    """Return the result of one run; an expectation that does not hold fails it."""
+    broken = tuple(expectation for expectation in result.expectations if not expectation.held)
+    outcome = outcome_of(result.verdict)
+    suite, _, name = address.partition("::")
+    return CaseResult(
+        suite=suite,
+        name=name or Path(suite).stem,
+        outcome=Outcome.FAILED if outcome is Outcome.PASSED and broken else outcome,
+        rule="expectation" if outcome is Outcome.PASSED and broken else result.verdict.value,
+        message=result.reason or result.verdict.label,
+        place=place_of(address),
+        details=tuple(map(_broken_line, broken)),
+        reproduce=reproduce(address, driver, seed),
+        attachments=tuple(attachments),
+        time_s=result.duration_s,
+    )
+
+
+def of_assessment(runs: Iterable[DriverRun], broken: Iterable[str], seed: int) -> tuple[CaseResult, ...]:
+    """Return a result for each run of `foresee assess`, and for what could not be run."""
+    listed = tuple(runs)
+    several = len({one.driver for one in listed}) > 1
+    found = [
+        CaseResult(
+            suite=one.case.partition("::")[0],
+            name=(one.case.partition("::")[2] or Path(one.case).stem) + (f" [{one.driver}]" if several else ""),
+            outcome=outcome_of(one.verdict),
+            rule=one.verdict.value,
+            message=one.reason or one.verdict.label,
+            place=place_of(one.case),
+            reproduce=reproduce(one.case, one.driver, seed),
+            time_s=one.duration_s,
+        )
+        for one in listed
+    ]
+    return (*found, *map(_could_not_run, broken))
+
+
+def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
+    """Return a result for each test case and each child; a child's place is its first change line.
+
+    The children that deserve a look first come first: code hosts show ten annotations of a step.
+    """
+    settings = result.settings
+    seeds = [
+        CaseResult(
+            suite=one.id.partition("::")[0],
+            name=one.id.partition("::")[2] or one.scenario,
+            outcome=outcome_of(one.verdict),
+            rule=one.verdict.value,
+            message=one.reason or one.verdict.label,
+            place=place_of(one.id),
+            details=_preventability(one.preventability),
+            reproduce=reproduce(one.id, settings.driver, settings.seed),
+            attachments=(str(out / one.trace),) if one.trace else (),
+            time_s=one.duration_s,
+        )
+        for one in result.seeds
+    ]
+    ranks = {child.name: rank for rank, child in enumerate(result.to_open_first(len(result.clips) * 1000))}
+    children = [
+        CaseResult(
+            suite=clip.seed.partition("::")[0],
+            name=child.name,
+            outcome=outcome_of(child.verdict),
+            rule=child.verdict.value,
+            message=child.reason or child.verdict.label,
+            place=place_of(str(out / child.file), child.text),
+            details=_preventability(child.preventability),
+            reproduce=reproduce(str(out / child.file), settings.driver, settings.seed),
+            time_s=child.duration_s,
+        )
+        for clip in result.clips
+        for child in clip.children
+    ]
+    children.sort(key=lambda one: (ranks.get(one.name, len(ranks)), one.name))
+    return (*seeds, *children, *map(_could_not_run, result.broken))
+
+
+def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResult, ...]:
+    """Return a result for each file that `foresee verify` ran; what is not as expected failed."""
+    from foresee_dsl.campaign.verify import Status
+
+    return tuple(
+        CaseResult(
+            suite=Path(one.file).parent.as_posix(),
+            name=Path(one.file).stem,
+            outcome=Outcome.FAILED if one.status in (Status.STALE, Status.CHANGED) else Outcome.PASSED,
+            rule=one.status.value,
+            message=f"{one.status.value}: {one.now or one.status.value}",
+            place=place_of(one.file),
+            details=(f"was {one.was or 'not known'}", f"now {one.now}"),
+            reproduce=f"foresee verify {one.file}" + (f" --driver {driver}" if driver else ""),
+        )
+        for one in rechecks
+    )
+
+
+def reproduce(address: str, driver: str, seed: int) -> str:
+    """Return the command that runs one test case again."""
+    return " ".join(("foresee run", address, "--driver", driver, *(("--seed", str(seed)) if seed else ())))
+
+
+def place_of(address: str, text: str | None = None) -> Place:
+    """Return where a result is shown: a mutant's first change, a case's own line, or else the definition's.
+
+    `text`: what the file holds, where it is known. A file that cannot be read has no line.
+    """
+    path, _, case = address.partition("::")
+    try:
+        document = parse(text, path) if text is not None else _loaded(path)
+    except (InputError, OSError):
+        return Place(path)
+    model = document.written or document.model
+    items: list[Item] = [item for item in getattr(model, "body", ()) if isinstance(item, Case) and item.name == case]
+    if isinstance(model, Mutant):
+        items = list(model.changes)
+    item = items[0] if items else model
+    span = document.span(item)
+    if span is None:
+        return Place(path)
+    lines = document.text.split("\n")
+    source_line = lines[span.line - 1] if span.line <= len(lines) else ""
+    if span.end_line != span.line:  # a block: its first line says what it is
+        span = Span(span.line, span.column, span.line, len(source_line) + 1)
+    return Place(path, span, source_line)
+
+
+def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:
+    """Give what did not pass in the form that SARIF and GitHub's annotations are made of."""
+    for one in results:
+        if one.outcome is not Outcome.PASSED:
+            more = [*one.details, *((f"reproduce: {one.reproduce}",) if one.reproduce else ())]
+            yield Diagnostic(
+                code=one.rule,
+                message=f"{one.name}: {one.message}",
+                help="\n".join(more),
+                path=one.place.path,
+                span=one.place.span,
+                source_line=one.place.source_line,
+            )
+
+
+@cache
+def rules() -> Mapping[str, Code]:
+    """Return what each rule means: the verdicts, the statuses of `verify`, and what else can be wrong."""
+    from foresee_dsl.campaign.verify import Status
+
+    found = {one.value: Code(one.value, one.label, f"The run ended as {one}: {one.label}.") for one in Verdict}
+    found |= {
+        one.value: Code(one.value, f"recorded failure: {one}", f"`foresee verify` calls this failure {one}.")
+        for one in Status
+    }
+    found["expectation"] = Code(
+        "expectation", "an expectation does not hold", "The run passed, but an `expect` line of its scenario is broken."
+    )
+    found["not-run"] = Code("not-run", "could not be run", "There is no result: the message says why.")
+    return found
+
+
+@cache
+def _loaded(path: str) -> Document:
+    return load(Path(path))
+
+
+def _could_not_run(what: str) -> CaseResult:
+    address, _, reason = what.partition(": ")
+    suite, _, name = address.partition("::")
+    return CaseResult(suite, name or address, Outcome.ERROR, "not-run", reason or what, Place(suite))
+
+
+def _broken_line(expectation: ExpectationResult) -> str:
+    by = f" (by {-expectation.margin:.2f} {expectation.unit})" if expectation.margin is not None else ""
+    return f"does not hold: {expectation.text}{by}"
+
+
+def _preventability(found: Preventability | None) -> tuple[str, ...]:
+    return (f"{found.verdict.value}: {found.why}",) if found is not None else ()
