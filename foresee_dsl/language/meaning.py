@@ -23,6 +23,7 @@ _HASH_DIGITS = 12
 _NO_MEANING = (
     m.Doc,
     m.Tags,
+    m.Expected,
     m.Risk,
     m.Fidelity,
     m.UseNetwork,

@@ -29,7 +29,7 @@ SETTINGS = settings(
     derandomize="FORESEE_EXAMPLES" not in os.environ,
     phases=(Phase.explicit, Phase.generate),  # without shrinking, which takes minutes on models of this size
 )
-NO_MEANING = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Origin)
+NO_MEANING = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Expected, m.Origin)
 ORDERED = (m.Ego, m.Actor, m.Traffic, m.When)
 
 

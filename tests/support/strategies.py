@@ -238,10 +238,21 @@ def _changes(depth: int) -> Strategy:
     )
 
 
+def _expected(depth: int) -> Strategy:
+    """Only what fails has a kind of failure, and only with that an actor."""
+
+    def sound(item: m.Expected) -> m.Expected:
+        failure = item.failure if item.outcome == "fails" else None
+        return item.model_copy(update={"failure": failure, "actor": item.actor if failure else None})
+
+    return _builds(m.Expected, depth).map(sound)
+
+
 SPECIAL: dict[type[m.Item], Callable[[int], Strategy]] = {
     m.Measure: _measures,
     m.Param: _params,
     m.Change: _changes,
+    m.Expected: _expected,
     m.Weather: _some(m.Weather),
     m.Quantity: lambda _: quantities(),
     m.Ref: lambda _: REFERENCES,

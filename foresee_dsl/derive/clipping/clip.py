@@ -146,7 +146,7 @@ class _Beginning:
                     pass  # restated for this frame: triggers, signals, each actor of the traffic, the window
                 case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
                     pass  # a clip has its parent's (see `language.project.expand.expand_clip`)
-                case m.Doc() | m.Param() | m.Require() | m.Case() | m.Cases():
+                case m.Doc() | m.Expected() | m.Param() | m.Require() | m.Case() | m.Cases():
                     pass  # about the parent's text and its parameters, which have values here
                 case _:
                     assert_never(item)

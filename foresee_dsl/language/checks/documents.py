@@ -24,10 +24,14 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
     match model:
         case m.Scenario():
             _check_scenario(findings, model)
+            drawn = any(isinstance(item, m.Cases) for item in model.body)  # their names are known once they are drawn
+            _check_expected(findings, model, None if drawn else [case.name for case in model.all(m.Case)])
         case m.Clip():
             _check_clip(findings, model)
+            _check_expected(findings, model, [])
         case m.Mutant():
             _check_mutant(findings, model)
+            _check_expected(findings, model, [])
         case m.Extension():  # what shows before it is joined with what it extends
             findings.only_once([item for item in model.body if isinstance(item, m.Tags)])
             _check_changes(findings, [item for item in model.body if isinstance(item, m.Change)], parameters=True)
@@ -67,6 +71,18 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
         check_network(findings, block)
     check_parameters(findings, scenario)
     check_actors(findings, scenario.body)
+
+
+def _check_expected(findings: Findings, model: m.Scenario | m.Clip | m.Mutant, cases: Sequence[str] | None) -> None:
+    """Check that a driver has one expected result, and that its case exists; `cases`: None where they are not known."""
+    seen: set[tuple[str, str | None]] = set()
+    for item in (item for item in model.body if isinstance(item, m.Expected)):
+        if (item.driver, item.case) in seen:
+            findings.add(item, "driver", "FS013", f"'{item.driver}' has two expected results", "keep one of the two")
+        seen.add((item.driver, item.case))
+        if item.case is not None and cases is not None and item.case not in cases:
+            help = did_you_mean(item.case, cases) or "it has no cases: leave out `in case`"
+            findings.add(item, "case", "FS100", f"no case '{item.case}' here", help)
 
 
 # ---- clips ----------------------------------------------------------------------------------------------------------

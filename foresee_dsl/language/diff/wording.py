@@ -12,7 +12,7 @@ from foresee_dsl.language.printer import Layout, layout, listing, print_item, wr
 from foresee_dsl.language.traversal import is_condition
 from foresee_dsl.language.units import UNITS
 
-NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Origin)
+NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Expected, m.Origin)
 """Statements for people; the same that `language.meaning` leaves out of a hash."""
 
 _WORD = re.compile(r"[a-z_]+")

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import actors as a
+from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.pattern import form_of
@@ -190,13 +191,13 @@ class Drop(Item):
     name: Id | None = None
 
 
-ExtensionItem = Annotated[Doc | Tags | Add | Replace | Change | Drop, ONE_OF]
+ExtensionItem = Annotated[Doc | Tags | Expected | Add | Replace | Change | Drop, ONE_OF]
 
 
 class Extension(Item):
     """`scenario wet_runner extends "runner.foresee" { ... }`: the other scenario with its cases, and these differences.
 
-    `doc` and `tags` are its own; tags that it does not give are the other's.
+    `doc`, `tags` and `expected` are its own; tags that it does not give are the other's.
     """
 
     pattern = "scenario {name} extends {parent} { ...body }"
@@ -270,7 +271,7 @@ class Fidelity(Item):
     ego: Length | None = None
 
 
-ClipItem = Annotated[Doc | Window | Risk | a.Ego | Goal | a.Actor | SignalState | a.When | Fidelity, ONE_OF]
+ClipItem = Annotated[Doc | Expected | Window | Risk | a.Ego | Goal | a.Actor | SignalState | a.When | Fidelity, ONE_OF]
 
 
 class Clip(Item):
@@ -333,7 +334,7 @@ class Origin(Item):
     preventable: Literal["yes", "no", "unknown"] | None = None
 
 
-MutantItem = Annotated[Doc | Change | Origin, ONE_OF]
+MutantItem = Annotated[Doc | Change | Expected | Origin, ONE_OF]
 
 
 class Mutant(Item):

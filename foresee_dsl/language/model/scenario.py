@@ -8,6 +8,7 @@ from pydantic import Field
 
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
+from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
 from foresee_dsl.language.model.values import FilePath, JunctionId, Name, Quantity, Ratio, StageId, Time, Word
@@ -282,9 +283,9 @@ _Statement = (
     | Cases
 )
 Statement = Annotated[_Statement, ONE_OF]
-"""What a scenario holds besides `doc` and `tags`: what one that extends another can add and replace."""
+"""What a scenario holds besides `doc`, `tags` and `expected`: what one that extends another can add and replace."""
 
-ScenarioItem = Annotated[Doc | Tags | _Statement, ONE_OF]
+ScenarioItem = Annotated[Doc | Tags | Expected | _Statement, ONE_OF]
 
 _T = TypeVar("_T", bound=Item)
 

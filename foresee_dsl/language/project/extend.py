@@ -73,8 +73,11 @@ class _Joiner:
         self._findings = Findings(document)
         self._tags = tuple(item for item in extension.body if isinstance(item, m.Tags)) or scenario.all(m.Tags)
         self._docs = tuple(item for item in extension.body if isinstance(item, m.Doc))
+        self._expected = tuple(item for item in extension.body if isinstance(item, m.Expected))
         self._body: tuple[m.ScenarioItem, ...] = tuple(
-            self._moved(item, folder, parent_folder) for item in scenario.body if not isinstance(item, m.Doc | m.Tags)
+            self._moved(item, folder, parent_folder)
+            for item in scenario.body
+            if not isinstance(item, m.Doc | m.Tags | m.Expected)
         )
         self._parameters = _parameters(scenario, extension)
 
@@ -90,7 +93,7 @@ class _Joiner:
                 case m.Change():
                     self._change(line)
         self._findings.raise_if_any()
-        model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._body))
+        model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._expected, *self._body))
         self._place(self._spans, model, self._extension)
         base = replace(self._parent, spans=self._base_spans)
         joined = replace(self._document, model=model, spans=self._spans, base=base)

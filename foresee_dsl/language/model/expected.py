@@ -1,0 +1,42 @@
+"""What a run with a driver is expected to end in: recorded beside a test case, and not part of what it means."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from foresee_dsl.language.model.item import Item, Names
+from foresee_dsl.language.model.values import ActorName, Id, Name
+
+FailureName = Literal["F1", "F2", "F3", "F4", "F5", "stuck", "timeout"]
+"""How a run can fail: the names of `simulate.results.verdict`. A crash is nothing to expect."""
+
+
+class Expected(Item):
+    """`expected pdm fails F2 with walker`, `expected "pdm 2" passes`, `expected idm in case r02 fails`.
+
+    The driver is named as on the command line, or by its own name, with its version where only that one is meant.
+    """
+
+    pattern = "expected {driver} [in case {case}] {outcome} [{failure}] [with {actor}]"
+    words = """
+        expected (statement): how the run ends with a driver, as recorded; means nothing to the run
+            | expected pdm fails F2 with walker
+        passes (link): the run ends without a failure | expected pdm passes
+        fails (link): the run ends in a failure: in this kind, with this actor | expected pdm fails F2 with walker
+        F1 (constant): a failure: off the road, or into an object | expected pdm fails F1
+        F2 (constant): a failure: a collision with a pedestrian | expected pdm fails F2 with walker
+        F3 (constant): a failure: a frontal collision | expected pdm fails F3 with oncoming
+        F4 (constant): a failure: a lateral collision | expected pdm fails F4 with runner
+        F5 (constant): a failure: a rear collision | expected pdm fails F5 with lead
+        stuck (constant): a failure: it stands with nothing to wait for | expected pdm fails stuck
+        timeout (constant): a failure: it does not arrive in time | expected pdm fails timeout
+    """
+
+    kind: Literal["expected"] = "expected"
+    driver: Id
+    case: Annotated[Name, Names("case")] | None = None
+    """Of a scenario with cases: the one that is meant; without it, each of them."""
+    outcome: Literal["passes", "fails"]
+    failure: FailureName | None = None
+    """None: any."""
+    actor: ActorName | None = None
