@@ -97,6 +97,21 @@ def near_misses(trace: Trace) -> NearMisses:
     return NearMisses(_closest(run), ttc, _encroachment(run), drac)
 
 
+def times_to_collision(trace: Trace, actor: int) -> FloatArray:
+    """Return [T] s: the ego's time to collision with one actor at each frame, infinite where none lies ahead.
+
+    Args:
+        trace: a run. actor: the other's column.
+    """
+    run, frames = _Run(trace), np.arange(trace.frames)
+    found = np.full(trace.frames, np.inf)
+    if trace.frames:
+        ego = _Path(run, 0)
+        rows, ttc, _ = _with(run, ego, actor, frames, _ahead(run, ego, frames))
+        found[rows] = ttc
+    return found
+
+
 class _Run:
     """A run as footprints."""
 

@@ -1,0 +1,180 @@
+"""The strip of a run: a few moments from above, side by side, as panels and as an SVG picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.templates import number
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.safe_text import shortened
+from foresee_dsl.report.show.drawing import GRASS, NAMES, STYLES, Drawn, drawing
+from foresee_dsl.report.show.measures import FloatArray, measure
+from foresee_dsl.report.show.moments import MOST, snapshots
+from foresee_dsl.report.show.panels import Panel, Role, Strip, Up, strip_panels
+from foresee_dsl.report.templates import rendered
+from foresee_dsl.simulate.results.near_misses import near_misses
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from foresee_dsl.story.story import Story
+
+SIDE_PX = 220
+"""Side of a panel in a picture. Ours: six of them, or three on a phone's page, fit a screen."""
+_GAP_PX, _MARGIN_PX, _CAPTION_PX, _TITLE_PX, _LEGEND_PX = 14, 12, 38, 22, 30
+_LETTER_PX = 7.0
+"""Room for a letter of the legend (12 px system-ui has 6.6 in the mean)."""
+_CAPTION_LETTERS = 32
+"""What fits over a panel of `SIDE_PX`."""
+
+
+def opponent_of(trace: Trace, story: Story | None = None) -> str:
+    """Return whom a run is about: the story's opponent, else who was hit, else who came nearest; "" for nobody."""
+    if story is not None and story.opponent:
+        return story.opponent
+    hit = next((str(e.detail["with"]) for e in reversed(trace.events) if e.what == "collision"), "")
+    if hit or trace.meta.get("verdict") != "pass":
+        return hit
+    nearest = near_misses(trace).ttc_s or near_misses(trace).distance_m
+    return nearest.actor if nearest is not None else ""
+
+
+def make_strip(
+    trace: Trace,
+    case: TestCase,
+    story: Story | None = None,
+    *,
+    title: str = "",
+    up: Up = "ego",
+    most: int = MOST,
+    ghost: Trace | None = None,
+) -> Strip:
+    """Return the panels of a run's most important moments.
+
+    Args:
+        trace: the run. case: what was run. story: of it, for its opponent. title: over the strip.
+        up: what is up in all panels: the ego's heading at the end, or north. most: panels at most.
+        ghost: the parent's run, whose ego and opponent are drawn as outlines.
+    """
+    bundle, opponent = compile_test_case(case), opponent_of(trace, story)
+    found = measure(trace, bundle, opponent)
+    moments = snapshots(trace, found, opponent, most=most)
+    panels = strip_panels(trace, bundle, found, opponent, moments, up=up, ghost=ghost)
+    kind = trace.actors[trace.index(opponent)].kind if opponent else ""
+    return Strip(title, opponent, kind, panels)
+
+
+def strip_svg(
+    trace: Trace, case: TestCase, story: Story | None = None, *, ghost: Trace | None = None, per_row: int = 3
+) -> str:
+    """Return the strip of a run as an SVG document that stands on its own and can be put into HTML as it is.
+
+    Args:
+        trace: the run. case: what was run. story: of it; its sentence is the picture's text for those who cannot see.
+        ghost: the parent's run, drawn as outlines. per_row: panels side by side.
+    """
+    strip = make_strip(trace, case, story, ghost=ghost)
+    return svg_of([strip], story.sentence if story is not None else case.id, per_row=per_row)
+
+
+def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
+    """Return strips, one below the other, as one SVG document; `label` is its text."""
+    rows: list[dict[str, Any]] = []
+    y = float(_MARGIN_PX)
+    for strip in strips:
+        for start in range(0, len(strip.panels), per_row):
+            title = shortened(strip.title, 120) if start == 0 else ""
+            y += _TITLE_PX if title else 0
+            cells = [
+                _cell(panel, _MARGIN_PX + k * (SIDE_PX + _GAP_PX), y + _CAPTION_PX)
+                for k, panel in enumerate(strip.panels[start : start + per_row])
+            ]
+            rows.append({"title": title, "title_y": y - 6, "cells": cells})
+            y += _CAPTION_PX + SIDE_PX + _GAP_PX
+    legend = _legend(strips)
+    most = max((len(row["cells"]) for row in rows), default=1)
+    wide = max(most * (SIDE_PX + _GAP_PX) - _GAP_PX, int(legend[-1]["end"]) if legend else 0)
+    return rendered(
+        "strip.svg",
+        width=2 * _MARGIN_PX + wide,
+        height=int(y) + _LEGEND_PX,
+        margin=_MARGIN_PX,
+        side=SIDE_PX,
+        grass=GRASS,
+        label=shortened(label, 300),
+        rows=rows,
+        legend=legend,
+    )
+
+
+def caption_of(panel: Panel) -> tuple[str, str]:
+    """Return what is written over a panel: time and what happens; the ego's speed and the gap."""
+    snapshot = panel.snapshot
+    figures = [f"ego {panel.ego_mps * 3.6:.0f} km/h"]
+    if math.isfinite(panel.gap_m):
+        figures.append(f"gap {panel.gap_m:.1f} m")
+    return f"{snapshot.time_s:.2f} s {snapshot.text}".rstrip(), ", ".join(figures)
+
+
+def scale_bar(side_m: float) -> int:
+    """Return the length of the scale's bar in a window, m: a round number, a quarter of the side at most."""
+    return max((bar for bar in (2, 5, 10, 20) if bar <= side_m / 3), default=2)
+
+
+def legend_of(strips: Sequence[Strip]) -> list[tuple[Role, str]]:
+    """Return the roles that occur in strips with what they are called; the ego and the opponent first."""
+    roles = {role for strip in strips for role in strip.roles}
+    named = next((strip for strip in strips if strip.opponent), None)
+    names = NAMES | ({Role.OPPONENT: f"{named.opponent} ({named.opponent_kind})"} if named is not None else {})
+    return [(role, shortened(names[role], 40)) for role in reversed(Role) if role in roles]
+
+
+def _cell(panel: Panel, x: float, y: float) -> dict[str, Any]:
+    caption, figures = caption_of(panel)
+    half, bar = panel.side_m / 2, scale_bar(panel.side_m)
+    return {
+        "x": number(x),
+        "y": number(y),
+        "letter": panel.snapshot.letter,
+        "caption": shortened(caption, _CAPTION_LETTERS),
+        "figures": shortened(figures, _CAPTION_LETTERS),
+        "view": f"{number(-half)} {number(-half)} {number(panel.side_m)} {number(panel.side_m)}",
+        "left": number(-half),
+        "top": number(-half),
+        "side_m": number(panel.side_m),
+        "north_deg": number(90.0 - math.degrees(panel.north_rad), 1),
+        "bar_m": bar,
+        "bar_px": number(bar / panel.side_m * SIDE_PX),
+        "shapes": [_shape(one) for one in drawing(panel)],
+    }
+
+
+def _shape(one: Drawn) -> dict[str, Any]:
+    return {
+        "name": one.name.value,
+        "path": "".join(_path(ring, closed=one.closed) for ring in one.rings),
+        "fill": (one.style.fill if one.closed else "") or "none",
+        "line": one.style.line or "none",
+        "width_m": one.style.width_m,
+        "dashed": one.style.dashed,
+        "title": shortened(one.title, 60),
+    }
+
+
+def _path(points: FloatArray, *, closed: bool) -> str:
+    """Return points as SVG writes a path; y grows downwards there."""
+    places = " ".join(f"{number(x, 2)} {number(-y, 2)}" for x, y in points.tolist())
+    return f"M{places}{'Z' if closed else ''}"
+
+
+def _legend(strips: Sequence[Strip]) -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = []
+    x = 0.0
+    for role, text in legend_of(strips):
+        style, end = STYLES[role], x + 22 + _LETTER_PX * len(text)
+        entries.append({"x": x, "end": end, "text": text, "fill": style.fill or "none", "line": style.line,
+                        "dashed": style.dashed})  # fmt: skip
+        x = end + 14
+    return entries

@@ -1,0 +1,89 @@
+"""The strip of a run as panels and as SVG."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.kernels.boxes import box_distance
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.show.panels import Role, Strip
+from foresee_dsl.report.strip import make_strip, strip_svg
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.story import tell
+from tests.support.hidden_walker import hidden_walker
+from tests.support.scenes import LaneKeeper
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> TestCase:
+    return hidden_walker(tmp_path_factory.mktemp("project"))
+
+
+@pytest.fixture(scope="module")
+def trace(case: TestCase) -> Trace:
+    """A driver that sees nobody hits the walker."""
+    result = run(compile_test_case(case), LaneKeeper(9.0))
+    assert result.verdict == "F2"
+    return result.trace
+
+
+@pytest.fixture(scope="module")
+def strip(trace: Trace, case: TestCase) -> Strip:
+    return make_strip(trace, case, tell(trace, case))
+
+
+def test_first_and_last_panel_are_start_and_contact(strip: Strip, trace: Trace) -> None:
+    first, *_, last = strip.panels
+    assert 4 <= len(strip.panels) <= 6
+    assert (first.snapshot.time_s, first.snapshot.text) == (0.0, "start")
+    assert (last.snapshot.time_s, last.snapshot.text) == (trace.duration_s, "contact")
+    assert last.gap_m == 0.0
+    assert strip.opponent == "walker"
+
+
+def test_panels_show_footprints_where_they_were(strip: Strip, trace: Trace) -> None:
+    for panel in strip.panels:
+        by_role = {one.role: one for one in panel.footprints}
+        ego, walker = by_role[Role.EGO], by_role[Role.OPPONENT]
+        apart = float(np.hypot(*(ego.middle - walker.middle)))
+        there = trace.states[panel.snapshot.frame, [0, trace.index("walker")], :2]
+        assert apart == pytest.approx(float(np.hypot(*(there[0] - there[1]))))
+        assert np.abs(ego.corners).max() < panel.side_m / 2
+
+
+def test_the_ego_drives_upwards_or_north_is_up(strip: Strip, trace: Trace, case: TestCase) -> None:
+    ego = next(one for one in strip.panels[-1].footprints if one.role is Role.EGO)
+    assert np.sin(ego.heading_rad) > 0.9
+    north = make_strip(trace, case, up="north")
+    assert all(panel.north_rad == pytest.approx(np.pi / 2) for panel in north.panels)
+
+
+def test_at_the_contact_the_boxes_touch(strip: Strip) -> None:
+    def box(role: Role) -> np.ndarray:
+        one = next(f for f in strip.panels[-1].footprints if f.role is role)
+        length, width = np.hypot(*(one.corners[0] - one.corners[1])), np.hypot(*(one.corners[0] - one.corners[3]))
+        return np.array([*one.middle, one.heading_rad, length, width])
+
+    assert box_distance(box(Role.EGO), box(Role.OPPONENT)) == 0.0
+
+
+def test_svg_is_whole_xml_and_names_who_is_who(trace: Trace, case: TestCase) -> None:
+    story = tell(trace, case)
+    root = ElementTree.fromstring(strip_svg(trace, case, story))
+    text = " ".join(root.itertext())
+    assert story.sentence in text
+    assert "walker (pedestrian)" in text
+    classes = {node.get("class") for node in root.iter()}
+    assert {"strip-ego", "strip-opponent", "strip-road", "strip-building"} <= classes
+
+
+def test_a_ghost_is_drawn_where_the_parent_s_ego_was(trace: Trace, case: TestCase) -> None:
+    ghosts = [
+        f for panel in make_strip(trace, case, ghost=trace).panels for f in panel.footprints if f.role is Role.GHOST
+    ]
+    assert {ghost.actor for ghost in ghosts} == {"ego", "walker"}
