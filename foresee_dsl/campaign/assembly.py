@@ -44,7 +44,7 @@ def assemble(stages: Stages, out: Path) -> Assembly:
                 if row.trace:
                     traces[trace] = (row.trace, case.id if record.id != case.id else "")
                 seeds[node] = replace(record, id=case.id, family=case.family, scenario=case.scenario.name,
-                                      trace=trace if row.trace else "")  # fmt: skip
+                                      trace=trace if row.trace else "", meaning=case.meaning)  # fmt: skip
             case Forecast():
                 seed = node.over("seed")
                 seeds[seed] = replace(seeds[seed], risky_points=record.points)

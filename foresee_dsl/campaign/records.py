@@ -28,6 +28,8 @@ class SeedOutcome:
     duration_s: float
     wall_s: float
     trace: str = ""
+    meaning: str = ""
+    """Its test case's, here and of a child: how another campaign finds the same one."""
     risky_points: int = 0
     impact: Impact | None = None
     near: NearMisses | None = None
@@ -91,6 +93,7 @@ class ChildOutcome:
     time_s: float
     duration_s: float
     digest: str
+    meaning: str = ""
     preventability: Preventability | None = None
     impact: Impact | None = None
     near: NearMisses | None = None

@@ -187,6 +187,7 @@ def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
     return {
         "test_case": seed.id,
         "family": seed.family,
+        "meaning": seed.meaning,
         "verdict": seed.verdict.value,
         "reason": seed.reason,
         "duration_s": round(seed.duration_s, 2),
@@ -207,6 +208,7 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
         "children": [
             {
                 "mutant": child.name,
+                "meaning": child.meaning,
                 "operators": list(child.operators),
                 "verdict": child.verdict.value,
                 "with": child.with_,

@@ -66,7 +66,8 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
         """Return the child with how its run broke."""
-        return ChildOutcome(self.name, file, self.mutant.text, (), verdict, "", reason, 0.0, 0.0, "")
+        return ChildOutcome(self.name, file, self.mutant.text, (), verdict, "", reason, 0.0, 0.0, "",
+                            self.mutant.meaning)  # fmt: skip
 
 
 def run_child(
@@ -88,6 +89,7 @@ def run_child(
         time_s=result.time_s,
         duration_s=result.duration_s,
         digest=result.trace.digest,
+        meaning=case.meaning,
         preventability=avoided,
         impact=result.impact,
         near=result.near_misses,
