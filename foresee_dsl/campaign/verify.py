@@ -1,50 +1,93 @@
-"""Recorded failures, run again: reproduced, fixed, changed or stale; and what a parent's edit does to them."""
+"""Test cases with expected results, run again: as expected, fixed, came back, changed, stale; what an edit does."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
-from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.campaign.regression.edits import line_of, with_expected
+from foresee_dsl.campaign.regression.expectations import (
+    Ending,
+    Status,
+    expected_in,
+    in_words,
+    judge,
+    name_to_record,
+    names_of,
+)
+from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
+from foresee_dsl.campaign.settings import Limits
+from foresee_dsl.drivers.registry import DRIVERS, recorded_address, recorded_driver
 from foresee_dsl.errors import DriverError, InputError
-from foresee_dsl.language.model import Mutant, Origin
-from foresee_dsl.language.parser import parse
+from foresee_dsl.files import write_whole
+from foresee_dsl.language.codes.names import STALE_PIN
+from foresee_dsl.language.model import Clip, Mutant, Origin
+from foresee_dsl.language.parser import load
+from foresee_dsl.language.project.addresses import absolute
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.language.repinning.repin import Child
+from foresee_dsl.language.repinning.repin import Child, State, plan
 from foresee_dsl.simulate.results.verdict import Verdict
 
-
-class Status(StrEnum):
-    """What became of a recorded failure."""
-
-    REPRODUCED = "reproduced"
-    FIXED = "fixed"
-    CHANGED = "changed"
-    STALE = "stale"
+_LONGEST_RUN_S = Limits().for_run(300)
+"""Wall time after which a worker is ended. Ours: for runs of 300 s; no test case of the library is longer."""
 
 
 @dataclass(frozen=True)
 class Recheck:
-    """One recorded failure, run again; `was` and `now` are sentences: `F4 lateral collision with runner at 3.15 s`."""
+    """One test case, run again.
+
+    Attributes:
+        file: its address. case: of a scenario with cases.
+        was: what is expected, in words: `fails F2 with walker`. now: how it ended, in a sentence; or why it is stale.
+        driver: with its version. name: what the driver is called in an `expected` line.
+        line: where its file says what is expected. note: what else is to say.
+    """
 
     file: str
     status: Status
     was: str
     now: str
+    driver: str = ""
+    name: str = ""
+    ending: Ending | None = None
+    line: int | None = None
+    note: str = ""
+    case: str | None = None
+
+    @property
+    def path(self) -> Path:
+        """Its file."""
+        return Path(self.file.removesuffix(f"::{self.case}") if self.case else self.file)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "file": self.file,
+            "status": self.status.value,
+            "driver": self.driver,
+            "expected": self.was,
+            "verdict": self.ending.verdict.value if self.ending else None,
+            "with": self.ending.actor if self.ending else None,
+            "now": self.now,
+            "line": self.line,
+            "note": self.note,
+        }
 
 
 def verify_files(
-    files: Sequence[Path], *, driver: str = "", run_programs: bool = False, jobs: int = 1
+    paths: Iterable[str | Path], *, driver: str = "", run_programs: bool = False, jobs: int = 1
 ) -> tuple[Recheck, ...]:
-    """Run recorded failures again, in new processes.
+    """Run the tests of a suite (`suite_of(paths)`) again, in new processes, and compare with what is expected.
+
+    A child whose parent was edited is run all the same where the edit does not reach it, which the parent's old version
+    in git tells.
 
     Args:
         driver: by default the one that each file records.
@@ -52,48 +95,150 @@ def verify_files(
             a file that came from elsewhere must not run a command.
 
     Raises:
-        DriverError: files record programs, which was not allowed; nothing was run.
+        InputError: a path does not exist, or a named file holds no test.
+        DriverError: there is no such driver, or files record programs, which was not allowed; nothing was run.
     """
-    if not driver and not run_programs:
+    tests = suite_of(paths)
+    if driver:
+        DRIVERS.find(driver.partition(":")[0])
+    elif not run_programs:
         _refuse_programs(
-            map(_address_in, files), "--run-programs starts what the files say, --driver names another driver"
+            (test.driver for test in tests), "--run-programs starts what the files say, --driver names another driver"
         )
-    with WorkerPool(jobs) as pool:
-        pool.add(Task(str(file), partial(recheck, file), driver) for file in files)
-        found = (
-            Recheck(task.name, Status.CHANGED, "", outcome.reason) if isinstance(outcome, Broken) else outcome
-            for task, outcome in pool.results()
-        )
-        return tuple(sorted(found, key=lambda r: r.file))
+    found = dict(zip(tests, _run(tests, driver, jobs), strict=True))
+    stale = [test for test, seen in found.items() if seen.status is Status.STALE and test.case is None]
+    notes = reached([test.file for test in stale])
+    harmless = [test for test in stale if notes.get(test.file) == ""]
+    for test, seen in zip(harmless, _run(harmless, driver, jobs, check_pin=False), strict=True):
+        note = "its parent was edited, and the edit does not reach it: `foresee repin --write` writes the new pins"
+        found[test] = replace(seen, note=note)
+    for test in stale:
+        if why := notes.get(test.file):
+            found[test] = replace(found[test], note=why)
+    return tuple(found.values())
 
 
-def recheck(file: Path, driver: str) -> Recheck:
-    """Run one recorded failure again, with another driver than the recorded one unless `driver` is ""."""
+def _run(tests: Sequence[SuiteTest], driver: str, jobs: int, *, check_pin: bool = True) -> tuple[Recheck, ...]:
+    numbers = {str(k): test for k, test in enumerate(tests)}
+    found: dict[str, Recheck] = {}
+    with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
+        pool.add(
+            Task(number, partial(recheck, test, check_pin=check_pin), driver or test.driver, _LONGEST_RUN_S)
+            for number, test in numbers.items()
+        )
+        for task, outcome in pool.results():
+            test = numbers[task.name]
+            found[task.name] = _broken(test, outcome, driver) if isinstance(outcome, Broken) else outcome
+    return tuple(found[number] for number in numbers)
+
+
+def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
+    """Return what is told of a run that gave nothing."""
+    late = broken.how == "timeout"
+    expected = expected_in(test.stated, test.case, names_of(driver or test.driver, ""), test.origin)
+    return Recheck(
+        file=test.address,
+        status=Status.TIMED_OUT if late else Status.CRASHED,
+        was=in_words(expected),
+        now=broken.reason,
+        driver=driver or test.driver,
+        ending=Ending(Verdict.TIMEOUT if late else Verdict.CRASH),
+        case=test.case,
+    )
+
+
+def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True) -> Recheck:
+    """Run one test again and compare; `check_pin`: a child whose parent was edited is stale and is not run."""
     try:
-        case = load_test_case(file)
+        case = load_test_case(test.address, check_pin=check_pin)
     except InputError as err:
-        return Recheck(str(file), Status.STALE, "", err.diagnostics[0].message)
-    origin = case.mutant.origin if case.mutant else None
-    was = (origin.found if origin else None) or ""
-    recorded, seed = _driver_and_seed(origin)
-    result = run_test_case(case, driver or recorded, seed)
-    if not result.verdict.is_failure and result.verdict is not Verdict.CRASH:
-        status = Status.FIXED
-    # The same kind of failure with the same actor; the time may differ on another machine.
-    elif was.rpartition(" at ")[0] == result.reason.rpartition(" at ")[0]:
-        status = Status.REPRODUCED
-    else:
-        status = Status.CHANGED
-    return Recheck(str(file), status, was, result.reason)
+        return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
+    result = run_test_case(case, driver, test.seed)
+    ending = Ending(result.verdict, result.with_)
+    version = str(result.trace.meta.get("driver_version", ""))
+    stated = stated_in(case.document) if case.document is not None else test.stated
+    expected = expected_in(stated, test.case, names_of(driver, version), test.origin)
+    return Recheck(
+        file=test.address,
+        status=judge(expected, ending),
+        was=in_words(expected),
+        now=result.reason or result.verdict.label,
+        driver=recorded_driver(driver, version),
+        name=expected.driver if expected is not None else name_to_record(driver, version),
+        ending=ending,
+        line=line_of(case.document, expected) if case.document is not None and expected in stated else None,
+        case=test.case,
+    )
 
 
-def as_dict(rechecks: Sequence[Recheck]) -> dict[str, Any]:
-    """Return what `foresee verify --json` prints."""
+def reached(files: Sequence[Path]) -> dict[Path, str]:
+    """Return for each stale child why it cannot be run; "" for one that the edit of its parent does not reach.
+
+    A child whose parent's old version is not in git is left out: nothing is known of the edit.
+    """
+    if not files:
+        return {}
+    family = dict.fromkeys(absolute(file) for file in files)
+    for file in files:
+        family |= dict.fromkeys(_ancestors(file))
+    try:
+        children = {absolute(child.file): child for child in plan(family)}
+    except InputError:  # one with mistakes of its own says nothing of the others
+        return {} if len(files) == 1 else {file: why for each in files for file, why in reached([each]).items()}
+    return {file: why for file in files if (why := _why_stale(children.get(absolute(file)))) is not None}
+
+
+def _why_stale(child: Child | None) -> str | None:
+    """Return what speaks against running a child under its edited parent; None where its old parent is unknown."""
+    if child is None or child.state in (State.CONFLICT, State.BLOCKED):
+        found = [one.message for one in child.mistakes if one.code != STALE_PIN] if child is not None else []
+        return f"it no longer fits its parent: {found[0]}" if found else None
+    if not child.known or child.old is None or child.new is None:
+        return None
+    return "the edit reaches it: " + "; ".join(map(str, child.reaching)) if child.reaching else ""
+
+
+def _ancestors(file: Path) -> Iterable[Path]:
+    """Yield the clips and mutants that a child comes from."""
+    try:
+        model = load(file).model
+        while isinstance(model, Mutant | Clip):
+            parent = absolute(file.parent / model.parent)
+            model = load(parent).model
+            if isinstance(model, Mutant | Clip):
+                yield parent
+            file = parent
+    except InputError:
+        return
+
+
+def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
+    """Write what was found as what is expected from now on, where it differs; nothing else of a file changes.
+
+    Crashes, timeouts and stale children are left as they are.
+
+    Returns:
+        The files that were written.
+    """
+    written: dict[Path, None] = {}
+    for one in rechecks:
+        new = one.ending.expected_of(one.name, one.case) if one.ending and one.status.can_be_recorded else None
+        if new is not None:
+            text = one.path.read_bytes().decode("utf-8")
+            write_whole(one.path, with_expected(text, new))
+            written[one.path] = None
+    return tuple(written)
+
+
+def as_dict(rechecks: Sequence[Recheck], written: Sequence[Path] | None = None) -> dict[str, Any]:
+    """Return what `foresee verify --json` prints; `written`: the files of `--update`."""
     counts = Counter(r.status for r in rechecks)
     return {
-        "schema": 1,
-        **{status.value: counts[status] for status in Status},
-        "children": [{"file": r.file, "status": r.status.value, "was": r.was, "now": r.now} for r in rechecks],
+        "schema": 2,
+        "ok": counts[Status.AS_EXPECTED] == len(rechecks),
+        "counts": {status.value: counts[status] for status in Status},
+        "written": [str(file) for file in written or ()],
+        "tests": [one.as_dict() for one in rechecks],
     }
 
 
@@ -142,12 +287,3 @@ def _refuse_programs(drivers: Iterable[str], instead: str) -> None:
     programs = sorted({address for address in drivers if ":" in address})
     if programs:
         raise DriverError(f"recorded with programs as drivers: {'; '.join(programs)}. {instead}")
-
-
-def _address_in(file: Path) -> str:
-    """Return the driver that a mutant's file records; of a file with errors (it is reported as stale), nothing."""
-    try:
-        model = parse(file.read_text(encoding="utf-8"), str(file)).model
-    except (InputError, OSError, UnicodeDecodeError):
-        return ""
-    return _driver_and_seed(model.origin)[0] if isinstance(model, Mutant) else ""

@@ -40,7 +40,7 @@ COMMANDS = (
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "store", "store.store"),
-    ("Campaign", "verify", "campaigns.verify"),
+    ("Campaign", "verify", "keep.verify"),
     ("Exchange", "import", "formats.import_"),
     ("Exchange", "export", "formats.export"),
     ("About", "drivers", "about.drivers"),

@@ -1,4 +1,4 @@
-"""Commands over many test cases: campaign, plan, assess, verify."""
+"""Commands over many test cases: campaign, plan, assess."""
 
 from __future__ import annotations
 
@@ -295,42 +295,4 @@ def assess(
         properties=[("driver", name) for name in drivers],
     )
     if broken:
-        raise typer.Exit(FAILED)
-
-
-def verify(
-    paths: Annotated[
-        list[Path], typer.Argument(metavar="PATH", help="Recorded failures: mutants' files, or folders of them.")
-    ],
-    driver: Annotated[str, typer.Option("--driver", help="Another driver than the recorded one.")] = "",
-    run_programs: Annotated[
-        bool, typer.Option("--run-programs", help="Start the programs that files record as external drivers.")
-    ] = False,
-    jobs: Jobs = CPUS,
-    format_: FormatOption = ReportFormat.text,
-    junit: JunitOption = None,
-    json: JsonOption = False,
-) -> None:
-    """Run recorded failures again: reproduced, fixed, changed, or stale (the parent was edited)?
-
-    Exit code 1 when a failure is stale or changed: it is no longer what its file records.
-
-    [dim]foresee verify out/children
-    foresee verify regressions --driver mine[/dim]
-    """
-    from foresee_dsl.campaign.verify import Status, as_dict, verify_files
-    from foresee_dsl.language.project.addresses import recorded_children
-    from foresee_dsl.report.case_results import of_rechecks
-    from foresee_dsl.report.terminal import print_verification
-
-    rechecks = verify_files(recorded_children(paths), driver=driver, run_programs=run_programs, jobs=jobs)
-    report_results(
-        ReportFormat.json if json else format_,
-        results=lambda: of_rechecks(rechecks, driver),
-        data=lambda: json_document(as_dict(rechecks)),
-        people=lambda screen: print_verification(screen, rechecks),
-        junit=junit,
-        properties=[("driver", driver or "as recorded")],
-    )
-    if any(r.status in (Status.STALE, Status.CHANGED) for r in rechecks):
         raise typer.Exit(FAILED)

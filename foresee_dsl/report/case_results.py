@@ -160,19 +160,24 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
 
 
 def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResult, ...]:
-    """Return a result for each file that `foresee verify` ran; what is not as expected failed."""
-    from foresee_dsl.campaign.verify import Status
+    """Return a result for each test that `foresee verify` ran; what is not as expected failed."""
+    from foresee_dsl.campaign.regression.expectations import Status
 
+    broke = (Status.CRASHED, Status.TIMED_OUT, Status.STALE)
     return tuple(
         CaseResult(
-            suite=Path(one.file).parent.as_posix(),
-            name=Path(one.file).stem,
-            outcome=Outcome.FAILED if one.status in (Status.STALE, Status.CHANGED) else Outcome.PASSED,
+            suite=one.path.parent.as_posix(),
+            name=one.path.stem + (f"::{one.case}" if one.case else ""),
+            outcome=Outcome.PASSED
+            if one.status is Status.AS_EXPECTED
+            else Outcome.ERROR
+            if one.status in broke
+            else Outcome.FAILED,
             rule=one.status.value,
-            message=f"{one.status.value}: {one.now or one.status.value}",
+            message=f"{one.status.label}: {one.now or one.status.meaning}",
             place=place_of(one.file),
-            details=(f"was {one.was or 'not known'}", f"now {one.now}"),
-            reproduce=f"foresee verify {one.file}" + (f" --driver {driver}" if driver else ""),
+            details=tuple(filter(None, (f"expected {one.was or 'not known'}", f"now {one.now}", one.note))),
+            reproduce=f"foresee verify {one.path}" + (f" --driver {driver}" if driver else ""),
         )
         for one in rechecks
     )
@@ -226,11 +231,11 @@ def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:
 @cache
 def rules() -> Mapping[str, Code]:
     """Return what each rule means: the verdicts, the statuses of `verify`, and what else can be wrong."""
-    from foresee_dsl.campaign.verify import Status
+    from foresee_dsl.campaign.regression.expectations import Status
 
     found = {one.value: Code(one.value, one.label, f"The run ended as {one}: {one.label}.") for one in Verdict}
     found |= {
-        one.value: Code(one.value, f"recorded failure: {one}", f"`foresee verify` calls this failure {one}.")
+        one.value: Code(one.value, f"verified: {one.label}", f"`foresee verify` says {one.label}: {one.meaning}.")
         for one in Status
     }
     found["expectation"] = Code(

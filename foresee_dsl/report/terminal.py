@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from foresee_dsl.campaign.results import CampaignResult, FamilyRow
-from foresee_dsl.campaign.verify import Recheck, Status
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.files import write_whole
 from foresee_dsl.forecast.protocol import RiskyPoint
@@ -251,25 +250,3 @@ def print_points(console: Console, points: tuple[RiskyPoint, ...]) -> None:
         return
     rows = ((p.rank, f"{p.time_s:.2f} s", p.frame, p.why) for p in points)
     console.print(plain_table(("rank", "time", "frame", "why"), rows, align=">>><"))
-
-
-_STATUS_STYLE = {
-    Status.REPRODUCED: "red",
-    Status.FIXED: "green",
-    Status.CHANGED: "yellow",
-    Status.STALE: "magenta",
-}
-
-
-def print_verification(console: Console, rechecks: tuple[Recheck, ...]) -> None:
-    """Print what became of recorded failures: first those that need a look, then the counts."""
-    if not rechecks:
-        console.print("no recorded failures there: `foresee campaign` and `foresee mutate` write them")
-        return
-    for recheck in rechecks:
-        line = Text.assemble((f"{recheck.status.value:<11}", _STATUS_STYLE[recheck.status]), recheck.file)
-        if recheck.status is not Status.REPRODUCED:
-            line.append(f"\n           was {recheck.was or 'not known'}\n           now {recheck.now}", style="dim")
-        console.print(line)
-    counts = [f"{sum(r.status is s for r in rechecks)} {s.value}" for s in Status]
-    console.print(Text(", ".join(counts), style="bold"))

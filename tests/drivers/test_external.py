@@ -22,9 +22,10 @@ from hypothesis import strategies as st
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.mutate_file import mutate_file
+from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
-from foresee_dsl.campaign.verify import Status, verify_files
+from foresee_dsl.campaign.verify import verify_files
 from foresee_dsl.drivers.external import ExternalDriver, plain, read_control, read_ready, reset_line, step_line
 from foresee_dsl.drivers.external.process import LONGEST_LINE
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Observation, SeenActor
@@ -495,5 +496,5 @@ def test_what_is_recorded_is_verified_with_its_program(scenarios: Path, tmp_path
     with pytest.raises(DriverError, match=r"recorded with programs as drivers: external:.*--run-programs"):
         verify_files([mutant])
     (again,) = verify_files([mutant], run_programs=True)
-    assert (again.was, again.now) == (child.reason, child.reason)
-    assert again.status is (Status.REPRODUCED if child.verdict.is_failure else Status.FIXED)
+    assert (again.driver, again.now) == (f"example 1 via {EXAMPLE}", child.reason)
+    assert again.status is (Status.AS_EXPECTED if child.verdict.is_failure else Status.NEW)

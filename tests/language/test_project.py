@@ -31,7 +31,7 @@ from foresee_dsl.language.meaning import pin_of
 from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.model import Network, UseNetwork
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.addresses import parse_address, recorded_children, scenario_files
+from foresee_dsl.language.project.addresses import parse_address, scenario_files
 from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.project.expand import expanded_model
 from foresee_dsl.language.project.loading import (
@@ -311,8 +311,6 @@ def test_files_of_every_kind(folder: Folder, monkeypatch: pytest.MonkeyPatch) ->
         names[3],
         names[2],
     ]
-    assert [path.as_posix() for path in recorded_children(["."])] == [names[1]]
-    assert [path.as_posix() for path in recorded_children([Path(names[1])])] == [names[1]]
 
 
 def test_a_file_is_read_once(folder: Folder) -> None:
@@ -347,7 +345,7 @@ def test_bad_addresses(address: str) -> None:
 def test_a_missing_file(folder: Folder) -> None:
     found = mistake(folder.root / "lead_break.foresee")
     assert (found.code, found.help) == (MISSING_FILE, "did you mean 'lead_brakes.foresee'?")
-    for call in (load_test_cases, scenario_files, recorded_children):
+    for call in (load_test_cases, scenario_files):
         with pytest.raises(InputError) as caught:
             call([str(folder.root / "lead_break.foresee")])
         assert caught.value.diagnostics == (found,)
@@ -550,12 +548,6 @@ def test_mistakes_of_all_files_together(folder: Folder) -> None:
         "two.foresee",
         "empty.foresee",
     }
-
-
-def test_a_named_file_that_is_no_mutant(folder: Folder) -> None:
-    with pytest.raises(InputError) as caught:
-        recorded_children([folder.clip])
-    assert caught.value.diagnostics[0].message == "this holds a clip, not a mutant"
 
 
 def test_a_stale_child_can_still_be_compared(folder: Folder) -> None:

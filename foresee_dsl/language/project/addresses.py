@@ -94,24 +94,6 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[Path, ...]:
     return tuple(found.values())
 
 
-def recorded_children(paths: Iterable[str | Path]) -> tuple[Path, ...]:
-    """Return the mutant files that are named or lie under a named folder, for `foresee verify`.
-
-    Raises:
-        InputError: a path does not exist, or a file that is named itself holds no mutant.
-    """
-    named = tuple(map(Path, paths))
-    children = []
-    for file in scenario_files(named):
-        kind = kind_of(file)
-        if kind == "mutant":
-            children.append(file)
-        elif file in named:
-            message = f"this holds {f'a {kind}' if kind else 'no definition'}, not a mutant"
-            raise mistake(c.WRONG_KIND, message, "name a mutant's file, or a folder of them", shown(file))
-    return tuple(children)
-
-
 def missing(path: Path) -> InputError:
     """Return the error for a file or folder that does not exist, with the nearest name beside it."""
     if is_folder(path):

@@ -1,0 +1,119 @@
+"""Edits of a file's text that leave every other byte as it is: an expected result, and the paths of other files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from foresee_dsl.errors import Span
+from foresee_dsl.language import model as m
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_item, print_model
+from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.traversal import walk
+
+_INDENT = "  "
+_PATHS: tuple[tuple[type[m.Item], str], ...] = (
+    (m.Clip, "parent"),
+    (m.Mutant, "parent"),
+    (m.Extension, "parent"),
+    (m.UseNetwork, "path"),
+    (m.UseModels, "path"),
+)
+"""The fields that name another file which a test case needs."""
+
+
+def with_expected(text: str, new: m.Expected) -> str:
+    """Return a file's text with an expected result: in place of the line for the same driver and case, or as one more.
+
+    A new line stands behind the other ones, or else behind the last `change` of a mutant, or before the first statement
+    of another file.
+    """
+    document = parse(text, "a file to edit")
+    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
+    stated = [item for item in body if isinstance(item, m.Expected)]
+    old = next((item for item in stated if (item.driver, item.case) == (new.driver, new.case)), None)
+    line = print_item(new)
+    if old is not None:
+        return _put(text, [(_span(document, old), line)])
+    changes = [item for item in body if isinstance(item, m.Change)]
+    heads = [item for item in body if isinstance(item, m.Doc | m.Tags)]
+    after = next(iter((stated or changes or heads)[-1:]), None)
+    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
+    end = lines[1] if len(lines) > 1 else "\n"
+    # One line down from a statement that has a line for itself; another layout is printed anew.
+    at = _span(document, after).end_line if after is not None else _span(document, document.model).line
+    reference = lines[2 * (at - 1)]
+    if after is None:
+        if reference.split("#")[0].rstrip().endswith("{"):
+            lines.insert(2 * at, f"{_INDENT}{line}{end}{end if body else ''}")
+            return "".join(lines)
+    elif reference.lstrip().startswith(print_item(after).split("\n")[0].split(" ")[0]):
+        indent = reference[: len(reference) - len(reference.lstrip())]
+        gap = "" if stated or not _needs_gap(lines, at) else end
+        lines.insert(2 * at, f"{gap}{indent}{line}{end}" if gap else f"{indent}{line}{end}")
+        return "".join(lines)
+    return _printed(document, new, after)
+
+
+def _needs_gap(lines: list[str], at: int) -> bool:
+    """Return whether a blank line follows the line `at`, so that groups are set apart in this file."""
+    return len(lines) > 2 * at and not lines[2 * at].strip()
+
+
+def _printed(document: Document, new: m.Expected, after: m.Item | None) -> str:
+    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
+    at = next((k + 1 for k, item in enumerate(body) if item is after), 0)
+    return print_model(document.model.model_copy(update={"body": (*body[:at], new, *body[at:])}))
+
+
+def paths_in(document: Document) -> tuple[str, ...]:
+    """Return the paths of the files that a file needs, as it writes them."""
+    return tuple(dict.fromkeys(path for _, _, path in _uses(document)))
+
+
+def with_paths(text: str, paths: Mapping[str, str]) -> str:
+    """Return a file's text with other paths for the files that it needs."""
+    document = parse(text, "a file to edit")
+    places = []
+    for item, field, path in _uses(document):
+        span = document.span(item, field)
+        if span is not None and path in paths:
+            places.append((span, f'"{paths[path]}"'))
+    return _put(text, places)
+
+
+def with_name(text: str, name: str) -> str:
+    """Return a clip's or mutant's text with another name."""
+    document = parse(text, "a file to edit")
+    span = document.span(document.model, "name")
+    return _put(text, [(span, name)]) if span is not None else text
+
+
+def line_of(document: Document, item: m.Item) -> int | None:
+    """Return the line on which an item begins."""
+    span = document.span(item)
+    return span.line if span is not None else None
+
+
+def _uses(document: Document) -> list[tuple[m.Item, str, str]]:
+    kinds = dict(_PATHS)
+    found = [(item, kinds[type(item)]) for item in walk(document.model) if type(item) in kinds]
+    return [(item, field, getattr(item, field)) for item, field in found]
+
+
+def _span(document: Document, item: m.Item) -> Span:
+    span = document.span(item)
+    if span is None:
+        raise ValueError(f"{type(item).__name__} has no place in its file")
+    return span
+
+
+def _put(text: str, places: list[tuple[Span, str]]) -> str:
+    """Replace what stands at some places, each within one line; line ends stay as they are."""
+    mark = "\ufeff" if text.startswith("\ufeff") else ""
+    lines = re.split(r"(\r\n|\r|\n)", text.removeprefix(mark))
+    for span, new in sorted(places, key=lambda place: (place[0].line, place[0].column), reverse=True):
+        at = 2 * (span.line - 1)
+        lines[at] = lines[at][: span.column - 1] + new + lines[at][span.end_column - 1 :]
+    return mark + "".join(lines)

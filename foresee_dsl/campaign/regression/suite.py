@@ -1,0 +1,107 @@
+"""The test cases of a suite: mutants, and every other test case that says what is expected."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.campaign.regression.expectations import DRIVER
+from foresee_dsl.drivers.registry import driver_names, recorded_address
+from foresee_dsl.errors import InputError
+from foresee_dsl.language import model as m
+from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.parser import load
+from foresee_dsl.language.project import addresses as a
+from foresee_dsl.language.project.document import Document
+from foresee_dsl.language.project.loading import Project
+
+_STATES = re.compile(rb"^[ \t{;]*expected\b", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class SuiteTest:
+    """One test case of a suite.
+
+    Attributes:
+        file: as the user named it. case: of a scenario with cases.
+        stated: the `expected` lines of its file. origin: a mutant's.
+    """
+
+    file: Path
+    case: str | None = None
+    stated: tuple[m.Expected, ...] = ()
+    origin: m.Origin | None = None
+
+    @property
+    def address(self) -> str:
+        """How it is addressed: `FILE` or `FILE::CASE`."""
+        return f"{self.file}::{self.case}" if self.case else str(self.file)
+
+    @property
+    def driver(self) -> str:
+        """The driver that its file records, or is expected something of; else `pdm`."""
+        if self.origin is not None and self.origin.driver:
+            return recorded_address(self.origin.driver)
+        known = (recorded_address(item.driver) for item in self.stated)
+        return next((name for name in known if name.partition(":")[0] in driver_names()), DRIVER)
+
+    @property
+    def seed(self) -> int:
+        """The seed that its file records; else 0."""
+        return int(self.origin.seed.value) if self.origin and self.origin.seed else 0
+
+
+def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
+    """Return the tests that are named or lie under a named folder, in the order of their paths.
+
+    Raises:
+        InputError: a path does not exist, or a file that is named itself holds no test.
+    """
+    named = tuple(Path(path) for path in paths)
+    found: list[SuiteTest] = []
+    for file in a.scenario_files(named):
+        tests = tuple(_tests_of(file))
+        if not tests and file in named:
+            kind = a.kind_of(file)
+            message = f"this holds {f'a {kind}' if kind else 'no definition'}, of which nothing is expected"
+            help = "name a mutant, a file with a line such as `expected pdm passes`, or a folder of them"
+            raise a.mistake(c.WRONG_KIND, message, help, a.shown(file))
+        found += tests
+    return tuple(found)
+
+
+def _tests_of(file: Path) -> Iterator[SuiteTest]:
+    kind = a.kind_of(file)
+    if kind != "mutant" and (kind not in ("clip", "scenario") or not _STATES.search(file.read_bytes())):
+        return
+    try:
+        document = load(file, shown_as=a.shown(file))
+    except InputError:  # running it reports the mistakes
+        yield SuiteTest(file)
+        return
+    stated = stated_in(document)
+    if isinstance(document.model, m.Mutant):
+        yield SuiteTest(file, None, stated, document.model.origin)
+    elif isinstance(document.model, m.Clip):
+        yield from [SuiteTest(file, None, stated)] if stated else []
+    elif stated:
+        yield from (SuiteTest(file, case, stated) for case in _cases(file, stated))
+
+
+def stated_in(document: Document) -> tuple[m.Expected, ...]:
+    """Return the `expected` lines of a file."""
+    return tuple(item for item in getattr(document.model, "body", ()) if isinstance(item, m.Expected))
+
+
+def _cases(file: Path, stated: Sequence[m.Expected]) -> tuple[str | None, ...]:
+    """Return the cases of a scenario that something is expected of: all, where a line names none."""
+    named = tuple(dict.fromkeys(item.case for item in stated))
+    if None not in named:
+        return named
+    try:
+        scenario = Project().whole_scenario(file)
+    except InputError:
+        return (None,)
+    return tuple(case.name for case in scenario.all(m.Case)) or (None,)
