@@ -30,9 +30,6 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     """Return what is impossible in test cases on their networks, each error once.
 
     Actors are placed by the compiler's own code; nothing is written but a network that is new.
-
-    Raises:
-        CompileError: SUMO's programs are missing or refuse a network.
     """
     from foresee_dsl import disk_cache
     from foresee_dsl.compile.nets.netconvert import tool_version

@@ -72,11 +72,8 @@ class Signal:
     phases: tuple[Phase, ...]
 
     def phase_at(self, stage: str, elapsed_s: float) -> tuple[int, float]:
-        """Return the phase (index) of a stage `elapsed_s` after it began, and the time that is left of it, s.
-
-        Raises:
-            KeyError: no such stage.
-        """
+        """Return the phase (index) of a stage `elapsed_s` after it began, and the time that is left of it, s; a
+        `KeyError` for a stage that it has not."""
         members = [k for k, phase in enumerate(self.phases) if self.stages[phase.stage] == stage]
         if not members:
             raise KeyError(stage)

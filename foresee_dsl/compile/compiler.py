@@ -45,11 +45,7 @@ def compile_case(case: TestCase) -> SumoBundle:
 
 
 def check_case(case: TestCase) -> None:
-    """Place the actors of a test case and report what is wrong; nothing is written but a network that is new.
-
-    Raises:
-        InputError, CompileError: as `compile_case`.
-    """
+    """Place the actors of a test case and report what is wrong; nothing is written but a network that is new."""
     try:
         _builder(case, _net_of(case.network))[0].place()
     except PlacementError as err:

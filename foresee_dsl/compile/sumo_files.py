@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from shapely import LineString, Point
+from shapely import Point
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec, PlacedActor, Signal, SumoBundle
-from foresee_dsl.compile.nets.net_reader import points_of
-from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.nets.signals import write_programs
 from foresee_dsl.compile.placement.checks import footprint
+from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.compile.templates import number, render, rendered
 
 GHOST = "ghost"
@@ -42,15 +40,6 @@ STEP_S = 0.05
 """20 steps a second, as in the paper (section 4.2)."""
 
 
-@dataclass(frozen=True)
-class _Lane:
-    """A lane of the net file: its centreline, its `length` and its speed limit."""
-
-    shape: LineString
-    length_m: float
-    limit_mps: float
-
-
 def types_of(models: Iterable[ModelSpec]) -> str:
     """Return SUMO's file of vehicle types: one for each model on wheels, by name, and the stand-in's.
 
@@ -67,20 +56,18 @@ def types_of(models: Iterable[ModelSpec]) -> str:
 
 
 def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
-    """Write a test case as a folder for `sumo` and `sumo-gui`: open `scenario.sumocfg`.
+    """Write a test case as a folder for `sumo` and `sumo-gui` (open `scenario.sumocfg`); return its files, that one
+    first.
 
     The ego drives like any other vehicle there, and triggers have no effect. Actors that SUMO does not drive are drawn
     as shapes.
-
-    Returns:
-        The files, the configuration first.
     """
     out.mkdir(parents=True, exist_ok=True)
     net, types = out / "net.net.xml", out / "types.add.xml"
     shutil.copyfile(bundle.net_file, net)
     shutil.copyfile(bundle.types_file, types)
     actors = bundle.scene.actors
-    lanes = _lanes(net, {a.lane for a in actors if a.lane})
+    lanes = bundle.network.lanes
     departures = [_departure(a, lanes) for a in actors if a.control in ("ego", "sumo") and _edges(a)]
     routes = render("routes.rou.xml", out / "routes.rou.xml", vehicles=departures)
     shapes = [shape for a in actors if a.control in ("path", "static") for shape in _shapes(a)]
@@ -101,17 +88,17 @@ def write_sumo_folder(bundle: SumoBundle, out: Path) -> tuple[Path, ...]:
     return config, net, types, routes, signals, drawn
 
 
-def _departure(actor: PlacedActor, lanes: Mapping[str, _Lane]) -> dict[str, object]:
+def _departure(actor: PlacedActor, lanes: Mapping[str, Lane]) -> dict[str, object]:
     """How SUMO inserts a vehicle; one that stands inside a junction starts at the beginning of its route instead."""
     edge, _, index = actor.lane.rpartition("_")
     edges = _edges(actor)
     where: dict[str, object] = {"lane": "best", "pos": "0", "speed": "max", "factor": 1.0}
     if actor.lane in lanes and edge == edges[0]:
         lane = lanes[actor.lane]
-        pos = lane.shape.project(Point(actor.x, actor.y)) / lane.shape.length * lane.length_m
+        pos = lane.centreline.project(Point(actor.x, actor.y)) / lane.centreline.length * lane.length_m
         speed = min(actor.speed_mps, actor.model.max_speed_mps)
         # SUMO 1.28 refuses to insert a vehicle that is faster than its factor times the limit
-        factor = max(actor.cruise_mps or lane.limit_mps, speed) / lane.limit_mps + SPEED_SLACK
+        factor = max(actor.cruise_mps or lane.speed_mps, speed) / lane.speed_mps + SPEED_SLACK
         where = {"lane": index, "pos": number(pos), "speed": number(speed), "factor": factor}
     color = "red" if actor.control == "ego" else "yellow"
     return {"id": actor.id, "type": actor.model.name, "color": color, "edges": edges, **where}
@@ -135,14 +122,3 @@ def _passed(signal: Signal, stage: str, elapsed_s: float) -> float:
     """The time since a signal's cycle began, s, when a stage has been on for `elapsed_s`."""
     phase, left_s = signal.phase_at(stage, elapsed_s)
     return sum(p.duration_s for p in signal.phases[: phase + 1]) - left_s
-
-
-def _lanes(net: Path, wanted: set[str]) -> dict[str, _Lane]:
-    """Read some lanes of a net, by id."""
-    found = {}
-    for lane in parse_net(net).iter("lane"):
-        name = lane.get("id", "")
-        if name in wanted:
-            length_m, limit_mps = float(lane.get("length", "0")), float(lane.get("speed", "0"))
-            found[name] = _Lane(LineString(points_of(lane.get("shape", ""))), length_m, limit_mps)
-    return found

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def rendered(template: str, **values: object) -> str:
     """Return the text that `templates/sumo/<template>.j2` gives with all the values that it names."""
-    return _environment().get_template(f"{template}.j2").render(**values)
+    return environment("sumo").get_template(f"{template}.j2").render(**values)
 
 
 def render(template: str, out: Path, **values: object) -> Path:
@@ -26,7 +26,7 @@ def render(template: str, out: Path, **values: object) -> Path:
 
 def template_sources() -> tuple[bytes, ...]:
     """Return the bytes of all templates, in the order of their names: part of the cache key of what they make."""
-    return tuple(path.read_bytes() for path in sorted(_folder().glob("*.j2")))
+    return tuple(path.read_bytes() for path in sorted((data_folder("templates") / "sumo").glob("*.j2")))
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -42,22 +42,18 @@ def polyline(points: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in points)
 
 
-def _folder() -> Path:
-    return data_folder("templates") / "sumo"
-
-
 @cache
-def _environment() -> Environment:
+def environment(folder: str, *, xml: bool = True) -> Environment:
+    """Return the templates of a folder in `templates/`, for XML or for plain text."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where a network is new
 
-    environment = Environment(
-        loader=FileSystemLoader(_folder()),
+    made = Environment(
+        loader=FileSystemLoader(data_folder("templates") / folder),
         undefined=StrictUndefined,
-        autoescape=True,
+        autoescape=xml,  # noqa: S701 - plain text is no markup, and is parsed before it is written
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["number"] = number
-    environment.filters["polyline"] = polyline
-    return environment
+    made.filters |= {"number": number, "polyline": polyline}
+    return made

@@ -72,21 +72,14 @@ def references(files: Files, path: Path, use: Occurrence) -> tuple[Place, ...]:
 
 
 def renamed_from(files: Files, path: Path, use: Occurrence) -> Span:
-    """Return the place that is renamed at a use, without quotes and without what follows the defined name.
-
-    Raises:
-        RenameError: this name cannot be changed.
-    """
+    """Return the place that is renamed at a use, without quotes and without what follows the defined name."""
     return _of_base(use, _renamable(files, path, use).suffix)
 
 
 def rename(files: Files, path: Path, use: Occurrence, name: str) -> Renaming:
-    """Return what changes when a name is changed everywhere.
+    """Return what changes when a name is changed everywhere; a `RenameError` where it cannot be.
 
     Files of children (clips and mutants) are never changed: they pin what their parent means, and names are part of it.
-
-    Raises:
-        RenameError: this name cannot be changed, or not to that.
     """
     target = _renamable(files, path, use)
     old = target.occurrence.name

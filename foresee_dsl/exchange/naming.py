@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import re
 import unicodedata
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from decimal import Decimal
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.foreign.opendrive_geometry import plain_number
+from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Quantity
@@ -56,13 +57,16 @@ def file_name(name: str) -> str:
     return re.sub(r'["\x00-\x1f\x7f]', "_", name)[-_LONGEST_FILE_NAME:]
 
 
-def check_ids(ids: Iterable[str], where: str) -> None:
-    """Make sure that the language can express the ids of a network's edges and junctions; `where` is its file.
+def check_network(network: Topology, where: str) -> None:
+    """Make sure that cars can drive on a network, and that the language can express its ids; `where` is its file.
 
     Raises:
-        ExchangeError: an id holds a double quote, a backslash or a line break, or is longer than 200 letters.
+        ExchangeError: no lane is for cars, or the id of an edge or junction holds a double quote, a backslash or a line
+            break, or is longer than 200 letters.
     """
-    for name in ids:
+    if not any(edge.for_kind("car") for edge in network.edges.values()):
+        raise ExchangeError(f"{where} has no lanes for cars: nobody could drive on it")
+    for name in (*network.edges, *network.junctions):
         if not _ID.fullmatch(name):
             shown = f"'{name[:40]}...' ({len(name)} letters)" if len(name) > _LONGEST_ID else repr(name)
             raise ExchangeError(
@@ -79,11 +83,8 @@ def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:
 
 
 def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Quantity:
-    """Return a quantity in the unit of generated files, rounded, without needless zeros.
-
-    Raises:
-        ExchangeError: it is larger than anything that is driven.
-    """
+    """Return a quantity in the unit of generated files, rounded, without needless zeros; an `ExchangeError` for one
+    that is larger than anything that is driven."""
     if not abs(value_si) <= _LARGEST:
         raise ExchangeError(f"{value_si:g} is no {dimension} that can be meant")
     exact = Quantity.of(value_si, dimension, digits)
@@ -94,11 +95,7 @@ def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Qua
 
 
 def number(element: Element, name: str, default: float | None = None) -> float:
-    """Return an attribute as a number.
-
-    Raises:
-        ExchangeError: it is missing (and there is no default), no number, or larger than anything that is meant.
-    """
+    """Return an attribute as a number; an `ExchangeError` where `opendrive_geometry.number` has its error."""
     try:
         return plain_number(element, name, default)
     except ValueError as err:

@@ -107,11 +107,8 @@ def _gap(a: Box, b: Box) -> float:
 
 @compiled(TABLE, TABLE)
 def gaps(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return [N] m, how far boxes are apart, 0 where they overlap, NaN where one of them holds a NaN.
-
-    Args:
-        a, b: [N, 5] the fields of `Box`.
-    """
+    """Return [N] m, how far boxes ([N, 5] the fields of `Box`) are apart, 0 where they overlap, NaN where one holds a
+    NaN."""
     found = np.empty(a.shape[0])
     for k in range(a.shape[0]):
         found[k] = np.nan if np.isnan(a[k].sum() + b[k].sum()) else _gap(_box(a[k]), _box(b[k]))
@@ -145,11 +142,8 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
 
 @compiled(CUBE, TABLE, TABLE, FLOAT)
 def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius: float) -> bool:
-    """Say whether a box comes within a distance of another on any of its paths.
-
-    Args:
-        paths: [N, T, 3] its poses. other: [T, 3] the other's. sizes: [2, 2] of both. NaN where absent. radius: m.
-    """
+    """Say whether a box comes within `radius` m of another ([T, 3], NaN where absent) on any of its paths, [N, T,
+    3]."""
     outer = radius + _reach(sizes[0], sizes[1])
     inside = radius + (min(sizes[0, 0], sizes[0, 1]) + min(sizes[1, 0], sizes[1, 1])) / 2
     for n in range(paths.shape[0]):
@@ -191,11 +185,9 @@ def _hits(box: Box, poses: FloatArray, sizes: FloatArray) -> IntArray:
 
 @compiled(FLOATS, ANY_TABLE, ANY_TABLE)
 def hits(box: FloatArray, poses: FloatArray, sizes: FloatArray) -> IntArray:
-    """Return which of some footprints a footprint overlaps, ascending.
+    """Return which of some footprints the box `box` ([5] the fields of `Box`) overlaps, ascending.
 
-    Args:
-        box: [5] the fields of `Box`.
-        poses: [K, >=3] x, y, heading of the others; NaN where absent. sizes: [K, 2] length, width.
+    `poses`: [K, >=3] x, y, heading of the others; NaN where absent. `sizes`: [K, 2] length, width.
     """
     return _hits(_box(box), poses, sizes)
 
@@ -251,14 +243,8 @@ def drives_on(
 
 
 def corners(boxes: FloatArray | Box) -> FloatArray:
-    """Return the corners of one box or many.
-
-    Args:
-        boxes: [..., 5] x, y, heading, length, width.
-
-    Returns:
-        [..., 4, 2] m: front left, rear left, rear right, front right (counter-clockwise).
-    """
+    """Return the corners of boxes, [..., 5]: [..., 4, 2] m, front left, rear left, rear right, front right
+    (counter-clockwise)."""
     b = np.asarray(boxes, dtype=np.float64)
     along = b[..., 3, None] / 2 * np.array([1.0, -1.0, -1.0, 1.0])
     left = b[..., 4, None] / 2 * np.array([1.0, 1.0, -1.0, -1.0])
@@ -310,26 +296,13 @@ def _corners_to_box(of: Box, to: Box) -> float:
 
 
 def box_distances(ego: FloatArray | Box, others: FloatArray) -> FloatArray:
-    """Return the distances between one box and many.
-
-    Args:
-        ego: [5]. others: [K, 5].
-
-    Returns:
-        [K] m, 0 where they overlap, NaN where absent.
-    """
+    """Return the distances between one box, [5], and many, [K, 5]: [K] m, 0 where they overlap, NaN where absent."""
     return _distances(np.asarray(ego, dtype=np.float64), np.asarray(others, dtype=np.float64))
 
 
 def pairwise_box_distance(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the distance between two footprints, frame by frame.
-
-    Args:
-        a: [T, 5]. b: [T, 5] (or shapes that broadcast, the last axis being the box).
-
-    Returns:
-        [T] m, 0 where they overlap, NaN where either is absent.
-    """
+    """Return the distance between two footprints, [T, 5] each, frame by frame: 0 where they overlap, NaN where
+    absent."""
     return _distances(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64))
 
 

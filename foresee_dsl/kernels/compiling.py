@@ -43,11 +43,7 @@ def inner(function: F) -> F:
 
 
 def compiled(*signature: Any) -> Callable[[F], F]:  # noqa: ANN401  numba's types have none
-    """Compile a function for these types of arguments.
-
-    Args:
-        signature: of each argument, one of the types above or of `records.array_of`.
-    """
+    """Compile a function for arguments of these types: those above, or of `records.array_of`."""
 
     def compile_it(function: F) -> F:
         # numba (0.68.1) compiles anew when the function's own file changes, but not when a file does from which it uses

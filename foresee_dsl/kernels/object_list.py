@@ -61,11 +61,8 @@ CHANNELS = 6
 
 @inner
 def _detected(frame: int, boxes: Records, seen: IntArray, bodies: Records, keys: Hashes, settings: Record) -> int:
-    """Put those that are not missed in front in `seen`, the nearest first (the earlier first where equal).
-
-    Returns:
-        How many they are.
-    """
+    """Put those that are not missed in front in `seen`, the nearest first (the earlier first where equal); return how
+    many."""
     least, most, hold = settings["missed_least"], settings["missed_most"], settings["missed_frames"]
     count = 0
     for place in range(len(seen)):

@@ -145,11 +145,8 @@ def _facing(x: float, y: float, walls: Records) -> Records:
 
 @inner
 def _screen(px: float, py: float, room_m: float, facing: Records, screens: IntArray) -> int:
-    """Find the walls that may hide something within `room_m` of a point. Their numbers go into `screens`.
-
-    Returns:
-        How many they are.
-    """
+    """Put the numbers of the walls that may hide something within `room_m` of a point into `screens`; return how
+    many."""
     count = 0
     for k in range(len(facing)):
         wall = facing[k]
@@ -200,13 +197,8 @@ def _boxes(x: float, y: float, poses: FloatArray, bodies: Records, reach_m: floa
 
 @inner
 def _cross(px: float, py: float, room_m: float, own: int, boxes: Records, crossed: IntArray) -> int:
-    """Find the boxes near enough to the line to a point to hide what lies within `room_m` of it.
-
-    Not the `own` one: it lies around the points. Their numbers go into `crossed`.
-
-    Returns:
-        How many they are.
-    """
+    """Put the numbers of the boxes near enough to the line to a point to hide what lies within `room_m` of it into
+    `crossed`, but for the `own` one, which lies around the points; return how many."""
     gap = max(math.sqrt(px * px + py * py), _TINY)
     way_x, way_y = px / gap, py / gap
     count = 0
@@ -295,11 +287,8 @@ def _shows(own: int, high: float, low: float, least: float, boxes: Records, faci
 def find(
     x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: SightLimits
 ) -> tuple[Records, IntArray]:
-    """Find who is in sight (arguments as in `in_sight`).
-
-    Returns:
-        [K] the footprints of those within reach; [S] which of them are in sight.
-    """
+    """Return [K] the footprints of those within reach, and [S] which of them are in sight; arguments as in
+    `in_sight`."""
     boxes = _boxes(x, y, poses, bodies, limits.reach)
     facing = _facing(x, y, walls)
     cos, sin = math.cos(heading), math.sin(heading)

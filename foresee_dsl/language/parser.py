@@ -133,11 +133,7 @@ def read_text(path: Path, name: str) -> str:
 
 
 def decode(content: bytes, name: str) -> str:
-    """Return the text that a file's bytes are; `name` is how it is called in messages.
-
-    Raises:
-        InputError: it is too large, or no UTF-8 text.
-    """
+    """Return the text that a file's bytes are; `name` is how it is called in messages."""
     if len(content) > MAX_BYTES:
         help = f"files of the language have at most {MAX_BYTES // 1_000_000} MB"
         raise InputError((Diagnostic("FS002", "the file is too large", help, name),))

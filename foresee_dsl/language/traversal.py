@@ -81,20 +81,12 @@ def all_actions(actions: Iterable[m.Action]) -> Iterator[m.Action]:
 
 
 def si_of(value: m.Quantity | m.Ref) -> float:
-    """Return a quantity of a concrete scenario in SI.
-
-    Raises:
-        TypeError: it is a parameter: the scenario is not concrete.
-    """
+    """Return a quantity of a concrete scenario in SI; a `TypeError` for a parameter."""
     return _given(value).si
 
 
 def word_of(value: str | m.Ref) -> str:
-    """Return a name of a concrete scenario.
-
-    Raises:
-        TypeError: it is a parameter: the scenario is not concrete.
-    """
+    """Return a name of a concrete scenario; a `TypeError` for a parameter."""
     return _given(value)
 
 

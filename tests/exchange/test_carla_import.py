@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile import compile_test_case, placement_mistakes
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.carla import importer as carla_import
-from foresee_dsl.exchange.carla.files import Pose
 from foresee_dsl.exchange.carla.importer import prepare_net
 from foresee_dsl.exchange.carla.ways import lanes_at, through_of, way_between
 from foresee_dsl.exchange.outcome import Imported

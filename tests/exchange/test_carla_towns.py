@@ -11,9 +11,10 @@ import pytest
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, read_routes
+from foresee_dsl.exchange.carla.files import CarlaRoute, read_routes
 from foresee_dsl.exchange.carla.ways import Way, way_between
 from foresee_dsl.language.project.document import TestCase
 from tests.exchange.carla_towns import (

@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name, name_of, quantity, sentence
+from foresee_dsl.compile.roads.topology import Edge, Lane, Topology
+from foresee_dsl.exchange.naming import check_network, distinct_name, file_name, name_of, quantity, sentence
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.values import NAME_PATTERN
@@ -65,6 +66,11 @@ def test_files_have_names_that_a_scenario_can_say() -> None:
 
 @pytest.mark.parametrize("name", ['a"b', "a\\b", "a\nb", "", "x" * 201])
 def test_ids_that_cannot_be_said_are_refused(name: str) -> None:
-    check_ids(["-12", "a b", "ä", "E0#1"], "the net")
+    check_network(_network("-12", "a b", "ä", "E0#1"), "the net")
     with pytest.raises(ExchangeError, match="rename it there"):
-        check_ids(["-12", name], "the net")
+        check_network(_network("-12", name), "the net")
+
+
+def _network(*edges: str) -> Topology:
+    lane = Lane("lane", "", 0, ((0.0, 0.0), (9.0, 0.0)), 9.0, 14.0, 3.2, frozenset({"car"}), internal=False)
+    return Topology({}, {name: Edge(name, "a", "b", (lane,)) for name in edges}, {}, (), {}, {}, ())

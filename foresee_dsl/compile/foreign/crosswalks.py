@@ -56,12 +56,8 @@ def crosswalks_of(root: Element) -> tuple[Crosswalk, ...]:
 def write_crossings(net: Topology, crosswalks: Sequence[Crosswalk], out: Path) -> int:
     """Write what netconvert needs to put crossings where crosswalks are, at junctions that have any.
 
-    At such a junction there are those only; at the others netconvert's guesses stay.
-
-    Args:
-        net: with the crossings that netconvert guessed, which have the edges that a crossing leads over.
-        crosswalks: of the map that it was made of.
-        out: the file of connections to write.
+    At such a junction there are those only; at the others netconvert's guesses stay. `net` has the crossings that
+    netconvert guessed, which say the edges that a crossing leads over.
 
     Returns:
         How many crosswalks lie at a junction's arm; nothing is written for none.
@@ -94,17 +90,16 @@ def _crosswalk(roads: RoadMap, road: Element, thing: Element) -> Crosswalk:
     s = min(max(number(thing, "s"), 0.0), number(road, "length"))
     beyond = number(thing, "s") - s  # CARLA has crosswalks up to 4 m behind the end of a road of 3 m
     pose = roads.at(road.get("id", ""), s, number(thing, "t"))
-    x, y = pose.x + beyond * math.cos(pose.heading_rad), pose.y + beyond * math.sin(pose.heading_rad)
+    pose = pose.ahead(beyond)
     turned = pose.heading_rad + number(thing, "hdg", 0.0)
-    corners = [(number(c, "u"), number(c, "v")) for c in thing.iterfind("outline/cornerLocal")]
-    corners += [(number(c, "u"), number(c, "v")) for c in thing.iterfind("outlines/outline/cornerLocal")]
+    corners = [(number(c, "u"), number(c, "v")) for c in thing.iter("cornerLocal")]
     if not corners:
-        return Crosswalk(Pose(x, y, turned), _LENGTH_M, _WIDTH_M)
+        return Crosswalk(Pose(pose.x, pose.y, turned), _LENGTH_M, _WIDTH_M)
     us, vs = [u for u, _ in corners], [v for _, v in corners]
     long, wide = max(us) - min(us), max(vs) - min(vs)
     if wide > long:
         long, wide, turned = wide, long, turned + math.pi / 2
-    return Crosswalk(Pose(x, y, turned), long, min(max(wide, _LEAST_WIDTH_M), _MOST_WIDTH_M))
+    return Crosswalk(Pose(pose.x, pose.y, turned), long, min(max(wide, _LEAST_WIDTH_M), _MOST_WIDTH_M))
 
 
 def _away(crosswalk: Crosswalk, crossing: Crossing) -> float:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.nets.net_reader import points_of, topology_of
-from foresee_dsl.compile.roads.polyline import XY, Points, distance, interpolate, lengths, wrap
+from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, interpolate, lengths, wrap
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -27,13 +27,7 @@ def repair_overlaps(root: Element) -> int:
 
     Third-party editions of CARLA's Town03 have such a place: two stubs of 0.2 m inside one roundabout, joined in the
     wrong order, with 7.6 m backwards between them; netconvert 1.28 takes them over. The later lane is cut, and the
-    internal lanes after it where it is too short.
-
-    Args:
-        root: of a SUMO net; changed in place.
-
-    Returns:
-        How many pairs of lanes were repaired.
+    internal lanes after it where it is too short. Returned is how many pairs of lanes were repaired.
     """
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
     ways = {movement.ends: movement.via for movement in topology_of(root).movements}
@@ -55,23 +49,22 @@ def repair_overlaps(root: Element) -> int:
 
 
 def _turns_back(begin: Sequence[XY], joint: Sequence[XY], end: Sequence[XY]) -> bool:
-    back = _angle(joint[0], joint[-1])
+    back = direction(joint[0], joint[-1])
     return (
         distance(joint[0], joint[-1]) > _LEAST_M
-        and abs(wrap(back - _angle(*begin[-2:]))) > _BACK_RAD
-        and abs(wrap(back - _angle(*end[:2]))) > _BACK_RAD
+        and abs(wrap(back - direction(*begin[-2:]))) > _BACK_RAD
+        and abs(wrap(back - direction(*end[:2]))) > _BACK_RAD
     )
 
 
 def _cut(names: Sequence[str], lanes: dict[str, Element], from_m: float) -> bool:
     """Let a chain of lanes begin later by a length; lanes that lie within that length become stubs.
 
-    Returns:
-        False, with nothing changed, where the chain is too short.
+    False, with nothing changed, where the chain is too short.
     """
     shapes = [_shape(lanes[name]) for name in names]
     chain = [shapes[0][0], *(point for shape in shapes for point in shape[1:])]
-    ends = list(accumulate(_length(shape) for shape in shapes))
+    ends = list(accumulate(lengths(shape)[-1] for shape in shapes))
     if ends[-1] < from_m + _STUB_M * (len(names) + 1):
         return False
     at = from_m
@@ -92,16 +85,8 @@ def _between(points: Sequence[XY], from_m: float, to_m: float) -> Points:
 
 def _put(lane: Element, shape: Sequence[XY]) -> None:
     lane.set("shape", " ".join(f"{x:.2f},{y:.2f}" for x, y in shape))
-    lane.set("length", f"{max(_length(shape), 0.1):.2f}")  # SUMO 1.28 makes shorter lanes 0.1 m long
+    lane.set("length", f"{max(lengths(shape)[-1], 0.1):.2f}")  # SUMO 1.28 makes shorter lanes 0.1 m long
 
 
 def _shape(lane: Element) -> Points:
     return points_of(lane.get("shape", ""))
-
-
-def _length(shape: Sequence[XY]) -> float:
-    return sum(distance(a, b) for a, b in pairwise(shape))
-
-
-def _angle(a: XY, b: XY) -> float:
-    return math.atan2(b[1] - a[1], b[0] - a[0])

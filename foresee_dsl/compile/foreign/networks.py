@@ -169,9 +169,5 @@ def close_parking(root: Element) -> int:
 
 
 def write_net(root: Element, out: Path) -> None:
-    """Write a net from its tree; the same tree gives the same bytes.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write a net from its tree; the same tree gives the same bytes."""
     out.write_bytes(tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")

@@ -25,16 +25,22 @@ _LARGEST = 1e12
 
 @dataclass(frozen=True)
 class Pose:
-    """A point, m, and a heading, rad, counter-clockwise from east."""
+    """A point, m, a heading, rad, counter-clockwise from east (NaN: not known), and a height, m, where one is known."""
 
     x: float
     y: float
     heading_rad: float
+    z: float | None = None
 
     def beside(self, left_m: float) -> Pose:
         """Return the pose so far to the left."""
         sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
         return Pose(self.x - left_m * sine, self.y + left_m * cosine, self.heading_rad)
+
+    def ahead(self, by_m: float) -> Pose:
+        """Return the pose so far ahead."""
+        sine, cosine = math.sin(self.heading_rad), math.cos(self.heading_rad)
+        return Pose(self.x + by_m * cosine, self.y + by_m * sine, self.heading_rad)
 
 
 class RoadMap:
@@ -46,19 +52,11 @@ class RoadMap:
 
     @classmethod
     def read(cls, path: Path) -> RoadMap:
-        """Read a map.
-
-        Raises:
-            CompileError: it is no OpenDRIVE map.
-        """
+        """Read a map."""
         return cls(parse_xml(path, "OpenDRIVE", "an OpenDRIVE map"))
 
     def at(self, road: str, s: float, t: float) -> Pose:
-        """Return the pose on a road at a length along it, `t` to the left of its reference line.
-
-        Raises:
-            CompileError: no such road, or it is shorter.
-        """
+        """Return the pose on a road at a length along it, `t` to the left of its reference line."""
         element = self._road(road)
         geometries = element.findall("planView/geometry")
         length = number(element, "length", math.inf)
@@ -68,11 +66,7 @@ class RoadMap:
         return _along(geometry, s - number(geometry, "s")).beside(t)
 
     def lane(self, road: str, lane: int, s: float, offset: float = 0.0) -> Pose:
-        """Return the pose in the middle of a lane, or `offset` m to its left, in the road's direction.
-
-        Raises:
-            CompileError: no such road or lane.
-        """
+        """Return the pose in the middle of a lane, or `offset` m to its left, in the road's direction."""
         element = self._road(road)
         side = 1 if lane > 0 else -1
         t = _cubic_at(element.iterfind("lanes/laneOffset"), "s", s)
@@ -109,9 +103,8 @@ def _along(geometry: Element, ds: float) -> Pose:
         u, v, turned = ds, 0.0, 0.0
     elif shape.tag == "arc":
         curvature = number(shape, "curvature")
-        u, v, turned = ds, 0.0, 0.0
+        u, v, turned = ds, 0.0, curvature * ds
         if abs(curvature) >= 1e-12:
-            turned = curvature * ds
             u, v = math.sin(turned) / curvature, (1 - math.cos(turned)) / curvature
     elif shape.tag == "spiral":
         length = max(number(geometry, "length"), 1e-9)
@@ -194,11 +187,7 @@ def number(element: Element, name: str, default: float | None = None) -> float:
 
 
 def plain_number(element: Element, name: str, default: float | None = None) -> float:
-    """Return an attribute as a number.
-
-    Raises:
-        ValueError: as for `number`; the message begins with `attribute`.
-    """
+    """Return an attribute as a number; where `number` raises its error, a `ValueError` that begins with `attribute`."""
     text = element.get(name)
     if text is None and default is not None:
         return default

@@ -34,19 +34,13 @@ _ORDER = ("n", "s", "e", "w", "ne", "sw", "nw", "se")
 
 
 def give_programs(root: Element) -> int:
-    """Replace the programs that netconvert 1.28 invents for a map without programs.
+    """Replace the programs that netconvert 1.28 invents for a map without programs, and return how many were replaced.
 
     Each junction with a signal of its own gets a stage for each pair of opposite approaches, and one for each approach
     that has no opposite: 20 s of green, then amber and all red as in our own networks. Vehicles that turn left yield to
     oncoming traffic; pedestrians walk where only turning vehicles, which yield to them, cross their way. A stage is
     named after the direction that its traffic comes from: `ns_go`, `e_go`. Joint signals of several junctions keep
     their programs, and so do those that would get only one stage.
-
-    Args:
-        root: of a SUMO net; changed in place.
-
-    Returns:
-        How many programs were replaced.
     """
     replaced = 0
     topology = topology_of(root)
@@ -84,9 +78,6 @@ def fix_times(root: Element) -> Fixed:
 
     SUMO 1.28 refuses to load the state of an actuated program, so a run could not start from a clip's state; and the
     simulator switches through the phases in their order.
-
-    Args:
-        root: of a SUMO net; changed in place.
     """
     last: dict[str, Element] = {}
     reacting = others = 0

@@ -38,16 +38,11 @@ def content_key(key_parts: Iterable[str | bytes]) -> str:
 
 
 def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) -> Path:
-    """Return the net for a key, building it when it is not there or damaged.
+    """Return the net for a key, having `build` write it to the path that it is given where it is not there or damaged.
 
     Entries appear whole or not at all, so processes may share the cache. The parent folder's name is the key.
 
-    Args:
-        key_parts: everything that the net depends on, apart from the tools.
-        build: writes the net to the path that it is given.
-
-    Raises:
-        CompileError: from `build`, or when the cache cannot be written.
+    `key_parts`: everything that the net depends on, apart from the tools.
     """
     key = content_key(key_parts)
     try:
@@ -72,14 +67,8 @@ def cached_net(key_parts: Iterable[str | bytes], build: Callable[[Path], None]) 
 def read_net_once(net_file: Path, network: Network | None) -> tuple[Topology, Mapping[str, Signal]]:
     """Return the parts and signals of a net in the cache, as `read_net` and `read_signals` give them.
 
-    They are kept as a pickle: reading the XML again takes longer than placing a scenario's actors.
-
-    Args:
-        net_file: in the cache of nets; its folder's name is the key of its content.
-        network: what it was built from; None for a foreign one.
-
-    Raises:
-        CompileError: see `read_net` and `read_signals`.
+    They are kept as a pickle, by the name of the net's folder: reading the XML again takes longer than placing a
+    scenario's actors.
     """
     place = disk_cache.entry("read", (net_file.parent.name,))
     known = disk_cache.load(place)

@@ -30,11 +30,7 @@ _TURNS: dict[str, Turn] = {
 
 
 def read_net(net_file: Path) -> Topology:
-    """Read a SUMO network.
-
-    Raises:
-        CompileError: it cannot be read, or is no SUMO network.
-    """
+    """Read a SUMO network; a `CompileError` where it is none."""
     return topology_of(parse_net(net_file))
 
 

@@ -22,9 +22,6 @@ def sumo_home() -> Path:
     """Return the folder of the installed `eclipse-sumo` wheel (its `bin/` and `data/`).
 
     The wheel's package is located, not imported: importing it would change this process's environment.
-
-    Raises:
-        CompileError: the wheel is not installed.
     """
     spec = find_spec("sumo")
     if spec is None or spec.origin is None:
@@ -34,11 +31,7 @@ def sumo_home() -> Path:
 
 @cache
 def tool_version() -> str:
-    """Return the version of the installed netconvert, such as `1.28.0`.
-
-    Raises:
-        CompileError: the wheel is not installed.
-    """
+    """Return the version of the installed netconvert, such as `1.28.0`."""
     from importlib import metadata  # takes long to import, as `subprocess` does
 
     try:
@@ -48,14 +41,9 @@ def tool_version() -> str:
 
 
 def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
-    """Run netconvert in a folder.
+    """Run netconvert in a folder, in which relative file names in `arguments` are meant.
 
-    Args:
-        arguments: options, without the program's name.
-        folder: the working directory; relative file names in `arguments` are meant in it.
-
-    Raises:
-        CompileError: the program is missing, fails (the message holds what it printed) or takes over 60 s.
+    A `CompileError` where it is missing, fails (the message holds what it printed) or takes over 60 s.
     """
     import shutil
     import subprocess

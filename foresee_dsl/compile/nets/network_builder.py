@@ -68,10 +68,6 @@ def build_network(network: Network, out: Path) -> None:
     """Write the SUMO net of a network to `out`: the same network gives the same bytes.
 
     Junctions keep their names. Road `west` becomes the edges `west` and `west_back`.
-
-    Raises:
-        CompileError: netconvert refused it, a signal names a road that does not reach it, or a building stands on a
-            road.
     """
     junctions = {item.name: item for item in network.body if isinstance(item, Junction)}
     roads = tuple(item for item in network.body if isinstance(item, Road))

@@ -20,26 +20,15 @@ DEEPEST = 100
 
 
 def parse_net(path: Path) -> Element:
-    """Return the root of a SUMO net.
-
-    Raises:
-        CompileError: it cannot be read, or is no SUMO net.
-    """
+    """Return the root of a SUMO net, as `parse_xml` does."""
     return parse_xml(path, "net", "a SUMO network")
 
 
 def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = CompileError) -> Element:
-    """Return the root of an XML file.
+    """Return the root of an XML file, which must be called `tag`; `what` it should be is for messages: `an OpenDRIVE
+    map`.
 
-    Args:
-        path: the file.
-        tag: what the root element must be called.
-        what: what the file should be, for messages: `an OpenDRIVE map`.
-        error: what is raised.
-
-    Raises:
-        ForeseeError: (of the kind `error`) it cannot be read, is too large or too deep, is no XML, declares entities,
-            or has another root.
+    An `error` where it cannot be read, is too large or too deep, is no XML, declares entities, or has another root.
     """
     check_size(path, error)
     from xml.etree.ElementTree import ParseError
@@ -64,11 +53,7 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
 
 
 def check_size(path: Path, error: type[ForeseeError] = CompileError) -> None:
-    """Make sure that a file may be read into memory.
-
-    Raises:
-        ForeseeError: (of the kind `error`) it is not there, is no file, or is larger than `MOST_BYTES`.
-    """
+    """Make sure that a file may be read into memory: it is there, a file, and no larger than `MOST_BYTES`."""
     try:
         size = path.stat().st_size
     except OSError as err:

@@ -56,15 +56,9 @@ class Link:
 
 
 def program(junction: Junction, links: Sequence[Link], roads_of: Mapping[str, str]) -> Signal:
-    """Make the program of a junction from its stages.
+    """Make the program of a junction from its stages, which name roads.
 
-    Args:
-        junction: its stages name roads.
-        links: all movements that the signal controls, by index.
-        roads_of: road names by edge id.
-
-    Raises:
-        CompileError: no stages, nothing to control, or a stage names a road that does not enter the junction.
+    `links`: all movements that the signal controls, by index. `roads_of`: road names by edge id.
     """
     if not links:
         raise CompileError(f"junction {junction.name} has a signal, but there is no movement that it could control")
@@ -97,14 +91,8 @@ def write_programs(
 def read_signals(net_file: Path, network: Network | None) -> dict[str, Signal]:
     """Read the signals of a net, by junction.
 
-    Args:
-        net_file: a SUMO net.
-        network: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, but
-            for programs that we gave it (`give_programs`), and a program that controls several junctions
-            appears once for each.
-
-    Raises:
-        CompileError: not a net, or not the net of `network`.
+    `network`: what it was built from; None for a foreign one. Then every phase is a stage of its own, `phase_N`, but
+    for programs that we gave it (`give_programs`), and a program that controls several junctions appears once for each.
     """
     root = parse_net(net_file)
     controlled: dict[str, str] = {}
@@ -154,11 +142,7 @@ def links_of(topology: Topology, junction: str) -> tuple[Link, ...] | None:
 
 
 def check_same_links(first: Topology, second: Topology) -> None:
-    """Make sure that two builds number the movements of all signals alike.
-
-    Raises:
-        CompileError: they do not, so that a program for the one does not fit the other.
-    """
+    """Make sure that two builds number the movements of all signals alike: a program for one then fits the other."""
     one, other = (sorted((m.tls or "", m.link, m.ends) for m in _with_signal(t)) for t in (first, second))
     if one != other:
         raise CompileError("netconvert numbered the signals' movements differently when it was given their programs")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -14,8 +13,7 @@ import shapely
 from foresee_dsl.compile.bundle import ModelSpec, PlacedActor
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement.checks import footprint
-from foresee_dsl.compile.placement.places import si
-from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.placement.starts import lane_kind, si
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Polyline
 from foresee_dsl.compile.roads.route_line import RouteLine
@@ -53,15 +51,6 @@ WALKS_TRIED = 20
 """Candidate places that are tried for a pedestrian (ours: each costs a random walk)."""
 
 
-class _Slot(NamedTuple):
-    """The part of a lane that a vehicle covers: from its rear to its front, m along the lane."""
-
-    rear: float
-    front: float
-    speed_mps: float
-    braking_mps2: float
-
-
 def background(
     traffic: Traffic,
     *,
@@ -73,9 +62,7 @@ def background(
     """Draw background actors `NAME_01`, `NAME_02`, ...: the same for the same arguments.
 
     Args:
-        traffic: the statement.
-        network: where.
-        specs: by model name.
+        traffic: the statement. specs: by model name.
         placed: the actors so far; the first is the ego, whose line `within` is measured from.
         end_s: routes are long enough for this time, or have `MAX_EDGES` edges.
 
@@ -92,12 +79,11 @@ def background(
     around = _Around(network, ego.line, si(traffic.within), placed, end_s, rng)
     found: list[PlacedActor] = []
     for spec in drawn:
-        draw = {"obstacle": around.parked, "pedestrian": around.pedestrian}.get(spec.kind, around.vehicle)
-        if (one := draw(f"{traffic.name}_{len(found) + 1:02d}", spec)) is not None:
+        if (one := around.add(f"{traffic.name}_{len(found) + 1:02d}", spec)) is not None:
             found.append(one)
     missing = wanted - len(found)
     note = f"{traffic.name}: {missing} of {wanted} actors found no room and were left out" if missing else ""
-    return around.with_safe_speeds(found), note
+    return [around.with_safe_speed(actor) if actor.control == "sumo" else actor for actor in found], note
 
 
 class _Around:
@@ -122,13 +108,25 @@ class _Around:
         taken = [shapely.Polygon(footprint(actor)) for actor in placed]
         self._taken = {control: list(taken) for control in ("sumo", "path", "static")}
         self._lane_places: dict[LaneKind, list[tuple[Lane, float]]] = {}
-        self._slots: dict[str, list[_Slot]] = {}
+        self._slots: dict[str, list[tuple[float, PlacedActor]]] = {}
+        """The vehicles on each lane, with the length along it at which their front is, m."""
         for actor in placed:
             if actor.lane and actor.control in ("ego", "sumo"):
                 self._occupy(actor)
 
-    def vehicle(self, name: str, spec: ModelSpec) -> PlacedActor | None:
-        """Place one vehicle on a lane, or None where there is no room for it."""
+    def add(self, name: str, spec: ModelSpec) -> PlacedActor | None:
+        """Place one actor, or return None where there is no room for it."""
+        draw = {"obstacle": self._parked, "pedestrian": self._pedestrians}.get(spec.kind, self._vehicles)
+        gap_m = PARKED_GAP_M if spec.kind == "obstacle" else PEDESTRIAN_GAP_M
+        for actor in draw(name, spec):
+            if self._has_room(actor, gap_m):
+                if actor.control == "sumo":
+                    self._occupy(actor)
+                return actor
+        return None
+
+    def _vehicles(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
+        """Yield a vehicle at one place on a lane after the other."""
         kind = lane_kind(spec)
         places = self._places(kind)
         pace = float(self._rng.uniform(*PACE))
@@ -139,70 +137,36 @@ class _Around:
             limit = lane.speed_mps if spec.cruise_mps is None else min(lane.speed_mps, spec.cruise_mps)
             cruise = min(limit * pace, spec.max_speed_mps)
             route = self._route(lane, cruise * self._end_s - (lane.line.length_m - front), kind)
-            x, y, heading = lane.line.at(front)
-            actor = PlacedActor(
-                id=name,
-                model=spec,
-                control="sumo",
-                x=x,
-                y=y,
-                heading_rad=heading,
-                speed_mps=cruise,
-                lane=lane.id,
-                route=route,
-                line=self._network.line(route, start_lane=lane.id, after_m=round(front, 3), kind=kind),
-                cruise_mps=cruise,
-            )
-            if self._has_room(actor, PEDESTRIAN_GAP_M):
-                self._occupy(actor)
-                return actor
-        return None
+            line = self._network.line(route, start_lane=lane.id, after_m=round(front, 3), kind=kind)
+            actor = PlacedActor(name, spec, "sumo", *lane.line.at(front), speed_mps=cruise, cruise_mps=cruise)
+            yield replace(actor, lane=lane.id, route=route, line=line)
 
-    def pedestrian(self, name: str, spec: ModelSpec) -> PlacedActor | None:
-        """Place one pedestrian on a sidewalk, or None where there is no room."""
+    def _pedestrians(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
+        """Yield a pedestrian at one place on a sidewalk after the other, each with a walk."""
         for k in self._rng.permutation(len(self._sidewalk_places))[:WALKS_TRIED]:
             cruise = cruise_speed(spec, spec.max_speed_mps) * float(self._rng.uniform(*PACE))
             walk = walkways(self._network).walk(self._sidewalk_places[int(k)], cruise * self._end_s, self._rng)
             if walk is None:
-                return None
-            x, y, heading = Polyline.of(walk.points).at(0.0)
-            actor = PlacedActor(
-                id=name,
-                model=spec,
-                control="path",
-                x=x,
-                y=y,
-                heading_rad=heading,
-                speed_mps=cruise,
-                path=walk.points,
-                cruise_mps=cruise,
-                walk_stops=walk.stops,
-            )
-            if self._has_room(actor, PEDESTRIAN_GAP_M):
-                return actor
-        return None
+                return
+            pose = Polyline.of(walk.points).at(0.0)
+            actor = PlacedActor(name, spec, "path", *pose, speed_mps=cruise, cruise_mps=cruise)
+            yield replace(actor, path=walk.points, walk_stops=walk.stops)
 
-    def parked(self, name: str, spec: ModelSpec) -> PlacedActor | None:
-        """Park a vehicle, which is an obstacle, on a strip, or None where there is no room for it."""
+    def _parked(self, name: str, spec: ModelSpec) -> Iterator[PlacedActor]:
+        """Yield a parked vehicle, which is an obstacle, at one place on a strip after the other."""
         for k in self._rng.permutation(len(self._parking_places)):
             lane, at = self._parking_places[int(k)]
             reach = spec.length_m / 2
-            if not CORNER_M + reach <= at <= lane.line.length_m - CORNER_M - reach:
-                continue
-            x, y, heading = lane.line.at(at, float(self._rng.uniform(-SLACK_M, SLACK_M)))
-            parked = PlacedActor(id=name, model=spec, control="static", x=x, y=y, heading_rad=heading, speed_mps=0.0)
-            if self._has_room(parked, PARKED_GAP_M):
-                return parked
-        return None
+            if CORNER_M + reach <= at <= lane.line.length_m - CORNER_M - reach:
+                pose = lane.line.at(at, float(self._rng.uniform(-SLACK_M, SLACK_M)))
+                yield PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
 
-    def with_safe_speeds(self, actors: Sequence[PlacedActor]) -> list[PlacedActor]:
-        """Limit the start speeds to what lets a vehicle stop behind the one in front, or at the lane's end."""
-        return [self._safe(actor) if actor.control == "sumo" else actor for actor in actors]
-
-    def _safe(self, actor: PlacedActor) -> PlacedActor:
+    def with_safe_speed(self, actor: PlacedActor) -> PlacedActor:
+        """Limit the start speed to what lets a vehicle stop behind the one in front, or at the lane's end."""
         line, braking = self._network.lanes[actor.lane].line, actor.model.braking_mps2
         front = line.project(actor.x, actor.y)[0]
-        ahead = [slot.rear for slot in self._slots[actor.lane] if slot.rear > front]
+        ahead = [front_m - other.model.length_m for front_m, other in self._slots[actor.lane]]
+        ahead = [rear for rear in ahead if rear > front]
         gap_m = max(min([*ahead, line.length_m]) - front - 1.0, 0.0)
         lost = braking * REACTION_S
         return replace(actor, speed_mps=min(actor.speed_mps, math.sqrt(lost * lost + 2 * braking * gap_m) - lost))
@@ -217,17 +181,16 @@ class _Around:
 
     def _occupy(self, actor: PlacedActor) -> None:
         front = self._network.lanes[actor.lane].line.project(actor.x, actor.y)[0]
-        slot = _Slot(front - actor.model.length_m, front, actor.speed_mps, actor.model.braking_mps2)
-        self._slots.setdefault(actor.lane, []).append(slot)
+        self._slots.setdefault(actor.lane, []).append((front, actor))
 
     def _fits(self, lane: Lane, front: float, spec: ModelSpec) -> bool:
         rear = front - spec.length_m
         if rear < 0.5:
             return False
-        for slot in self._slots.get(lane.id, ()):
+        for other_front, other in self._slots.get(lane.id, ()):
             # a vehicle that comes from behind has to be able to stop, as a queue may form here
-            reach = slot.speed_mps * REACTION_S + slot.speed_mps**2 / (2 * slot.braking_mps2)
-            if rear < slot.front + max(GAP_M, reach) and front > slot.rear - GAP_M:
+            reach = other.speed_mps * REACTION_S + other.speed_mps**2 / (2 * other.model.braking_mps2)
+            if rear < other_front + max(GAP_M, reach) and front > other_front - other.model.length_m - GAP_M:
                 return False
         return True
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor, Signal
-from foresee_dsl.compile.placement.places import Spot
-from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, lane_kind
+from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, Spot, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points
 from foresee_dsl.compile.roads.routing import RouteError

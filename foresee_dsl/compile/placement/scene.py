@@ -11,8 +11,7 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Sc
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
-from foresee_dsl.compile.placement.places import si
-from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of
+from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of, si
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.walkways import Walk, walkways
@@ -87,11 +86,7 @@ class SceneBuilder:
         return placed, start_s, goal_s
 
     def build(self) -> Scene:
-        """Return the scene, with background traffic.
-
-        Raises:
-            PlacementError: as `place`; background traffic adds no problems, as what finds no room is left out.
-        """
+        """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
         scenario = self._case.scenario
         placed, start_s, goal_s = self.place()
         notes: list[str] = []

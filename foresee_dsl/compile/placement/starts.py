@@ -1,4 +1,4 @@
-"""Where each actor is at the first frame: its route, lane and line, or its path."""
+"""Where each actor is at the first frame (its route, lane and line, or its path), and where a place is."""
 
 from __future__ import annotations
 
@@ -9,25 +9,15 @@ from itertools import chain, pairwise
 from typing import TypeVar
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.compile.placement.places import Spot, si, spot
+from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import (
-    XY,
-    Points,
-    distance,
-    distinct,
-    interpolate,
-    lengths,
-    line_of,
-    whole_millimetres,
-    wrap,
-)
+from foresee_dsl.compile.roads.polyline import XY, Points, distance, interpolate, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.compile.roads.routing import RouteError
+from foresee_dsl.compile.roads.routing import RouteError, check_junction
 from foresee_dsl.compile.roads.topology import Lane, LaneKind
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.traversal import word_of
+from foresee_dsl.language.traversal import si_of, word_of
 
 EGO_BEHIND_M = 10.0
 """The ego's line begins this far before its first edge, m: its rear may still be there (ours: a rigid truck's
@@ -54,8 +44,15 @@ _BEYOND_WEIGHT = 30.0
 """Cost of being beyond a lane's end, per metre, against a radian of heading: a vehicle beyond it is on the next lane,
 although it has not turned with that lane yet. Ours: internal lanes begin with a corner of up to 0.3 rad; 1 cm
 outweighs it."""
+_SLACK_M = 1e-3
+"""A place may lie this far beyond an end, m (ours: roundings of files)."""
 _T = TypeVar("_T", bound=m.Item)
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
+
+
+def si(value: m.Quantity | m.Ref | None, default: float = 0.0) -> float:
+    """Return a value of a concrete scenario in SI units, or the default for None."""
+    return default if value is None else si_of(value)
 
 
 def lane_kind(spec: ModelSpec) -> LaneKind:
@@ -78,6 +75,20 @@ def items(actor: m.Ego | m.Actor, kind: type[_T]) -> tuple[_T, ...]:
 def route_of(actor: m.Ego | m.Actor) -> m.Route | m.EdgeRoute | None:
     """Return an actor's route statement, if any."""
     return item(actor, m.Route) or item(actor, m.EdgeRoute)
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A place: m, rad; `heading_rad` is None for bare coordinates.
+
+    `s` is the length along the line of `actor` where the place was given so.
+    """
+
+    x: float
+    y: float
+    heading_rad: float | None = None
+    actor: str = ""
+    s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -118,26 +129,17 @@ class Starts:
         self._found: dict[str, OnRoute] = {}
         self._resolving: list[str] = []
 
-    def line_of(self, actor: str) -> RouteLine:
-        """See `places.Lines`."""
-        if actor in self._resolving:
-            return self._first_line(actor)
-        return self.on_route(actor).line
-
-    def start_of(self, actor: str) -> float:
-        """See `places.Lines`."""
-        if actor in self._resolving:
-            if actor != self._resolving[-1]:
-                raise RouteError(f"the starts of {' and '.join(self._resolving)} depend on each other")
-            return self._first_line(actor).origin_s
-        return self.on_route(actor).s
+    def _line_of(self, actor: str) -> tuple[RouteLine, float]:
+        """Return an actor's route line, and the length along it where it starts; while its start is being computed,
+        where its route begins."""
+        if actor not in self._resolving:
+            on_route = self.on_route(actor)
+            return on_route.line, on_route.s
+        line = self._first_line(actor)
+        return line, line.origin_s
 
     def on_route(self, name: str) -> OnRoute:
-        """Return where a vehicle with a route starts.
-
-        Raises:
-            RouteError: no such actor, it has no route, or its route or start is impossible.
-        """
+        """Return where a vehicle with a route starts; a `RouteError` where its route or start is impossible."""
         if name not in self._found:
             if name not in self._actors:
                 raise RouteError(f"there is no actor called {name}", did_you_mean(name, self._actors))
@@ -148,25 +150,46 @@ class Starts:
                 self._resolving.pop()
         return self._found[name]
 
-    def spot(self, place: m.Item) -> Spot:
-        """See `places.spot`."""
-        return spot(place, self._network, self)  # type: ignore[arg-type]  # a Place is a union of Items
-
-    def on_path(self, name: str) -> OnPath:
-        """Return where an actor with a path starts.
+    def spot(self, place: m.Place) -> Spot:
+        """Return where a place is.
 
         Raises:
-            RouteError: a place of the path is impossible, or the path has no length.
+            RouteError: an unknown name, a length beyond the end of an edge or route, or two actors' starts depend on
+                each other.
         """
+        if isinstance(place, m.Point):
+            return Spot(si(place.x), si(place.y))
+        if isinstance(place, m.AlongEdge):
+            return Spot(*self._network.locate(word_of(place.edge), si(place.at), si(place.offset)))
+        if isinstance(place, m.AlongRoute):
+            line, start = self._line_of(place.actor)
+            if place.actor in self._resolving[:-1]:
+                raise RouteError(f"the starts of {' and '.join(self._resolving)} depend on each other")
+            return _on(line, start + si(place.at), place)
+        junction = word_of(place.junction)
+        check_junction(self._network, junction)
+        line, _ = self._line_of(place.actor)
+        passage = line.passage(junction)
+        if passage is None or passage.entry_s >= line.end_s - _SLACK_M:
+            over = ", ".join(p.junction for p in line.passages if p.entry_s < line.end_s - _SLACK_M)
+            raise RouteError(
+                f"the route of {place.actor} does not go over {junction}",
+                f"it goes over {over}" if over else "it goes over no junction",
+            )
+        s = passage.exit_s + si(place.at) if place.side == "past" else passage.entry_s - si(place.at)
+        return _on(line, s, place)
+
+    def on_path(self, name: str) -> OnPath:
+        """Return where an actor with a path starts."""
         actor, spec = self._actors[name], self._specs[name]
         statement = item(actor, m.Path)
         if statement is None:
             raise RouteError(f"{name} has no path")
         spots = [self.spot(place) for place in statement.points]
-        path = distinct(whole_millimetres((p.x, p.y) for p in spots))
+        path = lines.distinct(lines.whole_millimetres((p.x, p.y) for p in spots))
         if len(path) == 2 and distance(*path) < 0.1:
             raise RouteError(f"the path of {name} has no length")
-        line = line_of(path)
+        line = lines.line_of(path)
         walked, start = item(actor, m.Walked), item(actor, m.StartAt)
         along = si(walked.along) if walked is not None else 0.0
         if actor.state is not None:
@@ -184,11 +207,7 @@ class Starts:
         return OnPath(x, y, heading, path, along)
 
     def still(self, name: str) -> tuple[float, float, float]:
-        """Return the footprint's centre and the heading of an actor without route and path.
-
-        Raises:
-            RouteError: it is nowhere, or its place is impossible.
-        """
+        """Return the footprint's centre and the heading of an actor without route and path."""
         actor, spec = self._actors[name], self._specs[name]
         if actor.state is not None:
             return centre(actor.state, spec)
@@ -308,6 +327,17 @@ class Starts:
         return found
 
 
+def _on(line: RouteLine, s: float, place: m.AlongRoute | m.PastJunction) -> Spot:
+    if not line.origin_s - _SLACK_M <= s <= line.end_s + _SLACK_M:
+        beyond = s - line.end_s if s > line.end_s else line.origin_s - s
+        side = "after the end" if s > line.end_s else "before the beginning"
+        raise RouteError(
+            f"the place is {beyond:.1f} m {side} of the route of {place.actor}",
+            f"the route is {line.end_s - line.origin_s:.1f} m long",
+        )
+    return Spot(*line.at(s, si(place.offset)), actor=place.actor, s=s)
+
+
 def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
     """Return the footprint's centre and the heading of an exact state, which gives the front bumper of vehicles."""
     heading = wrap(si(state.heading))
@@ -318,7 +348,7 @@ def centre(state: m.State, spec: ModelSpec) -> tuple[float, float, float]:
 def shifted(path: Points, along_m: float, left_m: float) -> Points:
     """Return what the statement `line` makes of a path: it leaves the old one at a length `along_m`, and `LINE_OVER_M`
     later (or at the end, where less is left) it is `left_m` to the left of it (negative: to the right)."""
-    marks = lengths(path)
+    marks = lines.lengths(path)
     begins = min(max(along_m, 0.0), marks[-1])
     over = max(min(LINE_OVER_M, marks[-1] - begins), 1e-6)
     before = [point for point, mark in zip(path, marks, strict=True) if mark < begins]
@@ -326,8 +356,8 @@ def shifted(path: Points, along_m: float, left_m: float) -> Points:
     bends += [(mark, left_m * min((mark - begins) / over, 1.0)) for mark in marks if mark > begins]
     if begins + over < marks[-1]:
         bends.append((begins + over, left_m))
-    new = whole_millimetres(_beside(path, marks, mark, left) for mark, left in sorted(bends))
-    return distinct((*before, *new))
+    new = lines.whole_millimetres(_beside(path, marks, mark, left) for mark, left in sorted(bends))
+    return lines.distinct((*before, *new))
 
 
 def _beside(path: Points, marks: tuple[float, ...], mark: float, left_m: float) -> XY:

@@ -57,11 +57,7 @@ class RoadNetwork(Topology):
 
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
-        """Read a SUMO network, and add the outlines of its buildings.
-
-        Raises:
-            CompileError: it cannot be read, or is no SUMO network.
-        """
+        """Read a SUMO network, and add the outlines of its buildings."""
         return cls.of(read_net(net_file), buildings)
 
     @classmethod
@@ -106,13 +102,9 @@ class RoadNetwork(Topology):
         kind: LaneKind = "car",
         within_m: float = 10.0,
     ) -> NearLane | None:
-        """Return the lane (inside junctions too) nearest to a point, or None.
+        """Return the lane (inside junctions too) nearest to a point, m, no farther away than `within_m`; or None.
 
-        Args:
-            x, y: m.
-            heading_rad: only lanes within 60 degrees of it, and of several the one that points the same way.
-            kind: whose lanes.
-            within_m: no farther away than this.
+        With a heading only lanes within 60 degrees of it, and of several the one that points the same way.
         """
         best: tuple[float, NearLane] | None = None
         for _, lane in self._index(kind).within(x, y, within_m):
@@ -135,7 +127,8 @@ class RoadNetwork(Topology):
 
     def far_from_lanes(self, points: Sequence[XY], beyond_m: float) -> XY | None:
         """Return the first of some points that is farther than a distance from every lane's centreline, if any."""
-        return next((point for point in points if not self._all_lanes.any_within(*point, beyond_m)), None)
+        index = self._index(None)
+        return next((point for point in points if not index.any_within(*point, beyond_m)), None)
 
     def wall_on_the_way(self, path: Sequence[XY]) -> XY | None:
         """Return a corner of the first building that a path (or a point) is in or goes through, if any."""
@@ -149,15 +142,10 @@ class RoadNetwork(Topology):
         return None
 
     def locate(self, edge: str, at_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """Return x, y, heading of a place along an edge.
+        """Return x, y, heading of a place along an edge's rightmost car lane, `at_m` from its beginning (negative: its
+        end).
 
-        Args:
-            edge: its id.
-            at_m: m from its beginning, negative from its end, along the rightmost car lane.
-            offset_m: sideways from that lane's centre, left positive.
-
-        Raises:
-            RouteError: no such edge, or it is shorter than that.
+        `offset_m`: sideways from that lane's centre, left positive. A `RouteError` for no such edge, or a shorter one.
         """
         routing.check_edge(self, edge)
         line = self.edges[edge].drivable[0].line
@@ -202,18 +190,15 @@ class RoadNetwork(Topology):
         return tuple((min(xs), min(ys), max(xs), max(ys)) for xs, ys in corners)
 
     @cached_property
-    def _indices(self) -> dict[LaneKind, _LaneIndex]:
+    def _indices(self) -> dict[LaneKind | None, _LaneIndex]:
         return {}
 
-    @cached_property
-    def _all_lanes(self) -> _LaneIndex:
-        return _LaneIndex(self.lanes.values())
-
-    def _index(self, kind: LaneKind) -> _LaneIndex:
-        """Lanes of a kind by place; walking areas have an outline, no centreline, and are left out."""
+    def _index(self, kind: LaneKind | None) -> _LaneIndex:
+        """Lanes by place: all, or those of a kind without walking areas, which have an outline and no centreline."""
         if kind not in self._indices:
-            lanes = (ln for ln in self.lanes.values() if kind in ln.kinds and ln.edge not in self.walking_areas)
-            self._indices[kind] = _LaneIndex(lanes)
+            lanes = self.lanes.values()
+            own = (ln for ln in lanes if kind in ln.kinds and ln.edge not in self.walking_areas)
+            self._indices[kind] = _LaneIndex(lanes if kind is None else own)
         return self._indices[kind]
 
 

@@ -126,9 +126,8 @@ class Polyline:
         """Return the length along the line nearest to a point (m, numbers or [K]), and the distance sideways (left
         positive). Before the beginning the length is negative, after the end it exceeds `length_m`.
 
-        Args:
-            near_s: search only within 12 m of this length, which is faster and finds the right pass where the line
-                comes by twice; if the nearest point is not there, search the whole line.
+        The nearest point is sought within 12 m of `near_s`, which is faster and finds the right pass where the line
+        comes by twice; if it is not there, on the whole line.
         """
         if getattr(x, "ndim", 0):
             return self._project_many(x, y)  # type: ignore[arg-type]  # an array, as the overload says
@@ -257,6 +256,11 @@ def distance(a: XY, b: XY) -> float:
     return math.hypot(b[0] - a[0], b[1] - a[1])
 
 
+def direction(a: XY, b: XY) -> float:
+    """Return the direction from one point to another, rad, counter-clockwise from east."""
+    return math.atan2(b[1] - a[1], b[0] - a[0])
+
+
 def distance_to(x: float, y: float, points: Points) -> float:
     """Return the distance from a point to a polyline, m."""
     best = math.inf
@@ -286,10 +290,9 @@ def interpolate(at: float, marks: Sequence[float], values: Sequence[float]) -> f
 def headings(points: Sequence[XY], s: Sequence[float]) -> tuple[float, ...]:
     """Return for each point the direction, rad, continuous: at a corner the mean of the two directions."""
     directions: list[float] = []
-    for (x0, y0), (x1, y1) in pairwise(points):
-        angle = math.atan2(y1 - y0, x1 - x0)
+    for angle in starmap(direction, pairwise(points)):
         if directions and abs(angle - directions[-1]) >= math.pi:
-            angle = directions[-1] + wrap(angle - directions[-1])
+            angle = directions[-1] + wrap(angle - directions[-1])  # noqa: PLW2901 - the same direction
         directions.append(angle)
     found = [directions[0]]
     for k, (d0, d1) in enumerate(pairwise(directions)):

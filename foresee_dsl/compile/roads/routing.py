@@ -53,11 +53,7 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
 
 
 def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "car") -> tuple[str, ...]:
-    """Return the shortest way (by length) between two edges, both included.
-
-    Raises:
-        RouteError: an edge does not exist, or there is no way.
-    """
+    """Return the shortest way (by length) between two edges, both included; a `RouteError` for none."""
     import networkx as nx  # here: it takes long to import, and few need it
 
     for edge in (start, end):

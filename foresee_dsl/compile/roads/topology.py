@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -170,15 +170,15 @@ class Topology:
 
     def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
         """Return the movements that leave an edge and are open to a kind."""
-        return tuple(m for m in self._from_edge.get(edge, ()) if kind in m.kinds)
+        return tuple(m for m in self._movements_by.get(("from", edge), ()) if kind in m.kinds)
 
     def movements_into(self, lane: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
         """Return the movements that end on a lane and are open to a kind."""
-        return tuple(m for m in self._into_lane.get(lane, ()) if kind in m.kinds)
+        return tuple(m for m in self._movements_by.get(("into", lane), ()) if kind in m.kinds)
 
     def movements_through(self, lane: str) -> Sequence[Movement]:
         """Return the movements that an internal lane is part of; none for other lanes."""
-        return self._through_lane.get(lane, ())
+        return self._movements_by.get(("through", lane), ())
 
     def movements_at(self, junction: str) -> tuple[Movement, ...]:
         """Return all movements through a junction."""
@@ -206,20 +206,11 @@ class Topology:
         return {}
 
     @cached_property
-    def _from_edge(self) -> dict[str, list[Movement]]:
-        return self._by(lambda m: (m.from_edge,))
-
-    @cached_property
-    def _into_lane(self) -> dict[str, list[Movement]]:
-        return self._by(lambda m: (m.to_lane,))
-
-    @cached_property
-    def _through_lane(self) -> dict[str, list[Movement]]:
-        return self._by(lambda m: m.via)
-
-    def _by(self, keys: Callable[[Movement], Iterable[str]]) -> dict[str, list[Movement]]:
-        found: dict[str, list[Movement]] = {}
+    def _movements_by(self) -> dict[tuple[str, str], list[Movement]]:
+        """The movements from an edge, into a lane and through an internal lane."""
+        found: dict[tuple[str, str], list[Movement]] = {}
         for movement in self.movements:
-            for key in keys(movement):
+            through = (("through", lane) for lane in movement.via)
+            for key in (("from", movement.from_edge), ("into", movement.to_lane), *through):
                 found.setdefault(key, []).append(movement)
         return found

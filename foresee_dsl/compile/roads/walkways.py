@@ -76,16 +76,8 @@ class Walkways:
         return tuple(way for way in self.shapes if way not in self.crossings)
 
     def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Walk | None:
-        """Walk at random from the sidewalk nearest to a point, over crossings too, turning round only at dead ends.
-
-        Args:
-            from_xy: m.
-            length_m: how far, at least.
-            rng: draws the first direction and each way onward.
-
-        Returns:
-            The walk; None where the network has no sidewalk.
-        """
+        """Walk at random, `length_m` at least, from the sidewalk nearest to a point, over crossings too, turning round
+        only at dead ends. None where the network has no sidewalk."""
         feet = [(_foot(from_xy, self.shapes[way]), way) for way in self.sidewalks]
         if not feet:
             return None

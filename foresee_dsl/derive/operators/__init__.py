@@ -50,10 +50,8 @@ def predicted_gap_m(
     This is the roll-out: each operator changes the actor's recorded track as the simulation would. The ego's reaction
     is left out: it says which of many drawn mutations are worth a simulation, not how they end.
 
-    Args:
-        trace: the clip's run, unmutated.
-        actor: the column of the actor. changes: of it; one of a property that none of our operators changes is left
-            out. models: by name.
+    `trace`: the clip's run, unmutated. `actor`: its column. Changes of a property that none of our operators changes
+    are left out.
     """
     boxes = footprints(trace, actor)
     for change in changes:

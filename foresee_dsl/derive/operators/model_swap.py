@@ -72,13 +72,10 @@ def _fitting(situation: Situation, actor: str) -> tuple[str, ...]:
 
 
 def fits(trace: Trace, actor: int, frame: int, spec: ModelSpec) -> bool:
-    """Say whether an actor can have another model at a frame.
+    """Say whether an actor (a column) of the parent's run can have another model at a frame, the clip's first.
 
     Its class must be the same, its speed and its cruise speed within the new model's. The new body overlaps no other
     and leaves `LEAST_GAP_M` to the neighbours before and behind it (or what there was, where it was less).
-
-    Args:
-        trace: the parent's run. actor: its column. frame: the clip's first. spec: the new model.
     """
     info = trace.actors[actor]
     if spec.kind != info.kind or max(trace.states[frame, actor, SPEED], info.cruise_mps) > spec.max_speed_mps:

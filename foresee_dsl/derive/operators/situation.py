@@ -91,11 +91,8 @@ class Situation:
         return info.kind in VEHICLE_KINDS and bool(info.route) and not info.path
 
     def present_value(self, actor: str, name: str) -> Quantity | None:
-        """Return a property of an actor (other than its model) as the clip states it, else its default, if it has one.
-
-        Args:
-            actor: its id. name: one of `language.model.derived.PROPERTIES`.
-        """
+        """Return one of `language.model.derived.PROPERTIES` of an actor (not its model) as the clip states it, else its
+        default, if it has one."""
         known = PROPERTIES[name]
         if known.statement is None or known.dimension is None:
             return None

@@ -35,14 +35,10 @@ def at_frames(situation: Situation, prediction: Records) -> Records:
 def choose(
     situation: Situation, behaviour: Behaviour, prediction: Records, candidates: Candidates, last: Plan | None
 ) -> int | None:
-    """Return the cheapest candidate that keeps to the lanes, the stop place and its distance to all others.
+    """Return the index of the cheapest candidate that keeps to the lanes, the stop place and its distance to all
+    others.
 
-    Args:
-        situation: of this step. behaviour: what is asked for. prediction: at the frames of a plan.
-        candidates: what the library offers. last: the plan that is driven now.
-
-    Returns:
-        Its index; None where none is free.
+    `prediction`: at the frames of a plan. `last`: the plan that is driven now. None where no candidate is free.
     """
     cost = _cost(situation, behaviour, candidates, last)
     order = np.flatnonzero(np.isfinite(cost))

@@ -157,11 +157,7 @@ class Planner:
         return Frenet(float(window.to_route(np.array(s))), s_dot, s_ddot, d, d_dot, d_ddot)
 
     def sample(self, start: Frenet, heading_rad: float, ends: Ends) -> Candidates:
-        """Return the feasible motions from a state to these ends.
-
-        Args:
-            start: where they begin. heading_rad: of the car there. ends: where they end.
-        """
+        """Return the feasible motions from a state, at which the car has a heading, to these ends."""
         window = self._at(start.s)
         slow = start.s_dot < cfg.LOW_SPEED_MPS
         own_s = float(np.interp(start.s, window.route_s, window.own_s))

@@ -91,11 +91,8 @@ def free_acceleration(speed_mps: float, desired_mps: float) -> float:
 
 
 def desired_gap(speed_mps: float, closing_mps: float) -> float:
-    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))).
-
-    Args:
-        speed_mps: the own speed. closing_mps: by how much it is faster than the leader.
-    """
+    """Return the desired gap, m: s0 + max(0, v T + v dv / (2 sqrt(a b))); dv: by how much it is faster than the
+    leader."""
     dynamic = speed_mps * (TIME_GAP_S + closing_mps / (2.0 * math.sqrt(ACCELERATION_MPS2 * BRAKING_MPS2)))
     return MINIMUM_GAP_M + max(0.0, dynamic)
 

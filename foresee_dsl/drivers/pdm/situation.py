@@ -46,12 +46,10 @@ def read_situation(
     tracks: Tracks | None = None,
     signals: Mapping[str, SignalColour] | None = None,
 ) -> Situation:
-    """Read an observation.
+    """Read an observation of this step.
 
-    Args:
-        route: of the mission. vehicle: the ego. observation: of this step.
-        tracks: the others as they were tracked; None: as a new tracker reads them from the observation.
-        signals: the colours that are known; None: those of the observation.
+    `tracks`: the others as they were tracked; None: as a new tracker reads them from the observation. `signals`: the
+    colours that are known; None: those of the observation.
     """
     egos, tracks = ego_record(vehicle), Tracker().update(observation) if tracks is None else tracks
     write_state(egos.view(np.float64), observation.ego)

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.exchange.carla.files import offset_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
@@ -69,17 +70,10 @@ def _waypoints(bundle: SumoBundle) -> tuple[tuple[float, float, float], tuple[fl
     if line is None:
         raise ExchangeError(f"the ego of {bundle.name} has no route")
     back = ego.model.length_m / 2  # it is placed by its front; CARLA spawns a vehicle by its middle
-    ox, oy = _offset(bundle.net_file)
+    ox, oy = offset_of(parse_net(bundle.net_file))
     start = ego.x - back * math.cos(ego.heading_rad) - ox, ego.y - back * math.sin(ego.heading_rad) - oy
     goal_x, goal_y, goal_heading = line.at(scene.goal_s)
     return (*start, ego.heading_rad), (goal_x - ox, goal_y - oy, goal_heading)
-
-
-def _offset(net_file: Path) -> tuple[float, float]:
-    """Return what a net's coordinates have been moved by, m."""
-    location = parse_net(net_file).find("location")
-    x, _, y = (location.get("netOffset", "0,0") if location is not None else "0,0").partition(",")
-    return float(x), float(y)
 
 
 def _waypoint(x: float, y: float, heading_rad: float) -> dict[str, str]:

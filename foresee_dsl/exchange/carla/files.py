@@ -16,8 +16,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.nets.safe_xml import check_size, parse_xml
-from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.exchange.naming import sentence
 from foresee_dsl.exchange.outcome import ExchangeError
 
@@ -42,19 +43,6 @@ _NAMES = {
 }
 """The families' names in leaderboard 2.0 (classes of scenario_runner; which belongs to which family is ours)."""
 _FAMILY_OF = {name: family for family, names in _NAMES.items() for name in names}
-
-
-@dataclass(frozen=True)
-class Pose:
-    """A place with a direction: m (x east, y north), rad counter-clockwise from east (NaN where it is not known).
-
-    `z`: its height, m, or None where it is not known.
-    """
-
-    x: float
-    y: float
-    heading_rad: float
-    z: float | None = None
 
 
 @dataclass(frozen=True)
@@ -209,16 +197,18 @@ def read_triggers(path: Path, left_out: Counter[str]) -> tuple[Trigger, ...]:
 
 
 def read_vtypes(path: Path) -> tuple[dict[str, str], ...]:
-    """Return the attributes of the vehicle types in a SUMO file, in its order.
-
-    Raises:
-        CompileError: as of `read_routes`.
-        ExchangeError: it holds none.
-    """
+    """Return the attributes of the vehicle types in a SUMO file, in its order; errors as of `read_routes`."""
     types = tuple(dict(element.attrib) for element in parse_xml(path, "routes", "a SUMO file of types").iter("vType"))
     if not types:
         raise ExchangeError(f"{path} holds no vType")
     return types
+
+
+def offset_of(net: Element) -> XY:
+    """Return what a SUMO net's coordinates have been moved by, m; a `ValueError` where that is no pair of numbers."""
+    location = net.find("location")
+    x, y = (float(part) for part in (location.get("netOffset", "0,0") if location is not None else "0,0").split(","))
+    return x, y
 
 
 def town_of(path: Path) -> str:

@@ -22,34 +22,17 @@ from foresee_dsl.compile.nets.safe_xml import parse_net, parse_xml
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.exchange.carla.files import CarlaRoute, Trigger, read_routes, read_triggers, read_vtypes, town_of
-from foresee_dsl.exchange.carla.placed_route import (
-    BESIDE_GOAL_M,
-    MISSED_M,
-    PlacedRoute,
-    family_on_way,
-    passes,
-    place_route,
-    strays,
-    turns_back,
-)
-from foresee_dsl.exchange.carla.scenario_files import (
-    CATALOGUE,
-    ScenarioFile,
-    catalogue_of,
-    ego_of,
-    misplaced,
-    text_of,
-    vehicles_of,
-)
+from foresee_dsl.exchange.carla import files, placed_route, scenario_files
+from foresee_dsl.exchange.carla.files import CarlaRoute, Trigger, offset_of, town_of
+from foresee_dsl.exchange.carla.placed_route import PlacedRoute
+from foresee_dsl.exchange.carla.scenario_files import ScenarioFile
 from foresee_dsl.exchange.carla.staging import STAGED, Case, case_of
 from foresee_dsl.exchange.carla.ways import NEAR_M
 from foresee_dsl.exchange.maps.bridges import Heights, bridges
 from foresee_dsl.exchange.maps.opendrive import left_out_of, notes_on
-from foresee_dsl.exchange.naming import check_ids, distinct_name, file_name
+from foresee_dsl.exchange.naming import check_network, distinct_name, file_name
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
-from foresee_dsl.language.model import Catalogue, VehicleModel
-from foresee_dsl.language.project.loading import bundled_models
+from foresee_dsl.language.model import Catalogue
 
 MOST_LOST = 0.5
 """With more than this share of routes that are not on the map, it is another town's (ours)."""
@@ -80,11 +63,7 @@ class Town:
 
 
 def routes_in_town(map_file: Path, routes: Sequence[CarlaRoute], left_out: Counter[str]) -> list[CarlaRoute]:
-    """Return the routes in the town of a map; those in others are counted.
-
-    Raises:
-        ExchangeError: all are in others.
-    """
+    """Return the routes in the town of a map; those in others are counted. All in others: an `ExchangeError`."""
     town = town_of(map_file)
     found = [route for route in routes if not town or route.town in ("", town)]
     if not found:
@@ -100,8 +79,7 @@ def routes_in_town(map_file: Path, routes: Sequence[CarlaRoute], left_out: Count
 def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Trigger]) -> list[PlacedRoute]:
     """Put the routes on the map; those that are not on it, or cannot be driven there, are counted and reported.
 
-    Raises:
-        ExchangeError: most are not on it.
+    An `ExchangeError` where most are not on it.
     """
     found: list[PlacedRoute] = []
     lost: list[str] = []
@@ -118,9 +96,9 @@ def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Tr
             lost.append(f"{route.key}: the ego would start {placed.start_off_m:.1f} m from its place")
         elif placed.finish_m <= _LEAST_WAY_M:
             lost.append(f"{route.key}: its end is where it starts")
-        elif turns_back(placed):
+        elif placed_route.turns_back(placed):
             broken.append(f"{route.key}: its way goes over lanes of the map that run backwards")
-        elif (off := strays(town.network, placed))[0] > 0:
+        elif (off := placed_route.strays(town.network, placed))[0] > 0:
             broken.append(f"{route.key}: its way leaves the road at ({off[1]:.0f} m, {off[2]:.0f} m) by {off[0]:.1f} m")
         else:
             found.append(placed)
@@ -135,11 +113,11 @@ def place_routes(town: Town, routes: Sequence[CarlaRoute], triggers: Sequence[Tr
 
 def _placed(town: Town, route: CarlaRoute, triggers: Sequence[Trigger], of_family: Counter[str]) -> PlacedRoute:
     if not route.family:
-        placed = place_route(town.network, route, [], town.ego, in_order=False, heights=town.heights)
-        route = replace(route, family=family_on_way(placed, triggers))
+        placed = placed_route.place_route(town.network, route, [], town.ego, in_order=False, heights=town.heights)
+        route = replace(route, family=placed_route.family_on_way(placed, triggers))
     near = route.triggers or [trigger for trigger in triggers if trigger.family == route.family]
     in_order = not route.triggers and len(near) == of_family[route.family]
-    return place_route(town.network, route, near, town.ego, in_order=in_order, heights=town.heights)
+    return placed_route.place_route(town.network, route, near, town.ego, in_order=in_order, heights=town.heights)
 
 
 def _place(trigger: Trigger) -> tuple[str, int, int]:
@@ -154,7 +132,7 @@ def _report_places(town: Town, placed: Sequence[PlacedRoute], triggers: Sequence
     town.left_out.update(f"triggers in {trigger.town}" for trigger in elsewhere)
     unused = sum(_place(t) not in used for t in triggers if t not in elsewhere)
     town.left_out["triggers that no case uses (each stages one)"] += unused
-    moved = [one.start_off_m for one in placed if one.start_off_m > MISSED_M]
+    moved = [one.start_off_m for one in placed if one.start_off_m > placed_route.MISSED_M]
     if moved:
         town.notes.append(
             f"routes that start beside CARLA's place (at most {max(moved):.1f} m): {len(moved)}; their map was another"
@@ -165,7 +143,8 @@ def _report_places(town: Town, placed: Sequence[PlacedRoute], triggers: Sequence
             f"routes without a trigger within 5 m, where what happens is placed from the start: {without}"
         )
     town.left_out["goals beside the lane that the ego comes on (the goal is a length along its route)"] += sum(
-        math.dist(one.line.at(one.goal_s)[:2], (one.route.end.x, one.route.end.y)) > BESIDE_GOAL_M for one in placed
+        math.dist(one.line.at(one.goal_s)[:2], (one.route.end.x, one.route.end.y)) > placed_route.BESIDE_GOAL_M
+        for one in placed
     )
 
 
@@ -198,28 +177,28 @@ def run(
     if not route_files:
         raise ExchangeError("there are no route files: name at least one")
     left_out: Counter[str] = Counter()
-    routes = [route for file in route_files for route in read_routes(file, left_out)]
-    triggers = [trigger for file in trigger_files for trigger in read_triggers(file, left_out)]
+    routes = [route for file in route_files for route in files.read_routes(file, left_out)]
+    triggers = [trigger for file in trigger_files for trigger in files.read_triggers(file, left_out)]
     routes = routes_in_town(map_file, routes, left_out)
-    catalogue = catalogue_of(read_vtypes(vtypes), left_out) if vtypes is not None else None
+    catalogue = scenario_files.catalogue_of(files.read_vtypes(vtypes), left_out) if vtypes is not None else None
 
     def write(folder: Path) -> Imported:
         net = _put_network(map_file, folder)
         town = _town(net, catalogue, left_out)
-        files = _scenario_files(town, place_routes(town, routes, triggers), net.name, catalogue)
-        if not files:
+        written = _scenario_files(town, place_routes(town, routes, triggers), net.name, catalogue)
+        if not written:
             raise ExchangeError("no route could be imported: " + (town.notes[0] if town.notes else "there is none"))
         if catalogue is not None:
-            write_text(folder / CATALOGUE, catalogue)
-            town.taken["blueprints"] += len(vehicles_of(catalogue))
-        for file in files:
-            (folder / f"{file.name}.foresee").write_text(text_of(file), encoding="utf-8", newline="\n")
+            write_text(folder / scenario_files.CATALOGUE, catalogue)
+            town.taken["blueprints"] += len(scenario_files.vehicles_of(catalogue))
+        for file in written:
+            (folder / f"{file.name}.foresee").write_text(scenario_files.text_of(file), encoding="utf-8", newline="\n")
         if map_file.suffix == ".xodr":
             root = parse_xml(map_file, "OpenDRIVE", "an OpenDRIVE map")
             parts, _ = read_net_once(foreign_net(map_file), None)
             town.left_out.update(left_out_of(root, parts))
             town.notes += notes_on(root, parts)
-        cases = sum(len(file.cases) for file in files)
+        cases = sum(len(file.cases) for file in written)
         return Imported((), cases, dict(town.taken), +town.left_out, tuple(town.notes))
 
     return import_together(out, write)
@@ -241,16 +220,10 @@ def prepare_net(source: Path, out: Path) -> None:
     """Write a net in the coordinates of the map that it was made of, with sidewalks and crossings if it has none.
 
     Programs of signals are replaced by ours: those of a net that was made of CARLA's map are netconvert's guesses.
-
-    Raises:
-        CompileError: it is no net, or netconvert refuses it.
-        ExchangeError: its offset is no number.
     """
     root = parse_net(source)
-    location = root.find("location")
-    offset = location.get("netOffset", "0,0") if location is not None else "0,0"
     try:
-        x, y = (float(part) for part in offset.split(","))
+        x, y = offset_of(root)
     except ValueError as err:
         raise ExchangeError(f"{source} has a netOffset that is no pair of numbers") from err
     options = ["--offset.disable-normalization", "true", "--offset.x", f"{-x}", "--offset.y", f"{-y}"]
@@ -269,16 +242,12 @@ def prepare_net(source: Path, out: Path) -> None:
 
 
 def _town(net: Path, catalogue: Catalogue | None, left_out: Counter[str]) -> Town:
-    models = bundled_models()
-    if catalogue is not None:
-        models |= {model.name: model for model in catalogue.body if isinstance(model, VehicleModel)}
+    models = scenario_files.models_with(catalogue)
     net_file = foreign_net(net)
     parts, signals = read_net_once(net_file, None)
     network = RoadNetwork.of(parts)
-    if not any(edge.for_kind("car") for edge in network.edges.values()):
-        raise ExchangeError(f"{net.name} has no lanes for cars: nobody could drive on it")
-    check_ids((*network.edges, *network.junctions), net.name)
-    return Town(network, signals, Heights.of(net_file), spec_of(models[ego_of(models)]), left_out)
+    check_network(network, net.name)
+    return Town(network, signals, Heights.of(net_file), spec_of(models[scenario_files.ego_of(models)]), left_out)
 
 
 def _scenario_files(
@@ -327,12 +296,12 @@ def _case(town: Town, route: PlacedRoute, name: str, number: int, net: str, cata
 
     Where there are no sidewalks there is no background traffic on foot.
     """
-    bridge = passes(route, town.bridges)
+    bridge = placed_route.passes(route, town.bridges)
     for staged in (True, False):
         case = case_of(town.network, town.signals, route, name=name, number=number, staged=staged)
         case = replace(case, bridge=bridge, walkers=town.has_sidewalks)
         file = ScenarioFile(_file_name(case), net, (case,), catalogue, (), "")
-        if not misplaced(file, town.network, town.signals):
+        if not scenario_files.misplaced(file, town.network, town.signals):
             return case
     return None
 

@@ -8,12 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.starts import OnRoute, Starts
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, onward
-from foresee_dsl.exchange.carla.files import CarlaRoute, Pose, Trigger
+from foresee_dsl.exchange.carla.files import CarlaRoute, Trigger
 from foresee_dsl.exchange.carla.ways import Way, length_to, through_of, way_between
 from foresee_dsl.exchange.maps.bridges import Heights
 from foresee_dsl.language import model as m

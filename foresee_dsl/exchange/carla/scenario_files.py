@@ -6,27 +6,21 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.templates import environment
 from foresee_dsl.exchange.carla.staging import Case, common, declared, is_of_route, value_of
 from foresee_dsl.exchange.naming import distinct_name, name_of, sentence
-from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, Scenario, VehicleModel
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.document import PlacementError, TestCase
 from foresee_dsl.language.project.loading import bundled_models
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
 
 CATALOGUE = "carla_models.foresee"
 """The catalogue's file."""
@@ -76,6 +70,12 @@ def catalogue_of(types: Sequence[Mapping[str, str]], left_out: Counter[str]) -> 
 def vehicles_of(catalogue: Catalogue) -> tuple[str, ...]:
     """Return the names of a catalogue's models."""
     return tuple(item.name for item in catalogue.body if isinstance(item, VehicleModel))
+
+
+def models_with(catalogue: Catalogue | None) -> dict[str, VehicleModel]:
+    """Return the bundled models and those of a catalogue, by name."""
+    own = catalogue.body if catalogue is not None else ()
+    return dict(bundled_models()) | {item.name: item for item in own if isinstance(item, VehicleModel)}
 
 
 def ego_of(models: Mapping[str, VehicleModel] | Sequence[str]) -> str:
@@ -141,9 +141,7 @@ def misplaced(file: ScenarioFile, network: RoadNetwork, signals: Mapping[str, Si
     if not isinstance(document.model, Scenario):
         return True
     scenario = concretise(document.model, file.cases[0].name, document=document)
-    models = bundled_models()
-    if file.catalogue is not None:
-        models |= {item.name: item for item in file.catalogue.body if isinstance(item, VehicleModel)}
+    models = models_with(file.catalogue)
     case = TestCase(
         id=scenario.name, scenario=scenario, network=Path("map"), models=models, meaning="", source=Path("import")
     )
@@ -164,7 +162,7 @@ def _rendered(file: ScenarioFile) -> str:
     title = f"CARLA, {_TITLES[case.variant or case.family]}"
     shape = {"": family, "crossing": "scenario3"}.get(case.variant, case.variant)
     return (
-        _environment()
+        environment("carla", xml=False)
         .get_template(f"{shape}.foresee.j2")
         .render(
             title=f"{town[:1].upper()}{town[1:]} of {title}.",
@@ -191,17 +189,3 @@ def _assigned(case: Case, defaults: Mapping[str, str]) -> list[str]:
     """What a case says: the values that are not the defaults."""
     values = {name: value_of(case, name) for name in defaults}
     return [f"{name} = {value}" for name, value in values.items() if value != defaults[name]]
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where something is imported
-
-    return Environment(
-        loader=FileSystemLoader(data_folder("templates") / "carla"),
-        undefined=StrictUndefined,
-        autoescape=False,  # noqa: S701 - plain text, which is parsed before it is written
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )

@@ -135,11 +135,10 @@ def case_of(
     number: int,
     staged: bool = True,
 ) -> Case:
-    """Return the case of a route.
+    """Return the case of a route, the `number`th of its family: what varies comes from that.
 
-    Args:
-        signals: of the town, by junction. number: the route's in its family; what varies comes from it.
-        staged: whether to stage the family's behaviour, where there is a place for it.
+    `signals`: of the town, by junction. `staged`: whether to stage the family's behaviour, where there is a place for
+    it.
     """
     family = placed.route.family
     stage = _STAGES.get(family) if staged else None

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError, shortest_route
 from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.exchange.carla.files import Pose
 from foresee_dsl.exchange.maps.bridges import Heights
 
 NEAR_M = 3.5
@@ -72,9 +72,8 @@ def lanes_at(
 ) -> list[OnLane]:
     """Return the car lanes that a place may be on, the nearest first; those up to a metre farther come along.
 
-    Args:
-        place: lanes whose direction differs by more than 60 degrees from its own are left out.
-        heights: of the lanes; of a road and one that goes over it the one of the place's height is meant.
+    Lanes whose direction differs by more than 60 degrees from the place's are left out; of a road and one that goes
+    over it the one of the place's height is meant.
     """
     found: list[OnLane] = []
     around = _around(network)
@@ -101,8 +100,7 @@ def way_between(
 ) -> Way:
     """Return the shortest way between two places, over others in their order, of which those on no lane are left out.
 
-    Raises:
-        RouteError: the start or the end is on no lane, there is no way, or it goes over a road twice.
+    A `RouteError` where the start or the end is on no lane, there is no way, or it goes over a road twice.
     """
     starts, ends = lanes_at(network, start, heights=heights), lanes_at(network, end, heights=heights)
     for name, found, place in (("start", starts, start), ("end", ends, end)):
@@ -161,11 +159,7 @@ def _turned(angle: float, place: Pose) -> float:
 
 
 def _way_over(network: RoadNetwork, stages: Sequence[Sequence[OnLane]]) -> Way:
-    """Return the shortest way over places, of which each may be on several lanes.
-
-    Raises:
-        RouteError: there is no way.
-    """
+    """Return the shortest way over places, of which each may be on several lanes; a `RouteError` for none."""
     first = stages[0][0].off_m + ALIKE_M
     best: list[tuple[float, OnLane, tuple[str, ...], OnLane]] = [
         (_cost_m(one, first), one, one.edges, one) for one in stages[0]

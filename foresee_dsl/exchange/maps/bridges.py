@@ -28,11 +28,7 @@ class Heights:
 
     @classmethod
     def of(cls, net_file: Path) -> Heights:
-        """Read the third coordinates of a net's lanes; those that it leaves out are 0.
-
-        Raises:
-            CompileError: it is no net.
-        """
+        """Read the third coordinates of a net's lanes; those that it leaves out are 0."""
         found = {}
         for lane in parse_net(net_file).iter("lane"):
             points = [[float(value) for value in point.split(",")] for point in lane.get("shape", "").split()]

@@ -132,13 +132,8 @@ def notes_on(root: Element, parts: Topology) -> tuple[str, ...]:
 
 
 def opendrive_of(network: Network | Path, net_file: Path) -> bytes:
-    """Return an OpenDRIVE map in the net's own coordinates; the same net gives the same bytes.
-
-    An imported map is given back as it is.
-
-    Raises:
-        ExchangeError: netconvert cannot write it, or the imported map cannot be read.
-    """
+    """Return an OpenDRIVE map in the net's own coordinates (the same net gives the same bytes); an imported map as it
+    is."""
     if isinstance(network, Path) and network.name.endswith(".xodr"):
         try:
             return network.read_bytes()

@@ -14,7 +14,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.exchange.maps.bridges import Heights, bridges
-from foresee_dsl.exchange.naming import check_ids
+from foresee_dsl.exchange.naming import check_network
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language import model as m
 
@@ -63,18 +63,11 @@ class Way:
 def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[m.Scenario, Way]:
     """Return a scenario that runs on a `.net.xml` or `.xodr`, and the way that its ego takes.
 
-    Args:
-        name, doc: of the scenario. network: the file as the scenario names it.
-
-    Raises:
-        CompileError: the file is no network.
-        ExchangeError: it has no way for a car that is long enough.
+    `network`: the file as the scenario names it. An `ExchangeError` where it has no way for a car that is long enough.
     """
     net = foreign_net(net_file)
     roads = RoadNetwork.from_net(net)
-    if not any(edge.for_kind("car") for edge in roads.edges.values()):
-        raise ExchangeError(f"{net_file.name} has no lanes for cars: nobody could drive on it")
-    check_ids((*roads.edges, *roads.junctions), net_file.name)
+    check_network(roads, net_file.name)
     over = frozenset(edge for one in bridges(roads, Heights.of(net)) for edge in one.edges)
     way = best_way(roads, frozenset(read_signals(net, None)), over)
     if way is None:

@@ -56,10 +56,6 @@ def with_starter(
     Args:
         data, file: the network file's bytes and name. name: of the scenario.
         source: what the network was made of, for the scenario's sentence. contents: reports on the net made of it.
-
-    Raises:
-        ExchangeError: nobody could drive on it, or `out` cannot be written.
-        CompileError: it is not complete.
     """
 
     def write(folder: Path) -> Imported:

@@ -74,11 +74,7 @@ def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comp
 
 
 def parent_address(child: str) -> str:
-    """Return the address of a child's parent, to compare the two.
-
-    Raises:
-        InputError: the file has mistakes, or is no child.
-    """
+    """Return the address of a child's parent, to compare the two."""
     file, _ = parse_address(child)
     model = Project(check_pin=False).definition(file)
     if not isinstance(model, m.Clip | m.Mutant | m.Extension):

@@ -72,10 +72,6 @@ class Findings:
         return tuple(sorted(unique, key=lambda d: ((d.span or first).line, (d.span or first).column, d.code)))
 
     def raise_if_any(self) -> None:
-        """Raise everything that was found, in the order in which it was found.
-
-        Raises:
-            InputError: something was.
-        """
+        """Raise everything that was found as one `InputError`, in the order in which it was found."""
         if self._found:
             raise InputError(tuple(self._found))

@@ -24,11 +24,7 @@ _SNIFFED_BYTES = 65_536
 
 
 def parse_address(address: str) -> tuple[Path, str | None]:
-    """Split `file.foresee::case` into the file and the case (None where none is named).
-
-    Raises:
-        InputError: the part after `::` cannot be the name of a case, or there is no file.
-    """
+    """Split `file.foresee::case` into the file and the case (None where none is named)."""
     file, mark, case = address.rpartition("::")
     if not mark:
         file, case = address, ""

@@ -70,11 +70,7 @@ def check_model(
 def check_models(
     scenario: m.Scenario, models: Mapping[str, m.VehicleModel], document: Document | None, case: str | None
 ) -> None:
-    """Check all models that a concrete scenario names; `case` gave the parameters their values.
-
-    Raises:
-        InputError: a model is unknown or of the wrong class.
-    """
+    """Check all models that a concrete scenario names; `case` gave the parameters their values."""
     findings = Findings(document)
     body = document.model.body if document is not None and isinstance(document.model, m.Scenario | m.Clip) else ()
     written = {item.name: item for item in body if isinstance(item, m.Ego | m.Actor)}

@@ -33,19 +33,10 @@ def cases(document: Document) -> tuple[str, ...]:
 
 
 def concretise(scenario: m.Scenario, case: str | None, *, document: Document | None = None) -> m.Scenario:
-    """Replace every reference by the case's value, or else by the parameter's default.
+    """Replace every reference by the value of a case, or else (and for None) by the parameter's default.
 
-    Args:
-        scenario: as written. Items without references come back as the same objects.
-        case: the case's name; None takes the defaults.
-        document: gives the errors their places.
-
-    Returns:
-        The scenario without `SETTLED` statements: parameters, requirements and cases.
-
-    Raises:
-        InputError: no such case, a case or a reference that names no parameter, or a value that does not fit where
-            its parameter is used.
+    The result has no `SETTLED` statements: parameters, requirements and cases. Items without references come back as
+    the same objects. `document` gives the errors their places.
     """
     findings = Findings(document)
     values = _values(scenario, case, findings)

@@ -64,14 +64,8 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
 def expand_mutant(mutant: m.Mutant, clip_case: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
     """Make the full scenario of a mutant: the clip's, with every `change` line applied in order.
 
-    A change of `steer`, `timing` or `delay` replaces what the actor had.
-
-    Args:
-        clip_case: the clip (or another mutant of it) that it changes. source, document: see `expand_clip`.
-
-    Raises:
-        InputError: an unknown actor or model, a WAS that is not what the clip has, a NOW that does not fit, or an
-            expectation that is easier to meet than the clip's.
+    A change of `steer`, `timing` or `delay` replaces what the actor had. The clip may be another mutant of it; `source`
+    and `document` as of `expand_clip`.
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)

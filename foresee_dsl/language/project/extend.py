@@ -24,23 +24,15 @@ _SINGLE = ("ego", "network", "weather", "end")
 
 
 def extended(document: Document, parent: Document, *, folder: Path, parent_folder: Path) -> Document:
-    """Join a scenario with the one that it extends.
+    """Join a scenario with the one that it extends, which may be an extension that was joined itself.
 
     Its lines are applied in their order. What is left of the other keeps its place; what is added comes behind it.
-    Words in the extension that are no parameters of the result become plain names.
-
-    Args:
-        document: the extension, as parsed.
-        parent: the other: a scenario, or an extension that was joined itself.
-        folder: of the extension: paths in the result are relative to it. parent_folder: of the other.
+    Words in the extension that are no parameters of the result become plain names. Paths in the result are relative to
+    `folder`, the extension's.
 
     Returns:
         A document whose model is a `Scenario`. It is called as the extension's file; mistakes in what is the other's
         are shown at `extends`. Its `written` is the extension.
-
-    Raises:
-        InputError: something is added that is there, or changed or dropped that is not; a WAS that is not so.
-        TypeError: `document` holds no extension, or `parent` no scenario.
     """
     return _Joiner(document, parent, folder, parent_folder).joined()
 

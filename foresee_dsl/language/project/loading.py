@@ -71,20 +71,12 @@ def _bundled() -> Mapping[str, m.VehicleModel]:
 
 
 def bundled_models() -> dict[str, m.VehicleModel]:
-    """Return the models that ship with the package, by name; read once a process.
-
-    Raises:
-        ForeseeError: the installation is damaged.
-    """
+    """Return the models that ship with the package, by name; read once a process."""
     return dict(_bundled())
 
 
 def load_catalogue(path: Path | None = None) -> dict[str, m.VehicleModel]:
-    """Return the models of a catalogue's file, by name; without a file those that ship with the package.
-
-    Raises:
-        InputError: the file has mistakes, or holds no catalogue.
-    """
+    """Return the models of a catalogue's file, by name; without a file those that ship with the package."""
     return bundled_models() if path is None else Project().catalogue(path)
 
 
@@ -192,9 +184,6 @@ class Project:
         """Load a file that holds a scenario, joined with what it extends.
 
         With `drawn`, each `cases N from seed S` becomes N cases.
-
-        Raises:
-            InputError: a mistake in one of the files, or it holds something else.
         """
         path = Path(file)
         self._allow_near(path)

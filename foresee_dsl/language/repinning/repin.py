@@ -112,11 +112,7 @@ def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple
 
 
 def write(children: Iterable[Child]) -> tuple[Path, ...]:
-    """Write the new pins of stale children: one line of each file changes.
-
-    Returns:
-        The files that were written.
-    """
+    """Write the new pins of stale children, one line of each file, and return the files."""
     written = []
     for child in children:
         if child.state is State.STALE and child.document is not None:

@@ -98,11 +98,7 @@ def case_names(cases: m.Cases) -> tuple[str, ...]:
 
 
 def draw(scenario: m.Scenario, cases: m.Cases) -> tuple[m.Case, ...]:
-    """Return the drawn cases of one `cases` statement, each with a value for every parameter that has a range.
-
-    Raises:
-        TooFewError: not enough draws satisfy every `require`.
-    """
+    """Return the drawn cases of one `cases` statement, each with a value for every parameter that has a range."""
     drawer, names, found = _Drawer(scenario, int(cases.seed.value)), case_names(cases), []
     for k, name in enumerate(names):
         values = drawer.values_of(k)
@@ -118,12 +114,9 @@ class TooFewError(Exception):
 
 
 def with_drawn_cases(document: Document) -> Document:
-    """Return the scenario with its drawn cases in place of each `cases` statement.
+    """Return the scenario with its drawn cases, which have the statement's place, for each `cases` statement.
 
-    The same document where nothing is drawn. The cases' place is that of the statement.
-
-    Raises:
-        InputError: not enough draws satisfy every `require`.
+    The same document where nothing is drawn.
     """
     scenario = document.model
     if not isinstance(scenario, m.Scenario) or not scenario.all(m.Cases):
@@ -269,13 +262,9 @@ _COMPARED: MappingProxyType[str, Callable[[float, float], bool]] = MappingProxyT
 
 
 def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | None:
-    """Return whether a condition over parameters holds; None where the values that are given do not decide it.
+    """Return whether a condition of a `require` holds; None where the values that are given do not decide it.
 
     Quantities are compared by their SI value, to as many digits as the hash of a meaning has: `7.2 km/h` is `2 m/s`.
-
-    Args:
-        condition: of a `require`.
-        values: of the parameters, by name; any may be absent.
     """
     match condition:
         case m.Comparison(left=m.Ref(name=name), op=op, right=right):

@@ -44,10 +44,8 @@ _comments: ContextVar[list[Token]] = ContextVar("comments")
 
 
 def parse_tree(text: str, start: str = "file") -> tuple[Tree[Token], list[Token]]:
-    """Parse a text (newlines are `\\n`) and return its tree and its comments, in order.
-
-    Raises:
-        lark.UnexpectedInput: at the first error.
+    """Parse a text (newlines are `\
+    `) and return its tree and its comments, in order.
     """
     comments: list[Token] = []
     token = _comments.set(comments)

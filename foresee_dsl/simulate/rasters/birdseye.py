@@ -64,12 +64,8 @@ class BirdsEye:
         ego_size_m: tuple[float, float] = (0.0, 0.0),
         layout: BirdsEyeLayout = BIRDS_EYE,
     ) -> None:
-        """Prepare.
-
-        Args:
-            ground: the map, with the route. stops: the route's stop lines.
-            ego_size_m: length and width; nothing is drawn for an ego of no size. layout: size and scale.
-        """
+        """Prepare a map, which has the route, and the route's stop lines; an ego of no size (length, width) is not
+        drawn."""
         self._ground, self._stops, self._layout = ground, stops, layout
         scale = layout.m_per_px
         self._ahead_m: FloatArray = (

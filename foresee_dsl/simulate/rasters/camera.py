@@ -62,11 +62,7 @@ class Camera:
     """Draws forward views on one map."""
 
     def __init__(self, ground: GroundMap, buildings: Sequence[Points] = (), layout: ForwardLayout = FORWARD) -> None:
-        """Prepare.
-
-        Args:
-            ground: the map. buildings: outlines, m. layout: size and lens.
-        """
+        """Prepare a map with the outlines of its buildings, m."""
         self._map, self._layout = ground, layout
         outlines = [_counter_clockwise(outline) for outline in buildings]
         walls = [(a, b) for outline in outlines for a, b in zip(outline, (*outline[1:], outline[0]), strict=True)]

@@ -50,12 +50,9 @@ class Canvas:
         stops: Sequence[StopLine] = (),
         ego_size_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Take what stays the same.
+        """Take what stays the same: a network, whose map is kept, the ego's line ([N, 2] m) and its stop lines.
 
-        Args:
-            network: its ground and buildings; the map is kept per network.
-            route: [N, 2] the ego's line, m. stops: its stop lines.
-            ego_size_m: length and width; without a size no ego is drawn.
+        An ego without a size (length, width) is not drawn.
         """
         self._network, self._route, self._stops, self._ego_size_m = network, route, tuple(stops), ego_size_m
 
@@ -145,10 +142,8 @@ class RunViews:
     ) -> None:
         """Take what stays the same.
 
-        Args:
-            network: where the run is. mission: the ego's. ego: its model.
-            others: models of the other actors, in the order of `states` below.
-            range_m: how far the weather lets the camera see.
+        `others`: models of the other actors, in the order of `states` below. `range_m`: how far the weather lets the
+        camera see.
         """
         self.canvas, self.range_m = Canvas.of_mission(network, mission, (ego.length_m, ego.width_m)), range_m
         sizes = [(model.length_m, model.width_m, model.height_m) for model in others]
@@ -158,10 +153,8 @@ class RunViews:
     def at(self, observation: Observation, pose: Pose, states: FloatArray) -> StepViews:
         """Return the pictures of a step.
 
-        Args:
-            observation: what the driver is told. pose: where the ego really is.
-            states: [K, >=3] x, y (m), heading (rad) of the others as they really are, NaN where one is absent; not to
-                be changed afterwards.
+        `pose`: where the ego really is. `states`: [K, >=3] x, y (m), heading (rad) of the others as they really are,
+        NaN where one is absent; not to be changed afterwards.
         """
         return StepViews(self, observation.ego, observation.actors, observation.signals, pose, states)
 
@@ -185,11 +178,7 @@ class StepViews:
     states: FloatArray
 
     def draw(self, view: str) -> NDArray[np.uint8]:
-        """Return the picture of an installed view by its name, [channels, rows, columns].
-
-        Raises:
-            ForeseeError: no such view is installed, or it cannot be imported.
-        """
+        """Return the picture of an installed view by its name, [channels, rows, columns]."""
         picture: NDArray[np.uint8] = RASTER_VIEWS.load(view)(self)
         return picture
 

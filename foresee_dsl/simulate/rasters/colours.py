@@ -26,13 +26,7 @@ _COLOURS: dict[str, Colour] = {
 
 
 def coloured(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a picture of either view in colours, [H, W, 3].
-
-    Velocities and depths are left out.
-
-    Raises:
-        ValueError: neither view has so many channels.
-    """
+    """Return a picture of either view in colours, [H, W, 3]; velocities and depths are left out."""
     layouts = {len(BIRDS_EYE_CHANNELS): (BIRDS_EYE_CHANNELS, _NOTHING), len(FORWARD_CHANNELS): (FORWARD_CHANNELS, _SKY)}
     if len(picture) not in layouts:
         raise ValueError(f"a picture has {' or '.join(map(str, layouts))} channels, not {len(picture)}")
@@ -45,12 +39,8 @@ def coloured(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def write_png(rgb: NDArray[np.uint8], file: Path, *, zoom: int = 1) -> None:
-    """Write [H, W, 3] colours as a PNG, every pixel `zoom` by `zoom` large.
-
-    Raises:
-        ModuleNotFoundError: pillow is not installed (`pip install "foresee-dsl[pictures]"`).
-        OSError: the file cannot be written.
-    """
+    """Write [H, W, 3] colours as a PNG, every pixel `zoom` by `zoom` large; for that pillow must be installed (`pip
+    install "foresee-dsl[pictures]"`)."""
     from PIL import Image
 
     height, width = rgb.shape[:2]

@@ -23,9 +23,7 @@ _PARALLEL = 1e-9
 def toggle_outlines(bits: NDArray[np.uint8], rings: Iterable[FloatArray], bit: int) -> None:
     """Toggle a bit where the outlines of a layer cross the rows' middles; `filled` turns toggles into areas.
 
-    Args:
-        bits: [H, W] toggles, changed in place. rings: closed or open outlines, [N, 2] pixels; a hole is a ring too.
-        bit: the value to toggle.
+    `bits`: [H, W] toggles, changed in place. `rings`: closed or open outlines, [N, 2] pixels; a hole is a ring too.
     """
     starts, ends = [], []
     for ring in rings:

@@ -96,11 +96,9 @@ class GroundMap:
         return GroundMap(bits, self.west_m, self.north_m, self.m_per_px)
 
     def sample(self, pose: tuple[float, float, float], ahead_m: FloatArray, left_m: FloatArray) -> NDArray[np.uint8]:
-        """Return the bits under points given in a moving frame; 0 outside the map.
+        """Return the bits under points given in a moving frame (x, y in m, heading in rad); 0 outside the map.
 
-        Args:
-            pose: x, y (m) and heading (rad) of the frame.
-            ahead_m, left_m: the points; arrays that are broadcast to the result's shape.
+        `ahead_m`, `left_m`: the points; arrays that are broadcast to the result's shape.
         """
         x, y, heading = pose
         c, s = math.cos(heading) / self.m_per_px, math.sin(heading) / self.m_per_px

@@ -45,11 +45,9 @@ class Streams:
     _BLOCK = 64
 
     def __init__(self, seed: int, names: Sequence[str], slow_shares: Sequence[float], slow_frames: int) -> None:
-        """Prepare streams.
+        """Prepare the streams of some objects.
 
-        Args:
-            seed: the run's. names: of the objects. slow_shares: for each channel the share of the variance that drifts.
-            slow_frames: between the drift's knots.
+        `slow_shares`: for each channel the share of the variance that drifts; `slow_frames`: between the drift's knots.
         """
         shares = np.array(slow_shares, dtype=np.float64)
         self.keys = keys_of(seed, names, 2 * len(shares) + 2)

@@ -48,11 +48,7 @@ class Tracks:
     """Gives out track numbers; none twice in a run."""
 
     def __init__(self, seed: int, forgets_frames: int) -> None:
-        """Begin a run.
-
-        Args:
-            seed: of the run. forgets_frames: an object unseen for more frames gets a new number.
-        """
+        """Begin a run; an object unseen for more frames than `forgets_frames` gets a new number."""
         self._order = _order(seed)
         self._forgets = forgets_frames
         self._given = 0
@@ -79,11 +75,7 @@ class ObjectList:
     """
 
     def __init__(self, bodies: Bodies, names: Sequence[str], sight: Sight, settings: SensorSettings, seed: int) -> None:
-        """Begin a run.
-
-        Args:
-            bodies, names: the N objects. sight: of the same. settings: of the sensors. seed: of the run.
-        """
+        """Begin a run with some objects: their bodies, their names, and who of them is in sight."""
         noise = settings.noise
         slow = noise.slow_share
         self._sight, self._kinds = sight, bodies.kinds

@@ -83,12 +83,7 @@ class Sensing:
     def __init__(
         self, simulation: Simulation, mission: Mission, seed: int, settings: SensorSettings = STANDARD
     ) -> None:
-        """Mount the sensors.
-
-        Args:
-            simulation: the run. mission: whose signals are meant. seed: of the run.
-            settings: what the sensors can do.
-        """
+        """Mount the sensors for a run; `mission` has the signals that are meant."""
         scene = simulation.scene
         others = simulation.actors[1:]
         bodies = Bodies.of([actor.placed.model for actor in others])
@@ -123,9 +118,8 @@ class Sensing:
     def observe(self, states: FloatArray) -> Observation:
         """Return what the driver learns at the frame that the simulation is at.
 
-        Args:
-            states: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; not to be
-                changed afterwards.
+        `states`: [1 + N, 7] the columns of `Trace.states` for the ego and the others, NaN where absent; not to be
+        changed afterwards.
         """
         simulation = self._simulation
         now = self._began + simulation.frame
@@ -147,11 +141,7 @@ class Sensing:
         return observation
 
     def fill_in(self, observation: Observation, scan: _Scan, frame: int, states: FloatArray) -> None:
-        """Fill in what an observation says.
-
-        Args:
-            observation: to be filled. scan: its newest one. frame: of the observation, absolute. states: at that frame.
-        """
+        """Fill in what an observation at an absolute frame says, from its newest scan and the states at that frame."""
         while not scan.measured:  # in the order of the frames, which decides the track numbers
             self._measure(self._unseen.popleft())
         x, y, heading, speed, acceleration, yaw_rate, steer = states[0].tolist()

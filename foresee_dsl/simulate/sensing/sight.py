@@ -46,11 +46,7 @@ class Walls:
     """The outlines of buildings. An eye inside one sees out of it, and through it."""
 
     def __init__(self, buildings: Iterable[Points], reach_m: float) -> None:
-        """Take up outlines, open or closed, in either direction.
-
-        Args:
-            buildings: outlines, m. reach_m: how far lines of sight go at most.
-        """
+        """Take up outlines (m), open or closed, in either direction; lines of sight go `reach_m` far at most."""
         self._all = self._near = _sides(tuple(tuple(outline) for outline in buildings))
         self._reach_m = reach_m + 2 * _AROUND_M
         self._looked_up: tuple[float, float] | None = None
@@ -97,11 +93,7 @@ class Sight:
     def __init__(
         self, bodies: Bodies, buildings: Iterable[Points], settings: SensorSettings = STANDARD, air: Air = CLEAR
     ) -> None:
-        """Prepare for a scene.
-
-        Args:
-            bodies: the N objects. buildings: outlines, m. settings: of the sensors. air: the weather.
-        """
+        """Prepare for a scene: its objects, the outlines of its buildings (m), and the weather."""
         reach = _ranges(settings.ranges, air if settings.weather else None)
         self.range_m = np.array([reach[kind] for kind in bodies.kinds], dtype=np.float64)
         self.signal_range_m = (
@@ -122,23 +114,14 @@ class Sight:
         self.walls = Walls(buildings, reach_m)
 
     def seen(self, x: float, y: float, heading: float, poses: FloatArray) -> IntArray:
-        """Return the indices of the objects in sight, [S].
-
-        Args:
-            x, y, heading: of the ego. poses: [N, >=3] x, y, heading of the objects; NaN where there is none.
-        """
+        """Return the indices, [S], of the objects in sight of the ego; `poses`: [N, >=3] x, y, heading, NaN for none
+        there."""
         poses = np.ascontiguousarray(poses)
         return in_sight(x, y, heading, poses, self.bodies, self.walls.near(x, y), self.limits)
 
     def clear(self, x: float, y: float, poses: FloatArray, points: FloatArray) -> BoolArray:
-        """Say which points nothing hides.
-
-        Args:
-            x, y: of the ego. poses: as in `seen`. points: [M, 3] x, y and height over the ground, m.
-
-        Returns:
-            [M].
-        """
+        """Say which points, [M, 3] x, y and height over the ground (m), nothing hides from the ego; `poses` as in
+        `seen`."""
         if self._through:
             return np.ones(len(points), dtype=np.bool_)
         poses, walls = np.ascontiguousarray(poses), self.walls.near(x, y)

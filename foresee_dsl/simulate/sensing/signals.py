@@ -42,11 +42,8 @@ class SignalHeads:
         ]
 
     def near(self, ego: Pose, s: float, range_m: float) -> list[int]:
-        """Return the heads in range and ahead that the ego has not left behind.
-
-        Args:
-            ego: x, y, heading. s: its length along the mission's line. range_m: of signals, in this weather.
-        """
+        """Return the heads in range and ahead that the ego (x, y, heading, `s` along the mission's line) has not left
+        behind."""
         x, y, heading = ego
         cos, sin = math.cos(heading), math.sin(heading)
         near = []
@@ -62,11 +59,9 @@ class SignalHeads:
         return tuple(dict.fromkeys([self._signals[k] for k in heads]))
 
     def in_view(self, heads: list[int], sight: Sight, ego: Pose, poses: FloatArray) -> tuple[str, ...]:
-        """Return the keys of the signals of which nothing hides one of these heads.
+        """Return the keys of the signals of which nothing hides one of these heads, which are near and in their order.
 
-        Args:
-            heads: those that are near, in their order. sight: lines of sight. ego: x, y, heading.
-            poses: [N, >=3] of the others.
+        `ego`: x, y, heading. `poses`: [N, >=3] of the others.
         """
         if not heads:
             return ()

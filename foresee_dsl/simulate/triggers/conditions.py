@@ -75,11 +75,7 @@ class Conditions:
         return self._simulation.time_s
 
     def outcome(self, condition: m.Condition) -> Outcome | None:
-        """Return whether a condition without parts holds now and by how much; None where it cannot be evaluated.
-
-        Raises:
-            TypeError: it has parts, or is one of a `require`, about parameters.
-        """
+        """Return whether a condition without parts holds now and by how much; None where it cannot be evaluated."""
         match condition:
             case m.Comparison():
                 return self._compare(condition)

@@ -194,11 +194,7 @@ class DirectorRecord:
 
     @staticmethod
     def of_json(text: bytes) -> DirectorRecord:
-        """Read what `as_json` wrote.
-
-        Raises:
-            ValueError: it is something else.
-        """
+        """Read what `as_json` wrote; a `ValueError` where it is something else."""
         return _adapter().validate_json(text)
 
 

@@ -114,14 +114,10 @@ class TriggerBuilder:
 
     def _speed(self, action: Element, state: EntityState) -> m.Action:
         target = action.find("SpeedActionTarget/AbsoluteTargetSpeed")
-        was = state.speed_mps
-        if target is not None:
-            to = number(target, "value")
-        else:
-            to = self._relative(action.find("SpeedActionTarget/RelativeTargetSpeed"))
+        relative = action.find("SpeedActionTarget/RelativeTargetSpeed")
+        was, to = state.speed_mps, number(target, "value") if target is not None else self._relative(relative)
         state.speed_mps = to = max(to, 0.0)
-        over = _over(action.find("SpeedActionDynamics"), was, to)
-        return _changes(state.entity.name, to, over)
+        return _changes(state.entity.name, to, _over(action.find("SpeedActionDynamics"), was, to))
 
     def _relative(self, target: Element | None) -> float:
         if target is None:
@@ -188,16 +184,14 @@ def _over(dynamics: Element | None, was: float | None, to: float) -> float | Non
     """Return how long a change of speed takes, s; None for as fast as the model can."""
     if dynamics is None or dynamics.get("dynamicsShape") == "step":
         return None
-    value = number(dynamics, "value", 0.0)
-    dimension = dynamics.get("dynamicsDimension")
-    if value <= 0 or (dimension != "time" and was is None):
+    value, dimension = number(dynamics, "value", 0.0), dynamics.get("dynamicsDimension")
+    if value <= 0 or dimension == "time":
+        return value if value > 0 else None
+    if was is None:
         return None
-    if dimension == "time":
-        return value
-    known = was if was is not None else to
     if dimension == "rate":
-        return abs(to - known) / value or None
-    return 2 * value / (to + known) if to + known > 0 else None
+        return abs(to - was) / value or None
+    return 2 * value / (to + was) if to + was > 0 else None
 
 
 def from_the_start() -> m.Condition:

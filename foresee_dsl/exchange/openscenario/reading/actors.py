@@ -62,7 +62,7 @@ class ActorBuilder:
         """
         entity = state.entity
         try:
-            middle = _ahead(self.places.initial(entity.ref), entity.centre_m)
+            middle = self.places.initial(entity.ref).ahead(entity.centre_m)
             if not self._near_roads(middle):
                 raise NotExpressed("entities off the road network")
             track = self._trajectory(entity, routing)
@@ -112,7 +112,7 @@ class ActorBuilder:
     ) -> BuiltActor | None:
         """Return the ego: a route and a goal, and no actions, which are its driver's to decide."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
-        front = _ahead(middle, entity.spec.length_m / 2)
+        front = middle.ahead(entity.spec.length_m / 2)
         # A trajectory is no goal: a run that ended where the recorded one crashed could not crash there.
         through = [front, *(tracks.thinned(track.poses())[1:] if track is not None else self._waypoints(routing))]
         goal = through[-1] if track is None and len(through) > 1 else None
@@ -160,7 +160,7 @@ class ActorBuilder:
     def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None) -> BuiltActor:
         """Return a vehicle that follows the lanes, as a default controller does: by no rules."""
         entity, kind = state.entity, lane_kind(state.entity.spec)
-        front = _ahead(middle, entity.spec.length_m / 2)
+        front = middle.ahead(entity.spec.length_m / 2)
         try:
             route = tracks.route_through(self.network, [front, *self._waypoints(routing)], kind)
         except NotExpressed as err:
@@ -197,8 +197,8 @@ class ActorBuilder:
 
     def _straight_end(self, start: Pose, length_m: float) -> Pose:
         """Return the end of a straight way that stays as near to the roads as the language asks."""
-        ends = (_ahead(start, k) for k in range(math.floor(length_m), 1, -1))
-        return next((end for end in ends if self._near_roads(end)), _ahead(start, 1.0))
+        ends = (start.ahead(k) for k in range(math.floor(length_m), 1, -1))
+        return next((end for end in ends if self._near_roads(end)), start.ahead(1.0))
 
     def _waypoints(self, routing: Element | None) -> list[Pose]:
         """Return the places of a route or target."""
@@ -224,7 +224,7 @@ _KEYWORDS: dict[str, Literal["vehicle", "bicycle", "pedestrian", "obstacle"]] = 
 
 def _actor(entity: Entity, middle: Pose, speed: float, body: tuple[m.ActorItem, ...]) -> m.Actor:
     """Return an actor's statement; `middle` is that of its footprint."""
-    place = _ahead(middle, entity.spec.length_m / 2) if entity.kind in WHEELS else middle
+    place = middle.ahead(entity.spec.length_m / 2) if entity.kind in WHEELS else middle
     kind = _KEYWORDS.get(entity.kind, "vehicle")
     return m.Actor(kind=kind, name=entity.name, model=entity.model, state=_state(place, speed, entity), body=body)
 
@@ -255,12 +255,6 @@ def _state(place: Pose, speed: float, entity: Entity) -> m.State:
         at=_point(place),
         heading=quantity(math.remainder(place.heading_rad, math.tau), "angle"),
         speed=quantity(min(speed, entity.spec.max_speed_mps * _LIMIT) if entity.kind != "obstacle" else 0.0, "speed"),
-    )
-
-
-def _ahead(pose: Pose, by_m: float) -> Pose:
-    return Pose(
-        pose.x + by_m * math.cos(pose.heading_rad), pose.y + by_m * math.sin(pose.heading_rad), pose.heading_rad
     )
 
 

@@ -63,14 +63,10 @@ class Participants:
 
 
 def read_participants(source: Source, left_out: Counter[str], *, name: str, ego: str = "") -> Participants:
-    """Read the entities of a scenario.
+    """Read the entities of a scenario; `name` is that of the new catalogue.
 
-    Args:
-        source: the file. left_out: is counted up. name: of the new catalogue.
-        ego: the entity under test; by default the one that is called so, else the first vehicle.
-
-    Raises:
-        ExchangeError: there is no vehicle, no entity `ego`, or an entity is incomplete.
+    `ego`: the entity under test; by default the one that is called so, else the first vehicle. An `ExchangeError` where
+    there is none, or an entity is incomplete.
     """
     objects: dict[str, Element] = {}
     for entity in source.root.iterfind("Entities/ScenarioObject"):
@@ -161,10 +157,10 @@ def _made(found: Element, kind: ActorKind, left_out: Counter[str]) -> VehicleMod
             if (value := _float(_property(found, name))) is not None
         }
     if kind != "obstacle":
-        braking = _float(_property(found, BRAKING)) or min(
-            defaults.braking_mps2, _si(values.get("emergency_braking"), defaults.braking_mps2)
+        usual = min(
+            defaults.braking_mps2, values["emergency_braking"].si if "emergency_braking" in values else math.inf
         )
-        values["braking"] = quantity(braking, "acceleration")
+        values["braking"] = quantity(_float(_property(found, BRAKING)) or usual, "acceleration")
         if (cruise := _float(_property(found, CRUISE))) is not None:
             values["cruise_speed"] = quantity(cruise, "speed")
     name = {"name": f"{kind}.any"}
@@ -224,7 +220,3 @@ def _float(text: str) -> float | None:
     except ValueError:
         return None
     return value if 0 < value < math.inf else None
-
-
-def _si(value: Quantity | None, default: float) -> float:
-    return default if value is None else value.si

@@ -46,11 +46,7 @@ class Places:
             self._working.pop()
 
     def pose(self, position: Element) -> Pose:
-        """Return the pose that a `<Position>` (or `<TargetPosition>` and the like) means.
-
-        Raises:
-            NotExpressed, ExchangeError: see `initial`.
-        """
+        """Return the pose that a `<Position>` (or `<TargetPosition>` and the like) means; errors as of `initial`."""
         kind = next(iter(position), None)
         if kind is None:
             raise NotExpressed("empty positions")
@@ -88,10 +84,7 @@ class Places:
         if kind.tag == "RelativeWorldPosition":
             pose = Pose(base.x + dx, base.y + dy, base.heading_rad)
         else:
-            ahead = Pose(
-                base.x + dx * math.cos(base.heading_rad), base.y + dx * math.sin(base.heading_rad), base.heading_rad
-            )
-            pose = ahead.beside(dy)
+            pose = base.ahead(dx).beside(dy)
         return pose if orientation is None else _turned(pose, orientation)
 
     def _further_on(self, kind: Element) -> Pose:

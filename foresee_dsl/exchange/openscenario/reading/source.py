@@ -51,11 +51,8 @@ class Source:
     _catalogues: dict[str, dict[str, Element]] = field(default_factory=dict)
 
     def named(self, written: str, what: str) -> Path:
-        """Return a file or folder that the scenario names, relative to itself.
-
-        Raises:
-            ExchangeError: it is missing, or lies outside the scenario's project.
-        """
+        """Return a file or folder that the scenario names, relative to itself; an `ExchangeError` for one that is
+        missing or lies outside the scenario's project."""
         path = self.path.parent / written.replace("\\", "/")
         if not is_inside(path, self.roots):
             raise ExchangeError(
@@ -67,11 +64,7 @@ class Source:
         return path
 
     def entry(self, reference: Element) -> Element:
-        """Return what a `<CatalogReference>` means, with the parameters that it assigns.
-
-        Raises:
-            ExchangeError: no such catalogue, or no such entry.
-        """
+        """Return what a `<CatalogReference>` means, with the parameters that it assigns."""
         catalogue, name = reference.get("catalogName", ""), reference.get("entryName", "")
         if catalogue not in self._all:
             known = ", ".join(sorted(self._all)) or "none"
@@ -110,11 +103,7 @@ class Source:
 
 
 def read_source(path: Path, *, allow_outside: bool) -> Source:
-    """Read a `.xosc` file; with `allow_outside` it may name files anywhere, otherwise in its project folder.
-
-    Raises:
-        ExchangeError: it is no OpenSCENARIO XML 1.x, or a parameter has no value.
-    """
+    """Read a `.xosc` file of version 1; with `allow_outside` it may name files anywhere, else in its project folder."""
     root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
     header = root.find("FileHeader")
     if header is None or header.get("revMajor") != "1":
@@ -133,12 +122,7 @@ def read_source(path: Path, *, allow_outside: bool) -> Source:
 def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, str]) -> Element:
     """Return a copy of an element in which `$parameter` and `${expression}` are replaced by their values.
 
-    Args:
-        element: parameters that it declares hold inside it.
-        values: the parameters of what it stands in. given: values for the parameters that it declares itself.
-
-    Raises:
-        ExchangeError: a parameter is not declared, or an expression is none.
+    Parameters that it declares hold inside it; those of what it stands in are `values`. `given`: values for its own.
     """
     from xml.etree.ElementTree import Element as New
 
@@ -156,20 +140,17 @@ def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, st
 def value_of(text: str, values: Mapping[str, str]) -> str:
     """Return an attribute's text with its parameters and expressions replaced by their values.
 
-    Raises:
-        ExchangeError: a parameter is not declared, or an expression is none.
+    A parameter that is not declared, or an expression that is none, is an `ExchangeError`.
     """
-    if "$" not in text:
-        return text
+
+    def given(match: re.Match[str]) -> str:
+        if match.group(1) not in values:
+            raise ExchangeError(f"the parameter ${match.group(1)} is not declared")
+        return values[match.group(1)]
+
     if text.startswith("${") and text.endswith("}"):
-        return _calculated(_PARAMETER.sub(lambda m: _value(m.group(1), values), text[2:-1]))
-    return _PARAMETER.sub(lambda m: _value(m.group(1), values), text)
-
-
-def _value(name: str, values: Mapping[str, str]) -> str:
-    if name not in values:
-        raise ExchangeError(f"the parameter ${name} is not declared")
-    return values[name]
+        return _calculated(_PARAMETER.sub(given, text[2:-1]))
+    return _PARAMETER.sub(given, text)
 
 
 def _calculated(expression: str) -> str:

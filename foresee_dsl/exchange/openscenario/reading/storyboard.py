@@ -53,11 +53,7 @@ class ConditionReader:
     places: Places
 
     def start(self, trigger: Element | None) -> Start:
-        """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
-
-        Raises:
-            NotExpressed: it asks for something that the language cannot say.
-        """
+        """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once."""
         groups = trigger.findall("ConditionGroup") if trigger is not None else []
         starts = [self._group(group) for group in groups]
         if not starts:

@@ -61,11 +61,8 @@ class SpeedProfile:
 
 
 def read_trajectory(trajectory: Element, places: Places, centre_m: float) -> Trajectory:
-    """Return a `<Trajectory>` that is a polyline; the footprint's middle lies `centre_m` ahead of its reference point.
-
-    Raises:
-        NotExpressed: it has another shape, or positions that we do not know.
-    """
+    """Return a `<Trajectory>` that is a polyline; the footprint's middle lies `centre_m` ahead of its reference
+    point."""
     line = trajectory.find("Shape/Polyline")
     if line is None:
         shape = next(iter(trajectory.find("Shape") or ()), None)
@@ -100,12 +97,10 @@ def path_of(track: Trajectory) -> list[tuple[float, float]]:
 
 
 def speed_profile(track: Trajectory) -> SpeedProfile | None:
-    """Return the speeds that bring an actor along its path in the trajectory's times, in few pieces.
+    """Return the speeds that bring an actor along its path in the trajectory's times, in few pieces; None without
+    times.
 
     Knots are chosen where the speed bends; then their speeds are fitted so that the way covered is right.
-
-    Returns:
-        None for a trajectory without times.
     """
     time_s = track.time_s
     if np.isnan(time_s).any() or not (np.diff(time_s) > 0).all():
@@ -132,10 +127,8 @@ def nearest(network: RoadNetwork, pose: Pose, kind: LaneKind) -> NearLane | None
 def route_through(network: RoadNetwork, poses: Sequence[Pose], kind: LaneKind) -> tuple[str, ...]:
     """Return the edges through some places, the first being where an actor stands.
 
-    Places off the lanes are left out. With one place the way goes on as straight as it can.
-
-    Raises:
-        NotExpressed: the first place is on no lane, or there is no way from one to the next.
+    Places off the lanes are left out, but for the first, which is a `NotExpressed`. With one place the way goes on as
+    straight as it can.
     """
     edges: list[str] = []
     for k, pose in enumerate(poses):

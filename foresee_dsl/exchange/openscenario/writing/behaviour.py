@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
-from foresee_dsl.compile.roads.polyline import XY
+from foresee_dsl.compile.roads.polyline import XY, direction
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.exchange.openscenario.writing.library import (
     Xosc,
@@ -43,11 +43,8 @@ class Conditions:
     places: Mapping[m.Place, XY]
 
     def groups(self, condition: m.Condition) -> list[list[Make]]:
-        """Return alternatives, each a list of conditions that hold together.
-
-        Raises:
-            NotExpressed: OpenSCENARIO has no such condition.
-        """
+        """Return alternatives, each a list of conditions that hold together; `NotExpressed` where OpenSCENARIO has
+        none."""
         found = self._groups(condition, negated=False)
         if len(found) > _MOST_GROUPS:
             raise NotExpressed("conditions with many alternatives")
@@ -320,7 +317,7 @@ def _follow(actor: PlacedActor) -> Xosc:
     points = [(actor.x, actor.y), *_still_ahead(actor)]
     poses = []
     for k, (x, y) in enumerate(points):
-        heading = actor.heading_rad if k == 0 else _direction(points[k - 1], (x, y))
+        heading = actor.heading_rad if k == 0 else direction(points[k - 1], (x, y))
         poses.append(reference_position(x, y, heading, actor.model))
     made = osc.Trajectory(f"{actor.id}_line", False)
     made.add_shape(osc.Polyline([], poses))
@@ -335,7 +332,3 @@ def _still_ahead(actor: PlacedActor) -> list[tuple[float, float]]:
         if covered > actor.along_m + _LOOSE_M:
             found.append(b)
     return found or [actor.path[-1]]
-
-
-def _direction(a: tuple[float, float], b: tuple[float, float]) -> float:
-    return math.atan2(b[1] - a[1], b[0] - a[0])

@@ -21,11 +21,7 @@ Xosc: TypeAlias = Any
 
 @cache
 def library() -> Xosc:
-    """Return the module `scenariogeneration.xosc`.
-
-    Raises:
-        ExchangeError: it is not installed.
-    """
+    """Return the module `scenariogeneration.xosc`; an `ExchangeError` where it is not installed."""
     try:
         from scenariogeneration import xosc
     except ImportError as err:

@@ -85,24 +85,17 @@ def _weather(scene: Scene) -> Xosc:
 
 
 def _object(spec: ModelSpec) -> Xosc:
-    box = osc.BoundingBox(
-        figure(spec.width_m),
-        figure(spec.length_m),
-        figure(spec.height_m),
-        figure(behind_centre_m(spec)),
-        0,
-        figure(spec.height_m / 2),
-    )
+    size = (figure(spec.width_m), figure(spec.length_m), figure(spec.height_m))
+    box = osc.BoundingBox(*size, figure(behind_centre_m(spec)), 0, figure(spec.height_m / 2))
     if spec.kind == "pedestrian":
         made = osc.Pedestrian(spec.name, figure(spec.mass_kg), osc.PedestrianCategory.pedestrian, box, spec.name)
+        values = (spec.max_speed_mps, spec.acceleration_mps2, spec.emergency_braking_mps2)
+        for name, value in zip(WALKS.values(), values, strict=True):
+            made.add_property(name, str(figure(value)))
     elif spec.kind in WHEELS:
         made = _vehicle(spec, box)
     else:
         made = osc.MiscObject(spec.name, figure(spec.mass_kg), osc.MiscObjectCategory.obstacle, box)
-    if spec.kind == "pedestrian":
-        values = (spec.max_speed_mps, spec.acceleration_mps2, spec.emergency_braking_mps2)
-        for name, value in zip(WALKS.values(), values, strict=True):
-            made.add_property(name, str(figure(value)))
     made.add_property(MODEL, spec.name)
     if spec.kind != "obstacle":
         made.add_property(BRAKING, str(figure(spec.braking_mps2)))
