@@ -19,9 +19,11 @@ from typer.core import TyperGroup
 
 from foresee_dsl import __version__
 from foresee_dsl.cli.common import BUG, explain_error
+from foresee_dsl.cli.completion import VARIABLE
 from foresee_dsl.cli.output import for_tools
 
 COMMANDS = (
+    ("Write", "init", "init.init"),
     ("Write", "check", "check.check"),
     ("Write", "explain", "check.explain"),
     ("Write", "fmt", "formatting.fmt"),
@@ -46,6 +48,7 @@ COMMANDS = (
     ("About", "drivers", "about.drivers"),
     ("About", "models", "about.models"),
     ("About", "lsp", "about.lsp"),
+    ("About", "completion", "completion.completion"),
     ("About", "doctor", "about.doctor"),
 )
 """Every command in the order of the help: its group there, its name, and its function as `MODULE.FUNCTION` of this
@@ -101,7 +104,7 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,
+    add_completion=VARIABLE in os.environ,
     context_settings=_SETTINGS,
 )
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, print_json
+from foresee_dsl.cli.completion import case_addresses
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def compile_(
-    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case.")],
+    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case.", autocompletion=case_addresses)],
     out: OutOption = Path("compiled"),
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
@@ -42,7 +43,9 @@ def compile_(
 
 
 def expand(
-    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A child, or a test case.")],
+    address: Annotated[
+        str, typer.Argument(metavar="FILE[::CASE]", help="A child, or a test case.", autocompletion=case_addresses)
+    ],
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Print a child, or a case, as one full scenario: its parents and its network written out.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from foresee_dsl.cli import common
+from foresee_dsl.cli.completion import case_addresses
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
@@ -23,7 +24,11 @@ CPUS = os.cpu_count() or 1
 Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
 Paths = Annotated[
     list[str],
-    typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE); or one campaign's file."),
+    typer.Argument(
+        metavar="PATH",
+        help="Scenario files, folders, or test cases (FILE::CASE); or one campaign's file.",
+        autocompletion=case_addresses,
+    ),
 ]
 
 

@@ -32,6 +32,7 @@ from foresee_dsl.cli.common import (
     json_document,
     print_json,
 )
+from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
@@ -258,7 +259,10 @@ def _print_plan(found: CampaignPlan, folder: Path, *, stored: bool) -> None:
 
 def assess(
     paths: Annotated[
-        list[str], typer.Argument(metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).")
+        list[str],
+        typer.Argument(
+            metavar="PATH", help="Scenario files, folders, or test cases (FILE::CASE).", autocompletion=case_addresses
+        ),
     ],
     driver: Annotated[list[str] | None, typer.Option("--driver", help="A driver; may be given several times.")] = None,
     jobs: Jobs = CPUS,

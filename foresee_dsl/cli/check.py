@@ -20,6 +20,7 @@ from foresee_dsl.cli.common import (
     print_diagnostics,
     print_json,
 )
+from foresee_dsl.cli.completion import case_addresses
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -28,7 +29,10 @@ if TYPE_CHECKING:
     from foresee_dsl.language.codes.code import Code
     from foresee_dsl.language.project.checked_files import Checked
 
-Paths = Annotated[list[str], typer.Argument(metavar="PATH", help="Files, folders, or test cases (FILE::CASE).")]
+Paths = Annotated[
+    list[str],
+    typer.Argument(metavar="PATH", help="Files, folders, or test cases (FILE::CASE).", autocompletion=case_addresses),
+]
 
 
 class Format(StrEnum):

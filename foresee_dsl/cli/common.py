@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from foresee_dsl.cli.completion import case_addresses, drivers
 from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ OK, FAILED, USAGE, BUG = 0, 1, 2, 3
 """Exit codes: done; the input has errors or the check failed; wrong usage; our own fault."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-DriverOption = Annotated[str, typer.Option("--driver", help="The driver under test; `foresee drivers` lists them.")]
+DriverOption = Annotated[
+    str, typer.Option("--driver", help="The driver under test; `foresee drivers` lists them.", autocompletion=drivers)
+]
 HandoverOption = Annotated[
     float,
     typer.Option(
@@ -36,6 +39,9 @@ HandoverOption = Annotated[
 ]
 RankerOption = Annotated[
     str, typer.Option("--ranker", help="What picks the risky points: foresee, proximity, random, exhaustive.")
+]
+AddressArgument = Annotated[
+    str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip or a mutant.", autocompletion=case_addresses)
 ]
 AllowOutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")

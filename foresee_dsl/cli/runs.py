@@ -21,7 +21,7 @@ After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after it.")
 
 
 def run(
-    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip or a mutant.")],
+    address: common.AddressArgument,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
     out: Annotated[Path | None, typer.Option("--out", help="Keep the trace in this folder.")] = None,

@@ -9,16 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import groupby
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
-from foresee_dsl.files import data_folder
 from foresee_dsl.report.case_results import CaseResult, Outcome
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
+from foresee_dsl.report.templates import rendered
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 """The characters that XML 1.0 does not allow (section 2.2), not even escaped."""
@@ -53,8 +48,8 @@ def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[t
     by_suite = sorted(results, key=lambda one: one.suite)
     suites = [_Suite(suite, _class_name(suite), tuple(found))
               for suite, found in groupby(by_suite, key=lambda one: one.suite)]  # fmt: skip
-    template = _environment().get_template("junit.xml.j2")
-    return template.render(name=name, suites=suites, properties=properties, total=_Suite("", "", tuple(results)))
+    total = _Suite("", "", tuple(results))
+    return _clean(rendered("junit.xml", name=name, suites=suites, properties=properties, total=total))
 
 
 def _class_name(suite: str) -> str:
@@ -63,21 +58,6 @@ def _class_name(suite: str) -> str:
     return ".".join(part.replace(".", "_") for part in parts) or "foresee"
 
 
-def _clean(text: object) -> str:
+def _clean(text: str) -> str:
     """Return a text with what XML cannot hold written out, such as the escape character of a terminal's colours."""
-    return _NO_XML.sub(lambda found: f"\\x{ord(found.group()):02x}", str(text))
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    return Environment(
-        loader=FileSystemLoader(data_folder("templates") / "report"),
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        finalize=_clean,
-    )
+    return _NO_XML.sub(lambda found: f"\\x{ord(found.group()):02x}", text)

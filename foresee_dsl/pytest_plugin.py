@@ -1,0 +1,147 @@
+"""The pytest plugin: `pytest regressions --foresee-driver pdm` makes a test of each case of each `.foresee` file.
+
+It does nothing without `--foresee-driver` (or `foresee_driver` in pytest's ini file), and imports nothing heavy then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from foresee_dsl.report.case_results import CaseResult
+
+RECORDED = "recorded"
+"""As `--foresee-driver`: each recorded failure with the driver that its file names, everything else with `pdm`."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options, each of which the ini file can give too."""
+    group = parser.getgroup("foresee", "test cases of .foresee files")
+    for name, metavar, help_ in (
+        (
+            "driver",
+            "NAME",
+            f"make a test of each case of .foresee files, with this driver ('{RECORDED}': each file's own)",
+        ),
+        ("traces", "DIR", "keep the trace of every run in this folder (else those of failures, in pytest's own)"),
+    ):
+        group.addoption(f"--foresee-{name}", metavar=metavar, default=None, help=help_)
+        parser.addini(f"foresee_{name}", help_, default="")
+    group.addoption("--foresee-seed", type=int, metavar="N", default=0, help="seed of all random choices")
+    group.addoption("--foresee-allow-outside", action="store_true", help="files may use files outside the project")
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect `.foresee` files where a driver is named."""
+    if file_path.suffix != ".foresee" or not _option(parent.config, "driver"):
+        return None
+    collected: pytest.Collector = ForeseeFile.from_parent(parent, path=file_path)
+    return collected
+
+
+class ForeseeFile(pytest.File):
+    """One file: a test for each case of a scenario, one for a mutant; nothing for what others use (networks, clips)."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """Return the tests, named as in addresses: `scenario7.foresee::r02`."""
+        from foresee_dsl.campaign.driving import case_name
+        from foresee_dsl.errors import InputError
+        from foresee_dsl.language.project.addresses import kind_of
+        from foresee_dsl.language.project.loading import load_test_cases
+
+        kind = kind_of(self.path)
+        if kind not in ("scenario", "mutant"):
+            return
+        allowed = bool(self.config.getoption("--foresee-allow-outside"))
+        try:
+            cases = load_test_cases([_shown(self)], allow_outside=allowed)
+        except InputError as error:
+            if kind == "mutant":  # a test that fails: a stale child is a finding, and the others are run all the same
+                yield ForeseeItem.from_parent(self, name=self.path.stem, address=_shown(self))
+                return
+            raise self.CollectError(_mistakes(error)) from None
+        for case in cases:
+            yield ForeseeItem.from_parent(self, name=case.id.partition("::")[2] or case_name(case), address=case.id)
+
+
+class ForeseeItem(pytest.Item):
+    """One test case or recorded failure, driven once."""
+
+    def __init__(self, *, address: str, **others: Any) -> None:  # noqa: ANN401 - pytest's own
+        super().__init__(**others)
+        self.address = address
+
+    def runtest(self) -> None:
+        """Drive; what is not as it should be fails the test."""
+        from foresee_dsl.report.pytest_runs import drive
+
+        driver = _option(self.config, "driver")
+        result, sections = drive(
+            self.address,
+            driver="" if driver == RECORDED else driver,
+            seed=int(self.config.getoption("--foresee-seed")),
+            traces=_traces(self),
+            keep_all=bool(_option(self.config, "traces")),
+            allow_outside=bool(self.config.getoption("--foresee-allow-outside")),
+        )
+        self.user_properties += [("verdict", result.rule), *(("trace", file) for file in result.attachments)]
+        for title, text in sections:
+            self.add_report_section("call", title, text)
+        if result.outcome != "passed":
+            raise ForeseeFailure(result)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:  # noqa: ANN401
+        """Say how it ended, what happened, where, and how to see it again; mistakes in files as in `foresee check`."""
+        from foresee_dsl.errors import InputError
+
+        if isinstance(excinfo.value, ForeseeFailure):
+            return excinfo.value.result.text
+        if isinstance(excinfo.value, InputError):
+            return _mistakes(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Return the file, the case's line, and the address."""
+        from foresee_dsl.report.case_results import place_of
+
+        span = place_of(self.address).span
+        return self.path, span.line - 1 if span else None, self.address
+
+
+class ForeseeFailure(Exception):  # noqa: N818 - a test that failed, not an error
+    """A run that did not end as it should."""
+
+    def __init__(self, result: CaseResult) -> None:
+        super().__init__(result.message)
+        self.result = result
+
+
+def _option(config: pytest.Config, name: str) -> str:
+    return str(config.getoption(f"--foresee-{name}") or config.getini(f"foresee_{name}") or "")
+
+
+def _traces(item: ForeseeItem) -> Path:
+    """Return the folder for traces: the one that was asked for, or one in pytest's own folder of this session."""
+    named = _option(item.config, "traces")
+    if named:
+        return item.config.invocation_params.dir / named
+    # What the fixture `tmp_path_factory` gives; an item that is no function has no fixtures.
+    factory: pytest.TempPathFactory = item.config._tmp_path_factory  # type: ignore[attr-defined]
+    return factory.getbasetemp() / "foresee"
+
+
+def _shown(collector: ForeseeFile) -> str:
+    """Return the file as messages name it: relative to where pytest was called, where it lies below."""
+    folder = collector.config.invocation_params.dir
+    path = collector.path
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def _mistakes(error: Any) -> str:  # noqa: ANN401 - an InputError, whose module is imported late
+    from foresee_dsl.language.messages.diagnostics import render_all
+
+    return render_all(error.diagnostics)
