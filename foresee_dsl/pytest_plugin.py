@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from foresee_dsl.campaign.regression.suite import SuiteTest
     from foresee_dsl.report.case_results import CaseResult
 
 RECORDED = "recorded"
@@ -44,50 +45,41 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 class ForeseeFile(pytest.File):
-    """One file: a test for each case of a scenario, one for a mutant; nothing for what others use (networks, clips)."""
+    """One file: a test for each case of a scenario and for a mutant; none for what others use, such as networks."""
 
     def collect(self) -> Iterator[pytest.Item]:
         """Return the tests, named as in addresses: `scenario7.foresee::r02`."""
-        from foresee_dsl.campaign.driving import case_name
         from foresee_dsl.errors import InputError
-        from foresee_dsl.language.project.addresses import kind_of
-        from foresee_dsl.language.project.loading import load_test_cases
+        from foresee_dsl.report.pytest_runs import tests_in
 
-        kind = kind_of(self.path)
-        if kind not in ("scenario", "mutant"):
-            return
         allowed = bool(self.config.getoption("--foresee-allow-outside"))
         try:
-            cases = load_test_cases([_shown(self)], allow_outside=allowed)
+            for name, test in tests_in(_shown(self), allow_outside=allowed):
+                yield ForeseeItem.from_parent(self, name=name, test=test)
         except InputError as error:
-            if kind == "mutant":  # a test that fails: a stale child is a finding, and the others are run all the same
-                yield ForeseeItem.from_parent(self, name=self.path.stem, address=_shown(self))
-                return
             raise self.CollectError(_mistakes(error)) from None
-        for case in cases:
-            yield ForeseeItem.from_parent(self, name=case.id.partition("::")[2] or case_name(case), address=case.id)
 
 
 class ForeseeItem(pytest.Item):
-    """One test case or recorded failure, driven once."""
+    """One test case, driven once."""
 
-    def __init__(self, *, address: str, **others: Any) -> None:  # noqa: ANN401 - pytest's own
+    def __init__(self, *, test: SuiteTest, **others: Any) -> None:  # noqa: ANN401 - pytest's own
         super().__init__(**others)
-        self.address = address
+        self.test = test
 
     def runtest(self) -> None:
-        """Drive; what is not as it should be fails the test."""
-        from foresee_dsl.report.pytest_runs import drive
+        """Drive; what does not end as it should fails the test."""
+        from foresee_dsl.report.pytest_runs import Wanted, drive
 
         driver = _option(self.config, "driver")
-        result, sections = drive(
-            self.address,
+        wanted = Wanted(
             driver="" if driver == RECORDED else driver,
             seed=int(self.config.getoption("--foresee-seed")),
             traces=_traces(self),
             keep_all=bool(_option(self.config, "traces")),
             allow_outside=bool(self.config.getoption("--foresee-allow-outside")),
         )
+        result, sections = drive(self.test, wanted)
         self.user_properties += [("verdict", result.rule), *(("trace", file) for file in result.attachments)]
         for title, text in sections:
             self.add_report_section("call", title, text)
@@ -108,8 +100,8 @@ class ForeseeItem(pytest.Item):
         """Return the file, the case's line, and the address."""
         from foresee_dsl.report.case_results import place_of
 
-        span = place_of(self.address).span
-        return self.path, span.line - 1 if span else None, self.address
+        span = place_of(self.test.address).span
+        return self.path, span.line - 1 if span else None, self.test.address
 
 
 class ForeseeFailure(Exception):  # noqa: N818 - a test that failed, not an error

@@ -1,12 +1,19 @@
-"""One test of the pytest plugin: a test case or a recorded failure is driven, judged and told."""
+"""Tests of the pytest plugin: which there are in a file, and one of them driven, judged and told."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.campaign.regression.expectations import Ending, Status, expected_in, in_words, judge, names_of
+from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
+from foresee_dsl.campaign.verify import reached
+from foresee_dsl.errors import InputError
+from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.report.case_results import CaseResult, Outcome, of_run
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import tell
@@ -15,45 +22,94 @@ Sections = tuple[tuple[str, str], ...]
 """Titles and texts that a test's report gets."""
 
 
-def drive(
-    address: str, *, driver: str, seed: int, traces: Path, keep_all: bool, allow_outside: bool = False
-) -> tuple[CaseResult, Sections]:
-    """Drive once.
+@dataclass(frozen=True)
+class Wanted:
+    """What the plugin's options ask for.
 
-    Args:
-        driver: "" for the one that the file records. traces: where the trace is written. keep_all: of passed tests too.
+    Attributes:
+        driver: "" for the one that each file records. traces: where traces are written. keep_all: of passed tests too.
+    """
+
+    driver: str
+    seed: int
+    traces: Path
+    keep_all: bool = False
+    allow_outside: bool = False
+
+
+def tests_in(file: str, *, allow_outside: bool = False) -> Iterator[tuple[str, SuiteTest]]:
+    """Yield name and test of each case of a scenario, of a mutant, and of a clip of which something is expected.
 
     Raises:
-        InputError: the file has mistakes, or is stale. DriverError: there is no such driver.
+        InputError: the file has mistakes (a mutant's are found when it is run).
     """
-    case = load_test_case(address, allow_outside=allow_outside)
-    driver = driver or _recorded(case)
+    kind = kind_of(Path(file))
+    if kind not in ("scenario", "clip", "mutant"):
+        return
+    try:
+        stated = {test.address: test for test in suite_of([file])}
+    except InputError:  # nothing is expected of it
+        stated = {}
+    if kind != "scenario":
+        yield from ((Path(file).stem, test) for test in stated.values())
+        return
+    for case in load_test_cases([file], allow_outside=allow_outside):
+        name = case.id.partition("::")[2]
+        yield name or case_name(case), stated.get(case.id, SuiteTest(Path(file), name or None))
+
+
+def drive(test: SuiteTest, wanted: Wanted) -> tuple[CaseResult, Sections]:
+    """Drive once and judge: by what the file expects of the driver, and where it says nothing, it has to pass.
+
+    Raises:
+        InputError: the file has mistakes, or an edit of its parent reaches it. DriverError: there is no such driver.
+    """
+    case, note = _loaded(test, allow_outside=wanted.allow_outside)
+    driver = wanted.driver or test.driver
+    seed = wanted.seed or test.seed
     result = run_test_case(case, driver, seed)
-    judged = of_run(case.id, driver, seed, result)
-    failed = judged.outcome is not Outcome.PASSED
-    kept = _kept(case, result, traces) if failed or keep_all else ""
+    found = _judged(test, of_run(case.id, driver, seed, result), result, driver)
+    failed = found.outcome is not Outcome.PASSED
     story = tell(result.trace, case) if failed else None
     sections: list[tuple[str, str]] = []
-    details = judged.details
     if story is not None and story.sentence:
-        details = (story.sentence, *details)
+        found = replace(found, details=(story.sentence, *found.details))
         sections.append(("what happened", "\n".join(f"{m.time_s:6.2f} s  {m.text}" for m in story.moments)))
-    if kept:
-        sections.append(("trace", kept))
-    attachments = (kept,) if kept else ()
-    found = CaseResult(**{**vars(judged), "details": details, "attachments": attachments})
-    return found, tuple((title, text) for title, text in sections if text)
+    if failed or wanted.keep_all:
+        file = wanted.traces / f"{case_name(case)}.npz"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        result.trace.save(file)
+        found = replace(found, attachments=(str(file),))
+        sections.append(("trace", str(file)))
+    if note:
+        sections.append(("note", note))
+    return found, tuple(sections)
 
 
-def _kept(case: TestCase, result: RunResult, folder: Path) -> str:
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{case_name(case)}.npz"
-    result.trace.save(file)
-    return str(file)
+def _loaded(test: SuiteTest, *, allow_outside: bool) -> tuple[TestCase, str]:
+    """Return the test case; of a child whose parent's edit does not reach it too, with a note."""
+    try:
+        return load_test_case(test.address, allow_outside=allow_outside), ""
+    except InputError:
+        if test.case is not None or reached([test.file]).get(test.file) != "":
+            raise
+        note = "its parent was edited, and the edit does not reach it: `foresee repin --write` writes the new pins"
+        return load_test_case(test.address, allow_outside=allow_outside, check_pin=False), note
 
 
-def _recorded(case: TestCase) -> str:
-    from foresee_dsl.drivers.registry import recorded_address
-
-    origin = case.mutant.origin if case.mutant else None
-    return recorded_address((origin.driver if origin else None) or "pdm")
+def _judged(test: SuiteTest, found: CaseResult, result: RunResult, driver: str) -> CaseResult:
+    """Return the result as `foresee verify` counts it, where the file says what is expected of the driver."""
+    version = str(result.trace.meta.get("driver_version", ""))
+    expected = expected_in(test.stated, test.case, names_of(driver, version), test.origin)
+    if expected is None:
+        return found
+    status = judge(expected, Ending(result.verdict, result.with_))
+    if status is Status.AS_EXPECTED:
+        return replace(found, outcome=Outcome.PASSED, rule=status.value, details=())
+    return replace(
+        found,
+        outcome=Outcome.ERROR if status is Status.CRASHED else Outcome.FAILED,
+        rule=status.value,
+        message=f"{status.label}: {found.message}",
+        details=(f"expected: {driver} {in_words(expected)}", *found.details),
+    )
