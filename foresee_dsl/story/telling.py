@@ -2,61 +2,139 @@
 
 from __future__ import annotations
 
-from foresee_dsl.kernels.boxes import Mover
+from typing import assert_never
+
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, impact
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.story.contact import contact_class, contact_point, steering_of
+from foresee_dsl.story.ego import Ego, ego_of
+from foresee_dsl.story.facts import Facts
+from foresee_dsl.story.mutation import changed
+from foresee_dsl.story.opponent import Opponent
+from foresee_dsl.story.place import Place, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
+from foresee_dsl.story.waiting import waiting
+from foresee_dsl.story.wording import kmh, with_side
+
+STOOD_S = 1.0
+"""Who has stood for less has just stopped. Ours."""
+SEEN_SHORTLY_S = 3.0
+"""For how long the ego saw the other is said where it is less than this. Ours: three times what a driver needs."""
 
 
 def tell(trace: Trace, case: TestCase) -> Story:
-    """Tell what happened in a run of a test case."""
-    touched = _impact(trace)
-    contact = _contact(trace, case, touched)
-    kind = trace.actors[trace.index(touched.with_)].kind if touched else ""
-    mps = float(trace.states[0, 0, SPEED])
-    moments = [Moment(0.0, "ego", "starts", f"the ego drives {mps * 3.6:.0f} km/h" if mps > 0.1 else "the ego stands")]
-    sentence = str(trace.meta.get("reason", ""))
-    if touched:
-        text = f"contact, {touched.side}, {touched.relative_mps:.1f} m/s: {touched.struck}"
-        moments.append(Moment(trace.duration_s, "ego", "contact", text))
-        sentence = f"{touched.struck} at {touched.relative_mps:.1f} m/s, on the ego's {touched.side}"
+    """Tell what happened in a run of a test case.
+
+    Raises:
+        InputError, CompileError: the test case cannot be compiled.
+    """
+    facts = Facts.of(trace, case)
+    contact, found = contact_class(facts), facts.impact
+    at = contact_point(facts, found) if found else facts.xy(0, facts.last)
+    place = place_of(facts, at, facts.last)
+    ego = ego_of(facts, place)
+    other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
     return Story(
-        moments=tuple(moments),
-        sentence=sentence,
-        opponent=touched.with_ if touched else "",
-        opponent_kind=kind,
+        moments=_moments(facts, ego, other, found),
+        sentence=_sentence(facts, ego, other, place),
+        opponent=facts.info(other.actor).id if other else "",
+        opponent_kind=other.kind if other else "",
         contact=contact,
-        ego_manoeuvre="stands" if contact is ContactClass.HIT_WHILE_STANDING else "drives",
-        opponent_manoeuvre="",
-        place="",
-        touch=touched.side if touched else "",
+        ego_manoeuvre=ego.manoeuvre(steered=contact is ContactClass.STRUCK_BY_STEERED),
+        opponent_manoeuvre=other.manoeuvre if other else "",
+        place=place.name,
+        touch=_touch(contact, found),
     )
 
 
-def _impact(trace: Trace) -> Impact | None:
-    """Return the contact that a run ended with, as its judge saw it; None where it ended otherwise."""
-    hit = next((e for e in reversed(trace.events) if e.what == "collision"), None)
-    if hit is None:
-        return None
-    name = str(hit.detail["with"])
-    return impact(_mover(trace, 0), _mover(trace, trace.index(name)), name)
+def _moments(facts: Facts, ego: Ego, other: Opponent | None, found: Impact | None) -> tuple[Moment, ...]:
+    moments = [*ego.moments, *(other.moments() if other else ())]
+    moments += [Moment(0.0, change.actor, "mutation", changed(change)) for change in facts.changes]
+    if found is not None:
+        text = f"contact, {with_side(found.side)}, {found.relative_mps:.1f} m/s: {found.struck}"
+        moments.append(Moment(facts.end_s, "ego", "contact", text))
+    elif facts.verdict is not None:
+        moments.append(Moment(facts.end_s, "ego", "ends", f"the run ends: {facts.verdict.label}"))
+    return tuple(sorted(moments, key=lambda moment: moment.time_s))
 
 
-def _mover(trace: Trace, actor: int) -> Mover:
-    row, info = trace.states[-1, actor], trace.actors[actor]
-    x, y, heading, speed = (float(row[k]) for k in (X, Y, HEADING, SPEED))
-    return Mover(x, y, heading, speed, info.length_m, info.width_m)
+def _touch(contact: ContactClass, found: Impact | None) -> str:
+    """The side of the ego that was touched; any of one that stood or was steered into: that is a matter of chance."""
+    alike = (ContactClass.STRUCK_BY_STEERED, ContactClass.HIT_WHILE_STANDING)
+    return "" if found is None or contact in alike else with_side(found.side)
 
 
-def _contact(trace: Trace, case: TestCase, touched: Impact | None) -> ContactClass:
-    if touched is None:
-        off = trace.meta.get("verdict") == Verdict.F1
-        return ContactClass.OFF_ROAD if off else ContactClass.NONE
-    changed = {c.actor for c in case.mutant.changes if c.property in ("steer", "line")} if case.mutant else set()
-    if touched.with_ in changed and touched.struck_by != "ego":
-        return ContactClass.STRUCK_BY_STEERED
-    if touched.ego_mps < STUCK_SPEED_MPS:
-        return ContactClass.HIT_WHILE_STANDING
-    return ContactClass.EGO_DROVE_INTO if touched.struck_by == "ego" else ContactClass.BOTH_MOVING
+def _sentence(facts: Facts, ego: Ego, other: Opponent | None, place: Place) -> str:
+    said = steering_of(facts) if other is not None and other.steered else None
+    made = "; ".join(changed(change) for change in facts.changes if change is not said)
+    made = f" (mutation: {made})" if made else ""
+    found = facts.impact
+    if other is None or found is None:
+        return _alone(facts, ego, place) + made
+    where = f" {place.text}" if place.text and place.kind != "crossing" else ""
+    return f"{other.clause()}; {_ego_clause(facts, ego, other, found)}{where}{made}"
+
+
+def _ego_clause(facts: Facts, ego: Ego, other: Opponent, found: Impact) -> str:
+    going = f", {ego.going}," if ego.going else ""
+    parts = [text for text in (_sees(facts, ego, other), _drives(ego)) if text]
+    return f"the ego{going} {', '.join(parts)} and {_ends(ego, found)}"
+
+
+def _ends(ego: Ego, found: Impact) -> str:
+    """How the contact was."""
+    speed = f"at {found.relative_mps:.1f} m/s"
+    side, theirs = with_side(found.side), with_side(found.other_side)
+    match found.struck_by:
+        case "ego":
+            return f"hits it with its {side} {speed}"
+        case "other":
+            return f"is hit on its {side} {speed}"
+        case "both":
+            return f"they collide, {side} against {theirs}, {speed}"
+        case "neither" if ego.state == "stands":
+            return f"is grazed on its {side} {speed}"
+        case "neither":
+            return f"grazes it with its {side} {speed}"
+        case _:
+            assert_never(found.struck_by)
+
+
+def _sees(facts: Facts, ego: Ego, other: Opponent) -> str:
+    if other.seen.since_s is None:
+        return "does not see it"
+    before = other.seen.before_s(facts.end_s)
+    if not other.seen.from_start and before < SEEN_SHORTLY_S:
+        return f"sees it {before:.1f} s before the contact"
+    unmoved = ego.state not in ("stands", "creeps") and not ego.braking_mps2
+    return "has it in sight all the time" if unmoved else ""
+
+
+def _drives(ego: Ego) -> str:
+    braking = f"with up to {ego.braking_mps2:.1f} m/s^2"
+    match ego.state:
+        case "stands" if ego.stood_s >= STOOD_S:
+            return f"has stood for {ego.stood_s:.1f} s"
+        case "stands":
+            return f"brakes to a stand {braking}" if ego.braking_mps2 else "has just stopped"
+        case "brakes" | "creeps" if ego.braking_mps2:
+            return f"brakes from {kmh(ego.fastest_mps)} {braking}"
+        case "creeps":
+            return f"creeps at {kmh(ego.fastest_mps)}" if ego.fastest_mps > 0.5 else "hardly moves"
+        case "accelerates":
+            return f"accelerates to {kmh(ego.fastest_mps)}"
+        case _:
+            return f"drives on at {kmh(ego.fastest_mps)}"
+
+
+def _alone(facts: Facts, ego: Ego, place: Place) -> str:
+    """The sentence of a run that ended without a contact."""
+    going = f", {ego.going}," if ego.going else ""
+    match facts.verdict:
+        case Verdict.STUCK:
+            return f"the ego{going} stands for {ego.stood_s:.0f} s, {waiting(facts)}"
+        case Verdict.F1:
+            return f"the ego{going} leaves the road at {kmh(ego.fastest_mps)} {place.text}".rstrip()
+        case _:
+            return str(facts.trace.meta.get("reason", "")) or f"the ego{going} {ego.state}"

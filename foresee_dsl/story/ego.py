@@ -1,0 +1,200 @@
+"""What the ego did: its moments, how it drove at the end, and which way it was going."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, YAW_RATE
+from foresee_dsl.story.facts import Facts, spans
+from foresee_dsl.story.place import Place, kind_of, movement_near
+from foresee_dsl.story.story import Moment
+from foresee_dsl.story.wording import kmh
+
+STANDS_MPS = 0.1
+"""Slower is standing: SUMO's threshold for a halting vehicle."""
+STANDS_FOR_S = 0.5
+"""A shorter stand is none. Ours: what a passenger notices."""
+CREEPS_MPS = 3.0
+"""An ego that was slower than this for the last second creeps: 11 km/h, ours, a little over a walking pace."""
+BRAKES_MPS2 = 1.0
+"""Braking from here on is told. Ours: releasing the accelerator slows a car down by under 1 m/s^2."""
+BRAKES_HARD_MPS2 = 5.0
+"""Braking from here on is hard: over 5 m/s^2 is an emergency manoeuvre in UN Regulation 157 (after
+`derive.preventability.risk`)."""
+BRAKES_FOR_S = 0.15
+"""Braking that is over sooner is not told. Ours: three frames, the delay of a brake."""
+EASES_S = 0.3
+"""Braking that eases for less is one braking. Ours."""
+ACCELERATES_MPS2, ACCELERATES_FOR_S = 0.8, 1.0
+"""Speeding up from here on, for so long, is told. Ours: half of what SUMO's cars do at most in town."""
+STEERS_RAD, STEERS_WITHIN_S = math.radians(8), 2.0
+"""An ego that turns by more than this in that time, between junctions, steers to that side. Ours: a lane change at
+50 km/h turns by 4 degrees."""
+SWERVES_MPS2, SWERVES_FOR_S = 2.0, 0.3
+"""Lateral acceleration outside junctions that is told as a swerve. Ours: a lane change by `pdm` stays under
+1.5 m/s^2."""
+
+
+@dataclass(frozen=True)
+class Ego:
+    """What the ego did at the end of a run.
+
+    Attributes:
+        state: `stands`, `creeps`, `brakes`, `accelerates`, `drives on`. going: `turning left`, `changing lane`, ..., ""
+            where it goes straight on. fastest_mps: within the last second, or before the last braking.
+        braking_mps2: the strongest of the last braking, 0 where it has not braked at the end.
+        stood_s: for how long it stands at the end. moments: of the whole run.
+    """
+
+    state: str
+    going: str
+    fastest_mps: float
+    braking_mps2: float
+    stood_s: float
+    moments: tuple[Moment, ...]
+
+    def manoeuvre(self, *, steered: bool) -> str:
+        """Return what it did in words that are the same in equal stories.
+
+        Whether it stands or brakes counts, but not where somebody was steered into it: it could do nothing more then.
+        """
+        if steered:
+            return self.going or "drives or waits"
+        what = "stands" if self.state == "stands" else "brakes" if self.braking_mps2 else "does not brake"
+        return f"{what}, {self.going}" if self.going else what
+
+
+def ego_of(facts: Facts, place: Place) -> Ego:
+    """Look at the ego."""
+    speed, last = facts.speed(0), facts.last
+    brakings = _brakings(facts)
+    stand = next((s for s in spans(speed < STANDS_MPS, 0.0) if s[1] == last), None)
+    until = stand[0] if stand else last
+    final = next((b for b in reversed(brakings) if (until - b[1]) * STEP_S <= EASES_S), None)
+    first = min(final[0] if final else last, max(0, last - round(1 / STEP_S)))
+    return Ego(
+        state=_state(facts, final is not None),
+        going=_going(facts, place),
+        fastest_mps=float(speed[first:].max()),
+        braking_mps2=_strongest(facts, final) if final else 0.0,
+        stood_s=(stand[1] - stand[0]) * STEP_S if stand else 0.0,
+        moments=tuple(sorted(_moments(facts, brakings), key=lambda moment: moment.time_s)),
+    )
+
+
+def _state(facts: Facts, braking: bool) -> str:
+    speed = facts.speed(0)[max(0, facts.last - round(1 / STEP_S)) :]
+    if speed[-1] < STANDS_MPS:
+        return "stands"
+    if speed.max() < CREEPS_MPS:
+        return "creeps"
+    if braking:
+        return "brakes"
+    return "accelerates" if facts.trace.states[-1, 0, ACCELERATION] > ACCELERATES_MPS2 else "drives on"
+
+
+def _going(facts: Facts, place: Place) -> str:
+    movement = movement_near(facts, 0, facts.last, place) if place.kind != "road" else None
+    if movement is not None:
+        return "" if movement.turn == "straight" else f"turning {movement.turn}"
+    if _changes_lane(facts, facts.last):
+        return "changing lane"
+    turned = wrap(facts.heading(0, facts.last) - facts.heading(0, max(0, facts.last - round(STEERS_WITHIN_S / STEP_S))))
+    if place.kind == "road" and abs(turned) > STEERS_RAD:
+        return f"steering to the {'left' if turned > 0 else 'right'}"
+    return ""
+
+
+def _changes_lane(facts: Facts, frame: int) -> bool:
+    """Whether the ego changed its lane within the last two seconds."""
+    network = facts.network
+    ids = [facts.lane(0, k) for k in range(max(0, frame - round(2 / STEP_S)), frame + 1)]
+    lanes = [network.lanes[name] for name in dict.fromkeys(ids) if name in network.lanes]
+    return any(a.edge == b.edge and not a.internal for a, b in pairwise(lanes))
+
+
+def _brakings(facts: Facts) -> list[tuple[int, int]]:
+    states = facts.trace.states[:, 0]
+    return spans((states[:, ACCELERATION] <= -BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS), BRAKES_FOR_S, EASES_S)
+
+
+def _strongest(facts: Facts, span: tuple[int, int]) -> float:
+    return -float(facts.trace.states[span[0] : span[1] + 1, 0, ACCELERATION].min())
+
+
+def _moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:
+    speed = facts.speed(0)
+    begins = f"the ego drives {kmh(speed[0])}" if speed[0] >= STANDS_MPS else "the ego stands"
+    yield _moment(0, "begins", begins)
+    yield from _braking_moments(facts, brakings)
+    for start, end in spans(speed < STANDS_MPS, STANDS_FOR_S):
+        if start > 0:
+            yield _moment(start, "stops", "the ego stops")
+        if end < facts.last:
+            yield _moment(end + 1, "moves off", "the ego moves off")
+    for start, _ in spans((speed >= STANDS_MPS) & (speed < CREEPS_MPS), 1.5, EASES_S):
+        if start > 0:
+            yield _moment(start, "creeps", f"the ego creeps, at under {kmh(CREEPS_MPS)}")
+    acceleration = facts.trace.states[:, 0, ACCELERATION]
+    for start, end in spans(acceleration >= ACCELERATES_MPS2, ACCELERATES_FOR_S, EASES_S):
+        yield _moment(start, "accelerates", f"the ego accelerates from {kmh(speed[start])} to {kmh(speed[end])}")
+    yield from _way_moments(facts)
+
+
+def _braking_moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:
+    speed, acceleration = facts.speed(0), facts.trace.states[:, 0, ACCELERATION]
+    for start, end in brakings:
+        strongest = _strongest(facts, (start, end))
+        hard = next((k for k in range(start, end + 1) if acceleration[k] <= -BRAKES_HARD_MPS2), None)
+        if hard is not None and (hard - start) * STEP_S > EASES_S:
+            gentle = _strongest(facts, (start, hard - 1))
+            yield _moment(start, "brakes", f"the ego brakes with {gentle:.1f} m/s^2, from {kmh(speed[start])}")
+            yield _moment(hard, "brakes hard", f"the ego brakes hard, with up to {strongest:.1f} m/s^2")
+        else:
+            kind = "brakes" if hard is None else "brakes hard"
+            yield _moment(start, kind, f"the ego {kind} with {strongest:.1f} m/s^2, from {kmh(speed[start])}")
+
+
+def _way_moments(facts: Facts) -> Iterator[Moment]:
+    """Junctions, lane changes and swerves."""
+    inside = np.zeros(facts.trace.frames, dtype=np.bool_)
+    for start, end, movement in facts.passages(0):
+        inside[start : end + 1] = True
+        where = kind_of(facts.network, movement.junction)
+        if start > 0 and where not in ("bend", "end of the road"):
+            yield _moment(
+                start, "enters", f"the ego enters the {where} {movement.junction}, {_way(facts, movement, start)}"
+            )
+    network, previous = facts.network, facts.lane(0, 0)
+    for frame in (np.flatnonzero(np.diff(facts.trace.lanes[:, 0])) + 1).tolist():
+        lane, before = network.lanes.get(facts.lane(0, frame)), network.lanes.get(previous)
+        previous = facts.lane(0, frame)
+        if lane and before and lane.edge == before.edge and not lane.internal and lane.index != before.index:
+            side = "left" if lane.index > before.index else "right"
+            yield _moment(frame, "changes lane", f"the ego changes to the lane on its {side}")
+    states = facts.trace.states[:, 0]
+    lateral = states[:, SPEED] * states[:, YAW_RATE]
+    for start, end in spans((np.abs(lateral) >= SWERVES_MPS2) & ~inside, SWERVES_FOR_S):
+        side = "left" if lateral[start : end + 1].mean() > 0 else "right"
+        yield _moment(start, "swerves", f"the ego swerves to the {side}")
+
+
+def _way(facts: Facts, movement: Movement, frame: int) -> str:
+    turn = "straight on" if movement.turn == "straight" else f"turning {movement.turn}"
+    colour = facts.colour(movement, max(0, frame - 1))
+    return f"{turn}, on {colour}" if colour else turn
+
+
+def _at(frame: int) -> float:
+    return round(frame * STEP_S, 6)
+
+
+def _moment(frame: int, kind: str, text: str) -> Moment:
+    return Moment(_at(frame), "ego", kind, text)

@@ -1,0 +1,341 @@
+"""What the opponent did: how it came to the ego, what it ignored, when it was seen, and its moments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from foresee_dsl.compile.roads.polyline import wrap
+from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.kernels.boxes import Box, gaps
+from foresee_dsl.language.model import Quantity
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, X, Y
+from foresee_dsl.story.contact import ALONG_RAD, moved_towards, side_of, steered_from, steering_of
+from foresee_dsl.story.ego import STANDS_MPS
+from foresee_dsl.story.facts import Facts, spans
+from foresee_dsl.story.place import Place, kind_of, movement_near
+from foresee_dsl.story.seen import Seen, seen
+from foresee_dsl.story.story import ContactClass, Moment
+from foresee_dsl.story.wording import full_name, kmh, metres, name_of
+
+SUDDEN_S = 2.0
+"""Who was hidden and is in sight for less than this before the end comes out of hiding: UN Regulation 157's time to
+collision from which a cut-in is a risk (`derive.preventability.risk`)."""
+STARTED_WITHIN_S = 8.0
+"""Who stood beside the lanes and moved off so shortly before the end pulls out. Ours."""
+SAME_LANE_M = 1.2
+"""Who drives the ego's way and is less than this to its side is ahead of it or behind it, else beside it. Ours: half a
+car and half a bicycle."""
+APPROACH_S = 1.0
+"""Away from junctions, who comes from where is looked up so long before the end. Ours: before most evasion."""
+BRAKES_MPS2 = 2.0
+"""An opponent's braking from here on is told. Ours: more than SUMO's drivers do to keep their distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Opponent:
+    """The opponent of a run: its column, and the place of the end."""
+
+    facts: Facts
+    actor: int
+    place: Place
+    contact: ContactClass
+
+    @cached_property
+    def seen(self) -> Seen:
+        """Since when the ego's sensors see it."""
+        return seen(self.facts, self.actor)
+
+    @property
+    def kind(self) -> str:
+        """Its class."""
+        return self.facts.info(self.actor).kind
+
+    @property
+    def name(self) -> str:
+        """Its name with what it is."""
+        return full_name(self.facts.info(self.actor))
+
+    @cached_property
+    def sudden(self) -> bool:
+        """Whether it comes out of hiding."""
+        end_s = self.facts.trace.duration_s
+        return bool(self.seen.hidden_by) and not self.seen.from_start and self.seen.before_s(end_s) < SUDDEN_S
+
+    @cached_property
+    def stands(self) -> bool:
+        """Whether it stands at the end and has stood for a second, or never moves at all."""
+        placed = self.facts.placed(self.actor)
+        recent = self.facts.speed(self.actor)[max(0, self.facts.last - round(1 / STEP_S)) :]
+        return (placed is not None and placed.control == "static") or bool((recent < STANDS_MPS).all())
+
+    @cached_property
+    def follows_path(self) -> bool:
+        """Whether it moves off SUMO's lanes."""
+        return bool(self.facts.info(self.actor).path)
+
+    @cached_property
+    def movement(self) -> Movement | None:
+        """Its movement through the junction where it ends."""
+        if self.follows_path or self.place.kind == "road":
+            return None
+        return movement_near(self.facts, self.actor, self.facts.last, self.place)
+
+    @cached_property
+    def relation(self) -> str:
+        """Where it comes from, as seen from the ego before both came to the place of the end."""
+        facts = self.facts
+        if self.kind == "pedestrian":
+            return _across(facts.turned(self.actor, facts.last), "walks")
+        frame, ego_heading = self._approach(0)
+        if self.follows_path:
+            heading = facts.course(self.actor, _first_moving(facts, self.actor, frame))
+            if self.onto_road is not None and ALONG_RAD < abs(wrap(heading - ego_heading)) < math.pi - ALONG_RAD:
+                return _across(wrap(heading - ego_heading), "rides" if self.kind == "bicycle" else "drives")
+        else:
+            heading = self._approach(self.actor)[1]
+        turned = wrap(heading - ego_heading)
+        if abs(turned) < ALONG_RAD:
+            return self._beside(frame)
+        if abs(turned) > math.pi - ALONG_RAD:
+            return "comes the other way"
+        return "comes from the right" if turned > 0 else "comes from the left"
+
+    @cached_property
+    def breaks_rule(self) -> str:
+        """Which rule it breaks, in words, "" for none: a red signal, or the ego's right of way."""
+        if self.movement is None:
+            return ""
+        start = self._entry
+        if start is None:
+            return ""
+        if self.facts.colour(self.movement, max(0, start - 1)) == "red":
+            return "on red"
+        ego = movement_near(self.facts, 0, self.facts.last, self.place)
+        junction = self.facts.network.junctions.get(self.movement.junction)
+        if ego is None or junction is None or ego.junction != self.movement.junction:
+            return ""
+        mine, its = ego.index, self.movement.index
+        return "without giving way" if junction.yields(its, mine) and not junction.yields(mine, its) else ""
+
+    @cached_property
+    def manoeuvre(self) -> str:
+        """What it did, in words that are the same in equal stories."""
+        if self.stands:
+            return "stands"
+        parts = ["pulls out" if self.pulls_out else self.relation]
+        if self.movement is not None and self.movement.turn in ("left", "right"):
+            parts.append(f"turns {self.movement.turn}")
+        if self.steered:
+            parts.append("is steered towards the ego")
+        elif self.breaks_rule:
+            parts.append(self.breaks_rule)
+        if self.sudden:
+            parts.append("out of hiding")
+        return ", ".join(parts)
+
+    @cached_property
+    def steered(self) -> bool:
+        """Whether the story says that the mutation steered it towards the ego."""
+        change = steering_of(self.facts)
+        by_wheel = change is not None and change.property == "steer" and moved_towards(self.facts)
+        return by_wheel or self.contact is ContactClass.STRUCK_BY_STEERED
+
+    @cached_property
+    def pulls_out(self) -> bool:
+        """Whether a vehicle that stood beside the lanes has just moved off."""
+        if self.kind in ("pedestrian", "bicycle") or not self.follows_path:
+            return False
+        first = max(0, self.facts.last - round(STARTED_WITHIN_S / STEP_S))
+        return bool((self.facts.speed(self.actor)[first:] < STANDS_MPS).any())
+
+    @cached_property
+    def onto_road(self) -> int | None:
+        """The frame from which on its middle is on the road until the end; None where it always was or never is."""
+        if not self.follows_path:
+            return None
+        on_road = self._on_road
+        off = np.flatnonzero(~on_road)
+        return int(off[-1]) + 1 if off.size and off[-1] < self.facts.last else None
+
+    def ahead_m(self, frame: int) -> float:
+        """Return the gap between the footprints at a frame, m."""
+        rows = [self._box(0, frame), self._box(self.actor, frame)]
+        return float(gaps(np.array([rows[0]]), np.array([rows[1]]))[0])
+
+    def clause(self) -> str:
+        """Return what it did as the beginning of a sentence."""
+        if self.stands:
+            return f"{self.name} stands"
+        hiding = f" from behind {self.seen.hidden_by}," if self.sudden else ""
+        what = self._comes()
+        if hiding:
+            comes, _, side = what.partition(" from the ")
+            what = f"{comes}{hiding}" + (f" from the {side}" if side else "").removesuffix(",")
+        parts = [f"{self.name} {what.rstrip(',')}"]
+        if self.breaks_rule:
+            parts[0] += f" {self.breaks_rule}"
+        if self.steered:
+            parts[0] += f" and is steered {self._steered_side} into the ego's way (by the mutation)"
+        gap = self._gap_words()
+        return ", ".join([*parts, gap] if gap else parts)
+
+    def moments(self) -> Iterator[Moment]:
+        """Yield what it did, with times."""
+        facts, name = self.facts, name_of(self.facts.info(self.actor))
+        if self.seen.since_s is not None and not self.seen.from_start:
+            hidden = f", hidden by {self.seen.hidden_by} until then" if self.seen.hidden_by else ""
+            gap = metres(self.ahead_m(round(self.seen.since_s / STEP_S)))
+            yield Moment(self.seen.since_s, facts.info(self.actor).id, "appears",
+                         f"the ego sees {self.name}, {gap} away{hidden}")  # fmt: skip
+        elif self.seen.since_s is None:
+            by = f", hidden by {self.seen.hidden_by}" if self.seen.hidden_by else ""
+            yield self._moment(facts.last, "unseen", f"the ego does not see {self.name}{by}")
+        change = steering_of(facts)
+        if change is not None and change.property == "steer" and isinstance(change.start, Quantity):
+            yield self._moment(round(change.start.si / STEP_S), "steered", f"{name} is steered {self._steered_side}")
+        speed = facts.speed(self.actor)
+        for _, end in spans(speed < STANDS_MPS, 0.5):
+            if end < facts.last:
+                yield self._moment(end + 1, "moves off", f"{name} moves off")
+        if self.onto_road:
+            on = self.onto_road
+            verb = "steps" if self.kind == "pedestrian" else "rides" if self.kind == "bicycle" else "drives"
+            yield self._moment(
+                on, "onto the road", f"{name} {verb} onto the road, {metres(self.ahead_m(on))} from the ego"
+            )
+        yield from self._driven()
+
+    def _driven(self) -> Iterator[Moment]:
+        facts, name = self.facts, name_of(self.facts.info(self.actor))
+        for start, _, movement in () if self.follows_path else facts.passages(self.actor):
+            if start > 0:
+                turn = "straight on" if movement.turn == "straight" else f"turning {movement.turn}"
+                colour = facts.colour(movement, start - 1)
+                where = f"the {kind_of(facts.network, movement.junction)} {movement.junction}"
+                text = f"{name} enters {where}, {turn}" + (f", on {colour}" if colour else "")
+                yield self._moment(start, "enters", f"{text}, {metres(self.ahead_m(start))} from the ego")
+        states = facts.trace.states[:, self.actor]
+        with np.errstate(invalid="ignore"):
+            braking = (states[:, ACCELERATION] <= -BRAKES_MPS2) & (states[:, SPEED] > STANDS_MPS)
+        for start, end in spans(braking, 0.3, 0.3) if self.kind != "pedestrian" else ():
+            strongest = -float(np.nanmin(states[start : end + 1, ACCELERATION]))
+            yield self._moment(start, "brakes", f"{name} brakes with {strongest:.1f} m/s^2")
+
+    @property
+    def _steered_side(self) -> str:
+        change = steering_of(self.facts)
+        return "to its left" if change is not None and side_of(change) > 0 else "to its right"
+
+    @cached_property
+    def _on_road(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        states = self.facts.trace.states[:, self.actor]
+        return np.asarray(shapely.contains_xy(self.facts.network.drivable, states[:, X], states[:, Y]), dtype=np.bool_)
+
+    def _approach(self, actor: int) -> tuple[int, float]:
+        """Return when an actor came to the junction where the run ends, and its heading then.
+
+        Elsewhere: a second before the end, or before it was steered.
+        """
+        facts, near = self.facts, self.place.kind != "road"
+        passages = [p for p in facts.passages(actor) if near and p[2].junction == self.place.junction]
+        if passages:
+            start, _, movement = passages[-1]
+            if start > 0:
+                return start - 1, facts.heading(actor, start - 1)
+            lane = facts.network.lanes.get(movement.from_lane)
+            return 0, lane.line.angles[-1] if lane else facts.heading(actor, 0)
+        frame = max(0, facts.last - round(APPROACH_S / STEP_S))
+        change = steering_of(facts)
+        if change is not None and change.property == "steer":
+            frame = min(frame, steered_from(change))
+        present = np.flatnonzero(~np.isnan(facts.trace.states[:, actor, X]))
+        frame = max(frame, int(present[0])) if present.size else frame
+        return frame, facts.heading(actor, frame)
+
+    def _beside(self, frame: int) -> str:
+        ahead, left = self.facts.seen_from_ego(self.actor, frame)
+        if abs(left) < SAME_LANE_M:
+            return "is ahead of the ego" if ahead > 0 else "comes from behind"
+        verb = "rides" if self.kind == "bicycle" else "drives"
+        return f"{verb} beside the ego on its {'left' if left > 0 else 'right'}"
+
+    def _comes(self) -> str:
+        """How it came, and where to."""
+        if self.pulls_out:
+            left = self.facts.seen_from_ego(self.actor, self._moved_off)[1]
+            return f"pulls out from the {'left' if left > 0 else 'right'}"
+        what, crossing = self.relation, self.place.text if self.place.kind == "crossing" else ""
+        if self.kind == "pedestrian" and crossing:
+            return what.replace("walks", f"walks onto {crossing}", 1)
+        if crossing:
+            return f"{what} and on over {crossing}"
+        if self.onto_road is not None:
+            what = what.replace("walks from", "steps onto the road from", 1)
+            what = what.replace("rides from", "rides onto the road from", 1)
+            what = what.replace("drives from", "drives onto the road from", 1)
+        turn = self.movement.turn if self.movement is not None else ""
+        return what + (f" and turns {turn}" if turn in ("left", "right") else "")
+
+    def _gap_words(self) -> str:
+        """How far from the ego it was, and how fast the ego: when it was steered, came onto the road, or moved off."""
+        frame = self._onset
+        if frame is None or frame <= 0 or (self.facts.last - frame) * STEP_S < 0.2:
+            return ""
+        gap, speed = self.ahead_m(frame), float(self.facts.speed(0)[frame])
+        along = self.facts.seen_from_ego(self.actor, frame)[0] - self.facts.info(0).front_m
+        how = f"the ego at {kmh(speed)}" if speed >= STANDS_MPS else "the standing ego"
+        return f"{metres(gap)} {'ahead of' if along > gap / 2 else 'from'} {how}"
+
+    @property
+    def _onset(self) -> int | None:
+        """The frame at which what it did began, None where that is no single moment."""
+        change = steering_of(self.facts)
+        if self.steered:
+            return steered_from(change) if change is not None and change.property == "steer" else None
+        if self.pulls_out:
+            return self._moved_off
+        if " beside " in self.relation:
+            return None
+        return self.onto_road if self.follows_path else self._entry
+
+    @property
+    def _moved_off(self) -> int:
+        """The last frame before it moved off for the last time."""
+        standing = np.flatnonzero(self.facts.speed(self.actor) < STANDS_MPS)
+        return int(standing[-1]) if standing.size else 0
+
+    @cached_property
+    def _entry(self) -> int | None:
+        """The frame at which it enters the junction of the end; None where it was inside from the start or never is."""
+        if self.movement is None:
+            return None
+        passages = self.facts.passages(self.actor)
+        return next((start for start, _, m in passages if m.junction == self.movement.junction), None)
+
+    def _box(self, actor: int, frame: int) -> Box:
+        info = self.facts.info(actor)
+        return Box(*self.facts.xy(actor, frame), self.facts.heading(actor, frame), info.length_m, info.width_m)
+
+    def _moment(self, frame: int, kind: str, text: str) -> Moment:
+        return Moment(round(frame * STEP_S, 6), self.facts.info(self.actor).id, kind, text)
+
+
+def _first_moving(facts: Facts, actor: int, frame: int) -> int:
+    """Return the first frame from one on at which an actor moves, and a second later, within the run."""
+    moving = np.flatnonzero(facts.speed(actor)[frame:] >= STANDS_MPS)
+    first = frame + int(moving[0]) if moving.size else frame
+    return first if first == frame else min(first + round(1 / STEP_S), facts.last)
+
+
+def _across(turned: float, verb: str) -> str:
+    if abs(turned) < ALONG_RAD:
+        return f"{verb} ahead in the same direction"
+    if abs(turned) > math.pi - ALONG_RAD:
+        return f"{verb} towards the ego"
+    return f"{verb} from the right" if turned > 0 else f"{verb} from the left"

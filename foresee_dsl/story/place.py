@@ -1,0 +1,170 @@
+"""Where in the road layout something happened: on a crossing, in a junction (of which kind), on the road between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import networkx as nx
+
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import XY, distance_to, inside
+from foresee_dsl.compile.roads.topology import Junction, Movement
+from foresee_dsl.story.facts import Facts
+
+NEAR_JUNCTION_M = 20.0
+"""So near to a junction is before or behind it; farther away is between junctions. Ours: three cars and a crossing."""
+BESIDE_CROSSING_M = 1.0
+"""So far beside its stripes still counts as on a crossing. Ours: people cut its corners."""
+ROUNDABOUT_M = 60.0
+"""A ring of one-way edges whose junctions are within this distance of their middle is a roundabout, a larger one a
+block of one-way streets. Ours: the largest urban roundabouts have an outer radius of about 50 m."""
+_CONTROLS = {
+    "traffic_light": "signalised",
+    "traffic_light_right_on_red": "signalised",
+    "traffic_light_unregulated": "signalised",
+    "right_before_left": "right-before-left",
+    "allway_stop": "all-way stop",
+}
+"""SUMO's types of junctions in words; all others have roads with and without priority."""
+_ARMS = {2: "bend", 3: "three-arm junction", 4: "crossroads"}
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in the road layout.
+
+    Attributes:
+        kind: `crossing`, `junction`, `road`. name: in words that are the same in equal layouts. junction: its id,
+            or "". text: for a sentence, with a preposition but for crossings.
+    """
+
+    kind: str
+    name: str
+    junction: str = ""
+    text: str = ""
+
+
+def place_of(facts: Facts, at: XY, frame: int) -> Place:
+    """Return where a point is, as the ego drives there at a frame.
+
+    Crossings are there for pedestrians, and for cyclists off the lanes; a story about such a cyclist is the same
+    whether it ends on the crossing or a metre beside it.
+    """
+    other = facts.info(facts.opponent) if facts.opponent else None
+    on_foot = other is not None and (other.kind == "pedestrian" or (other.kind == "bicycle" and bool(other.path)))
+    network, layout = facts.network, _layout(facts.network)
+    behind = _passed(facts, frame)
+    for crossing in network.crossings.values() if on_foot else ():
+        if distance_to(*at, crossing.lane.shape) <= crossing.lane.width_m / 2 + BESIDE_CROSSING_M:
+            where = "behind" if crossing.junction in behind else "before"
+            kind, equal = kind_of(network, crossing.junction), control_of(network, crossing.junction)
+            name = f"the {equal}" if other and other.kind == "bicycle" else f"the crossing {where} the {equal}"
+            return Place("crossing", name, crossing.junction, f"the crossing {where} the {kind}")
+    for junction in network.junctions.values():
+        if len(junction.polygon) < 3 or layout.arms[junction.id] < 3:
+            continue
+        if math.hypot(junction.x - at[0], junction.y - at[1]) < _reach(junction) and inside(at, junction.polygon):
+            return _in_junction(network, junction.id)
+    return _on_road(facts, frame)
+
+
+def _in_junction(network: RoadNetwork, junction: str) -> Place:
+    name = kind_of(network, junction)
+    text = f"{'in' if name == 'roundabout' else 'at'} the {name}"
+    return Place("junction", f"the {control_of(network, junction)}", junction, text)
+
+
+def _on_road(facts: Facts, frame: int) -> Place:
+    """Before, behind, or between junctions; for equal stories all of them are the road."""
+    network, layout, lane_id = facts.network, _layout(facts.network), facts.nearest_lane(0, frame)
+    through = network.movements_through(lane_id) if lane_id else ()
+    if through and layout.arms[through[0].junction] > 2:
+        return _in_junction(network, through[0].junction)
+    lane = network.lanes.get(lane_id)
+    if lane is None or lane.edge not in network.edges:
+        return Place("road", "the road")
+    edge = network.edges[lane.edge]
+    along = lane.line.project(*facts.xy(0, frame))[0]
+    for junction, away, where in ((edge.end, lane.line.length_m - along, "before"), (edge.start, along, "behind")):
+        if layout.arms[junction] > 2 and away <= NEAR_JUNCTION_M:
+            return Place("road", "the road", junction, f"{where} the {kind_of(network, junction)}")
+    return Place("road", "the road", "", "on the road between junctions")
+
+
+def movement_near(facts: Facts, actor: int, frame: int, place: Place) -> Movement | None:
+    """Return the movement through a place's junction that an actor is in, has just made, or is about to make."""
+    for start, end, movement in facts.passages(actor):
+        if movement.junction == place.junction and start <= frame:
+            return movement if frame - end <= 200 else None
+    if not place.junction:
+        return None
+    placed = facts.placed(actor)
+    passage = placed.line.passage(place.junction) if placed and placed.line else None
+    return passage.movement if passage else None
+
+
+def _passed(facts: Facts, frame: int) -> set[str]:
+    """The junctions that the ego has entered by a frame: what it then touches at one lies behind it."""
+    found = {movement.junction for start, _, movement in facts.passages(0) if start <= frame}
+    lane = facts.network.lanes.get(facts.lane(0, 0))
+    if lane is not None and lane.edge in facts.network.edges:
+        found.add(facts.network.edges[lane.edge].start)
+    return found
+
+
+def kind_of(network: RoadNetwork, junction: str) -> str:
+    """Return what kind of junction it is: `signalised crossroads`, `roundabout`."""
+    layout = _layout(network)
+    if junction in layout.rings:
+        return "roundabout"
+    arms = layout.arms[junction]
+    shape = _ARMS.get(arms, f"junction of {arms} arms" if arms > 4 else "end of the road")
+    control = _CONTROLS.get(network.junctions[junction].type, "priority")
+    return shape if arms < 3 else f"{control} {shape}"
+
+
+def control_of(network: RoadNetwork, junction: str) -> str:
+    """Return the same without the number of arms, which makes no other story: `signalised junction`, `roundabout`."""
+    if junction in _layout(network).rings:
+        return "roundabout"
+    return f"{_CONTROLS.get(network.junctions[junction].type, 'priority')} junction"
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What is looked up often: how many roads meet at each junction, and which junctions are part of roundabouts."""
+
+    arms: Mapping[str, int]
+    rings: frozenset[str]
+
+
+@lru_cache(maxsize=8)
+def _layout(network: RoadNetwork) -> _Layout:
+    beside: dict[str, set[str]] = {name: set() for name in network.junctions}
+    for edge in network.edges.values():
+        beside.setdefault(edge.start, set()).add(edge.end)
+        beside.setdefault(edge.end, set()).add(edge.start)
+    return _Layout({name: len(others) for name, others in beside.items()}, _rings(network))
+
+
+def _rings(network: RoadNetwork) -> frozenset[str]:
+    """The junctions of roundabouts: small rings of one-way edges."""
+    pairs = {(edge.start, edge.end) for edge in network.edges.values() if edge.for_kind("car")}
+    graph: nx.DiGraph[str] = nx.DiGraph()
+    graph.add_edges_from((a, b) for a, b in pairs if (b, a) not in pairs)
+    found: set[str] = set()
+    for ring in nx.strongly_connected_components(graph):
+        places = [network.junctions[name] for name in ring if name in network.junctions]
+        if len(places) > 2:
+            x, y = sum(j.x for j in places) / len(places), sum(j.y for j in places) / len(places)
+            if max(math.hypot(j.x - x, j.y - y) for j in places) <= ROUNDABOUT_M:
+                found |= ring
+    return frozenset(found)
+
+
+def _reach(junction: Junction) -> float:
+    """How far a junction's outline reaches from its middle."""
+    return max(math.hypot(x - junction.x, y - junction.y) for x, y in junction.polygon)

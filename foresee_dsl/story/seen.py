@@ -1,0 +1,80 @@
+"""Since when the ego's sensors see the opponent without a break, and what hid it before."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.compile.roads.polyline import crosses
+from foresee_dsl.derive.preventability.risk import in_view, sight_of
+from foresee_dsl.kernels.boxes import overlaps_of
+from foresee_dsl.simulate.trace import HEADING, STEP_S, X, Y
+from foresee_dsl.story.facts import Facts
+from foresee_dsl.story.wording import full_name
+
+LOOKS_BACK_S = 10.0
+"""So long before the end the sensors are asked. Ours: the time to collision of nearly everything that matters is
+shorter, and a clip is 10 s long at most by default."""
+BLINK_S = 0.25
+"""A shorter loss of sight does not count. Ours: a post between the two hides a walker for two or three frames."""
+_BEAM_M = 0.1
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The opponent in the ego's sensors.
+
+    Attributes:
+        since_s: from when on it is seen until the end, s; None where it is not seen at the end.
+        from_start: it was seen as far back as was looked.
+        hidden_by: what hid it just before, in words; "" for nothing (it was out of range, or not there yet).
+    """
+
+    since_s: float | None
+    from_start: bool
+    hidden_by: str = ""
+
+    def before_s(self, end_s: float) -> float:
+        """Return for how long it was seen until a time; 0 for not at all."""
+        return 0.0 if self.since_s is None else max(end_s - self.since_s, 0.0)
+
+
+def seen(facts: Facts, actor: int) -> Seen:
+    """Ask the sensors of the drivers under test, without their noise, backwards from the end."""
+    trace, sight = facts.trace, sight_of(facts.trace, facts.bundle)
+    first = max(0, facts.last - round(LOOKS_BACK_S / STEP_S))
+    since, blind = None, 0
+    for frame in range(facts.last, first - 1, -1):
+        if in_view(trace, actor, frame, sight):
+            since, blind = frame, 0
+            continue
+        blind += 1
+        if blind * STEP_S >= BLINK_S:
+            break
+    if since is None:
+        return Seen(None, False, hidden_by(facts, actor, facts.last))
+    if blind * STEP_S < BLINK_S:
+        return Seen(round(since * STEP_S, 6), True)
+    return Seen(round(since * STEP_S, 6), False, hidden_by(facts, actor, since - 1))
+
+
+def hidden_by(facts: Facts, actor: int, frame: int) -> str:
+    """Return what stands between the ego and an actor at a frame, "" for nothing: the nearest to the actor."""
+    (x, y), (ox, oy) = facts.xy(0, frame), facts.xy(actor, frame)
+    if math.isnan(ox):
+        return ""
+    beam = np.array([[(x + ox) / 2, (y + oy) / 2, math.atan2(oy - y, ox - x), math.hypot(ox - x, oy - y), _BEAM_M]])
+    others = [k for k in range(1, len(facts.trace.actors)) if k != actor]
+    poses = facts.trace.states[frame][others][:, [X, Y, HEADING]]
+    sizes = np.array([(facts.info(k).length_m, facts.info(k).width_m) for k in others]).reshape(-1, 2)
+    boxes = np.column_stack([poses, sizes])
+    hits = np.flatnonzero(overlaps_of(np.repeat(beam, len(others), axis=0), boxes)) if others else np.empty(0, int)
+    if hits.size:
+        gaps = np.hypot(boxes[hits, 0] - ox, boxes[hits, 1] - oy)
+        info = facts.info(others[int(hits[int(gaps.argmin())])])
+        return full_name(info)
+    sightline = ((x, y), (ox, oy))
+    hides = any(crosses(sightline, (*outline, outline[0])) for outline in facts.network.buildings)
+    return "a building" if hides else ""
