@@ -85,11 +85,12 @@ def with_header(text: str, kind: str, name: str, parent: str, case: str = "") ->
     begins = f'{kind} {name} of "{parent}"{f" case {case}" if case else ""} pin '
     if "".join(text.split("\n", 3)[2:3]).startswith(begins):
         return text
-    model = parse(text, name).model
+    document = parse(text, name)
+    model, comments = document.model, document.comments
     if isinstance(model, Clip):
-        return print_model(model.model_copy(update={"name": name, "parent": parent, "case": case or None}))
+        return print_model(model.model_copy(update={"name": name, "parent": parent, "case": case or None}), comments)
     if isinstance(model, Mutant):
-        return print_model(model.model_copy(update={"name": name, "parent": parent}))
+        return print_model(model.model_copy(update={"name": name, "parent": parent}), comments)
     raise TypeError(f"{name} is neither clip nor mutant")
 
 

@@ -84,7 +84,10 @@ class Finding:
             "sibling_files": list(self.sibling_files),
             "preventability": self.preventability.verdict.value if self.preventability else None,
             "why": self.preventability.why if self.preventability else None,
-            "story": self.story.as_dict(),
+            "ego_manoeuvre": self.story.ego_manoeuvre,
+            "opponent_manoeuvre": self.story.opponent_manoeuvre or None,
+            "place": self.story.place,
+            "mutation": self.story.mutation or None,
         }
 
 

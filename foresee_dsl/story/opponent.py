@@ -181,7 +181,7 @@ class Opponent:
         if self.breaks_rule:
             parts[0] += f" {self.breaks_rule}"
         if self.steered:
-            parts[0] += f" and is steered {self._steered_side} into the ego's way (by the mutation)"
+            parts[0] += f" and is steered {self._steered_side} into the ego's way"
         gap = self._gap_words()
         return ", ".join([*parts, gap] if gap else parts)
 

@@ -51,7 +51,9 @@ class Story:
         contact: the class of its ending.
         ego_manoeuvre, opponent_manoeuvre: what each was doing, in words that are the same in equal stories.
         place: where in the road layout, likewise.
-        touch: the kind of contact, likewise: which side of the ego was touched first; "" without a contact.
+        touch: the kind of contact, likewise: which side of the ego was touched first; "" without a contact and where
+            that is a matter of chance.
+        mutation: what the mutation changed, in words; "" where there is none.
     """
 
     moments: tuple[Moment, ...]
@@ -63,6 +65,7 @@ class Story:
     opponent_manoeuvre: str
     place: str
     touch: str = ""
+    mutation: str = ""
 
     @property
     def role(self) -> str:
@@ -86,6 +89,7 @@ class Story:
             "opponent_manoeuvre": self.opponent_manoeuvre,
             "place": self.place,
             "touch": self.touch or None,
+            "mutation": self.mutation or None,
             "moments": [{"time_s": round(m.time_s, 2), "actor": m.actor, "kind": m.kind, "text": m.text}
                         for m in self.moments],
         }  # fmt: skip

@@ -7,7 +7,7 @@ from typing import assert_never
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.story.contact import contact_class, contact_point, steering_of
+from foresee_dsl.story.contact import contact_class, contact_point
 from foresee_dsl.story.ego import Ego, ego_of
 from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.mutation import changed
@@ -45,6 +45,7 @@ def tell(trace: Trace, case: TestCase) -> Story:
         opponent_manoeuvre=other.manoeuvre if other else "",
         place=place.name,
         touch=_touch(contact, found),
+        mutation="; ".join(changed(change) for change in facts.changes),
     )
 
 
@@ -66,14 +67,11 @@ def _touch(contact: ContactClass, found: Impact | None) -> str:
 
 
 def _sentence(facts: Facts, ego: Ego, other: Opponent | None, place: Place) -> str:
-    said = steering_of(facts) if other is not None and other.steered else None
-    made = "; ".join(changed(change) for change in facts.changes if change is not said)
-    made = f" (mutation: {made})" if made else ""
     found = facts.impact
     if other is None or found is None:
-        return _alone(facts, ego, place) + made
+        return _alone(facts, ego, place)
     where = f" {place.text}" if place.text and place.kind != "crossing" else ""
-    return f"{other.clause()}; {_ego_clause(facts, ego, other, found)}{where}{made}"
+    return f"{other.clause()}; {_ego_clause(facts, ego, other, found)}{where}"
 
 
 def _ego_clause(facts: Facts, ego: Ego, other: Opponent, found: Impact) -> str:

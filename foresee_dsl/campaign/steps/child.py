@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -12,11 +12,12 @@ from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.derive.preventability import Preventability, assess
-from foresee_dsl.language.model import Mutant, Origin
+from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
-from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.document import Comments, TestCase
 from foresee_dsl.language.project.expand import expand_mutant
+from foresee_dsl.language.syntax.nodes import Key
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
@@ -78,10 +79,11 @@ def run_child(
     result = run_test_case(case, driver, seed)
     avoided = assess(case, result) if result.verdict.is_failure else None
     mutant = with_found(mutant, result.reason, avoided)
+    story = tell(result.trace, case) if result.verdict.is_failure else None
     outcome = ChildOutcome(
         name=mutant.name,
         file=file.as_posix(),
-        text=print_model(mutant),
+        text=with_sentence(mutant, story.sentence) if story else print_model(mutant),
         operators=mutant.origin.operator if mutant.origin else (),
         verdict=result.verdict,
         with_=result.with_,
@@ -93,9 +95,22 @@ def run_child(
         preventability=avoided,
         impact=result.impact,
         near=result.near_misses,
-        story=tell(result.trace, case) if result.verdict.is_failure else None,
+        story=story,
     )
     return outcome, result
+
+
+def with_sentence(mutant: Mutant, sentence: str) -> str:
+    """Return a mutant's text with a comment above its changes that says what happens."""
+    comments: dict[Key, Comments] = {}
+    for k, item in enumerate(mutant.body):
+        apart = k > 0 and type(item) is not type(mutant.body[k - 1])
+        comments["body", k] = Comments(blank_before=apart)
+    first = next((k for k, item in enumerate(mutant.body) if isinstance(item, Change)), None)
+    if first is not None:
+        one_line = " ".join(sentence.split())
+        comments["body", first] = replace(comments["body", first], before=(one_line,))
+    return print_model(mutant, comments)
 
 
 def with_found(mutant: Mutant, found: str, avoided: Preventability | None = None) -> Mutant:
