@@ -8,7 +8,16 @@ from pathlib import Path
 from typing import NamedTuple, assert_never
 
 from foresee_dsl.campaign.driving import relative_path
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Forecast, Mutants, Record, SeedOutcome, decode
+from foresee_dsl.campaign.records import (
+    ChildOutcome,
+    ClipOutcome,
+    Forecast,
+    Minimised,
+    Mutants,
+    Record,
+    SeedOutcome,
+    decode,
+)
 from foresee_dsl.campaign.results import sorted_outcomes
 from foresee_dsl.campaign.stages import Node, Stages
 from foresee_dsl.language.model import Clip, Mutant
@@ -23,11 +32,13 @@ class Assembly(NamedTuple):
     Attributes:
         seeds, clips: sorted by name. traces: the blobs to show, by their file in the campaign's folder; each with
             the id of its test case where another campaign knew it by another one, else "".
+        minimised: the findings' representatives made smaller, sorted by name.
     """
 
     seeds: tuple[SeedOutcome, ...]
     clips: tuple[ClipOutcome, ...]
     traces: dict[str, tuple[str, str]]
+    minimised: tuple[Minimised, ...]
 
 
 def assemble(stages: Stages, out: Path) -> Assembly:
@@ -36,6 +47,7 @@ def assemble(stages: Stages, out: Path) -> Assembly:
     clips: dict[Node, ClipOutcome] = {}
     children: dict[Node, list[ChildOutcome]] = {}
     traces: dict[str, tuple[str, str]] = {}
+    minimised: list[Minimised] = []
     for node, row in ((node, row) for node, row in stages.walk() if row is not None):
         record: Record = decode(row.record, node.step.record)
         case, trace = node.case, f"traces/{node.step.name}.npz"
@@ -59,10 +71,19 @@ def assemble(stages: Stages, out: Path) -> Assembly:
                     file = (out / node.file).as_posix()
                     traces[trace] = (row.trace, file if record.file != file else "")
                 children[node.over("clip")].append(replace(record, name=node.step.name, file=node.file))
+            case Minimised():
+                small = _here(record, node, out)
+                minimised.append(small)
+                if row.trace:
+                    file = (out / node.file).as_posix()
+                    renamed = file if record.child.file != file else ""
+                    traces[node.file.replace(".foresee", ".npz")] = (row.trace, renamed)
             case _:
                 assert_never(record)
     named = (_with_headers(replace(clip, children=tuple(children[node])), node, out) for node, clip in clips.items())
-    return Assembly(*sorted_outcomes(seeds.values(), named), traces)
+    return Assembly(
+        *sorted_outcomes(seeds.values(), named), traces, tuple(sorted(minimised, key=lambda small: small.child.name))
+    )
 
 
 def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
@@ -78,6 +99,15 @@ def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
         for child in clip.children
     )
     return replace(clip, text=text, children=tuple(children))
+
+
+def _here(small: Minimised, node: Node, out: Path) -> Minimised:
+    """Give a minimised child and its clip the names that they have here."""
+    name, clip = node.step.name, node.over("clip").step.name
+    parent = relative_path(node.case.source, out / node.folder)
+    text = with_header(small.clip_text, "clip", clip, parent, node.case.id.partition("::")[2])
+    own = with_header(small.child.text, "mutant", name, f"{clip}.foresee")
+    return replace(small, clip=clip, clip_text=text, child=replace(small.child, name=name, file=node.file, text=own))
 
 
 def with_header(text: str, kind: str, name: str, parent: str, case: str = "") -> str:

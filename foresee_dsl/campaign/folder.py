@@ -14,11 +14,12 @@ from foresee_dsl.campaign.assembly import trace_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.traces import Blobs
 
-_PARTS = ("children", "traces")
+_PARTS = ("children", "findings", "traces")
 
 
 class CampaignFolder:
-    """`campaign.json`, `children/` (clips and mutants that failed) and `traces/` under one folder.
+    """`campaign.json`, `children/` (clips and mutants that failed), `findings/` (one of each kind, made smaller) and
+    `traces/` under one folder.
 
     While a campaign runs, its files gather in `.work-PID` inside; nothing of an earlier campaign is touched until the
     end.
@@ -48,7 +49,7 @@ class CampaignFolder:
             shutil.rmtree(self.work, ignore_errors=True)
 
     def publish(self, result: CampaignResult, traces: Mapping[str, tuple[str, str]], blobs: Blobs) -> None:
-        """Write the children that failed, with their clips, the traces, and `campaign.json`; then put all in place.
+        """Write what failed, as it was found and made smaller, the traces, and `campaign.json`; put all in place.
 
         `traces`: by file, the blob's name, and the test case's id where the trace has another one.
         """
@@ -57,6 +58,9 @@ class CampaignFolder:
                 self._write(clip.file, clip.text)
             for child in clip.failing:
                 self._write(child.file, child.text)
+        for small in result.minimised:
+            self._write(f"{small.folder}/{small.clip}.foresee", small.clip_text)
+            self._write(f"{small.folder}/{small.child.name}.foresee", small.child.text)
         for file, (name, test_case) in traces.items():
             self._show(file, name, test_case, blobs)
         self._write("campaign.json", as_text(result.as_dict()))
@@ -73,6 +77,7 @@ class CampaignFolder:
     def _show(self, file: str, name: str, test_case: str, blobs: Blobs) -> None:
         """Put a trace into the folder: the store's own file where the disk can give it a second name."""
         source, target = blobs.path(name), self.work / file
+        target.parent.mkdir(parents=True, exist_ok=True)
         if test_case:
             data = blobs.get(name)
             if data is not None:

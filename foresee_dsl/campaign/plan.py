@@ -8,6 +8,7 @@ from typing import Any
 
 import networkx as nx
 
+from foresee_dsl.campaign.representatives import choose_representatives
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import STEPS, AnyStep, Node, Stages
 from foresee_dsl.campaign.storage.store import Store
@@ -38,8 +39,13 @@ class CampaignPlan:
 
     @property
     def longest_s(self) -> float:
-        """Wall time of what is to run, at most: what follows from a run is not known before it."""
-        return sum((stage.to_run + stage.at_most) * stage.each_s for stage in self.stages) / self.jobs
+        """Wall time of what is to run, at most: what follows from a run is not known before it.
+
+        Of the failures that are minimised it is a usual share.
+        """
+        return (
+            sum((stage.to_run + stage.at_most * stage.step.share) * stage.each_s for stage in self.stages) / self.jobs
+        )
 
     @property
     def measured(self) -> bool:
@@ -85,12 +91,15 @@ class CampaignPlan:
 def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> CampaignPlan:
     """Look at what there is to do; `store` is None where nothing was run, `jobs` are the workers, for the time."""
     graph: nx.DiGraph[str] = nx.DiGraph()
+    known = all(row is not None for _, row in stages.walk())
+    if known:
+        choose_representatives(stages)
     for node, row in stages.walk():
         state = "to_run" if row is None else "done"
         graph.add_node(_name(node), kind=node.step.kind, name=node.step.name, key=node.step.key, state=state, count=1)
         if node.above is not None:
             graph.add_edge(_name(node.above), _name(node))
-        if row is None:
+        if row is None or (not known and stages.may_be_chosen(node, row)):
             _add_followers(graph, node, stages.settings)
     return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs)
 

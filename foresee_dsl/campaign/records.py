@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import zlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any, get_args
 
 from pydantic import TypeAdapter
 
+from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
@@ -137,7 +138,56 @@ class ClipOutcome:
         return tuple(c for c in self.children if c.verdict.is_failure)
 
 
-Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome
+@dataclass(frozen=True)
+class Minimised:
+    """The representative of a finding, made as small as its failure allows.
+
+    Attributes:
+        child: its run. clip: the name of its clip. clip_text: that clip's file.
+        dropped: what was left out. boundaries: where its numbers begin to fail.
+        changes, actors, clip_lines: how many there were before and are now; lines of a clip's file.
+        runs: how many that took. complete: whether the budget was enough for all reductions.
+        note: why it is as it was, or less small than it might be; "" where there is nothing to say.
+    """
+
+    child: ChildOutcome
+    clip: str
+    clip_text: str
+    dropped: Dropped = field(default_factory=Dropped)
+    boundaries: tuple[Boundary, ...] = ()
+    changes: tuple[int, int] = (0, 0)
+    actors: tuple[int, int] = (0, 0)
+    clip_lines: tuple[int, int] = (0, 0)
+    runs: int = 0
+    complete: bool = True
+    note: str = ""
+
+    @property
+    def folder(self) -> str:
+        """Where its files are, relative to the campaign's folder."""
+        return f"findings/{self.child.name}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for `campaign.json` and `foresee minimise --json`."""
+        before_and_now = {
+            name: dict(zip(("before", "now"), getattr(self, name), strict=True))
+            for name in ("changes", "actors", "clip_lines")
+        }
+        return {
+            "file": f"{self.folder}/{self.child.name}.foresee",
+            "clip": f"{self.folder}/{self.clip}.foresee",
+            "reason": self.child.reason,
+            "preventability": self.child.preventable.value if self.child.preventable else None,
+            "dropped": asdict(self.dropped),
+            **before_and_now,
+            "boundary": [edge.as_dict() for edge in self.boundaries],
+            "runs": self.runs,
+            "complete": self.complete,
+            "note": self.note,
+        }
+
+
+Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | Minimised
 """A step's result. A new one is added here; `campaign.assembly` then fails the type check until it knows it."""
 
 

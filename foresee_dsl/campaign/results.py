@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from foresee_dsl.campaign.findings import findings_of
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventable
@@ -88,6 +88,8 @@ class CampaignResult:
     interrupted: bool = False
     broken: tuple[str, ...] = field(default=())
     """What could not be run at all, one line each."""
+    minimised: tuple[Minimised, ...] = ()
+    """The findings' representatives made smaller, sorted by name."""
 
     def row(self, family: str | None = None) -> FamilyRow:
         """Return the figures of one family, or of all."""
@@ -169,9 +171,14 @@ class CampaignResult:
             "broken": list(self.broken),
             "test_cases": [_seed_dict(s) for s in self.seeds],
             "clip_runs": [_clip_dict(c) for c in self.clips],
-            "findings": [finding.as_dict() for finding in findings_of(self)],
+            "findings": [
+                {**finding.as_dict(), "minimised": self._minimised(finding.name)} for finding in findings_of(self)
+            ],
             "open_first": [child.file for child in self.to_open_first()],
         }
+
+    def _minimised(self, name: str) -> dict[str, Any] | None:
+        return next((small.as_dict() for small in self.minimised if small.child.name == name), None)
 
 
 def _avoidable(child: ChildOutcome) -> int:

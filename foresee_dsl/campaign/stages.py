@@ -1,10 +1,10 @@
-"""What follows from what in a campaign: test cases, forecasts, clips, mutants, children."""
+"""What follows from what in a campaign: test cases, forecasts, clips, mutants, children, findings made smaller."""
 
 from __future__ import annotations
 
 import pickle
 import pkgutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import chain, count
@@ -61,7 +61,7 @@ class Node:
     @property
     def folder(self) -> str:
         """Where the files of the clips and children are, relative to the campaign's folder."""
-        return f"children/{self.case.source.stem}"
+        return self.step.folder(self.case)
 
     @property
     def file(self) -> str:
@@ -99,13 +99,15 @@ class Stages:
             DriverError: there is no such driver.
         """
         self.settings = settings
-        self._store, self._out = store, out
+        self._store, self.out = store, out
         self._campaign = Campaign(
             settings, driver_identity(settings.driver), ranker_identity(settings.ranker), operators_identity(), key
         )
         self._after: dict[Node, tuple[Node, ...]] = {}
         """What follows from the steps looked at so far: a step is looked at before and after the run."""
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
+        self.last: tuple[Node, ...] = ()
+        """The steps that `choose` gave."""
 
     def row(self, node: Node) -> Row | None:
         """Return the result of a step, if there is one."""
@@ -118,16 +120,38 @@ class Stages:
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
         found = _NEXT.get(node.step.kind)
-        if found is not None and node not in self._after:
+        if found is not None and not found.after_all and node not in self._after:
             result = decode(row.record, node.step.record)
             wanted = found.wanted(result, self.settings)
             steps = found.following(node.step, result, self._campaign) if wanted else ()
             self._after[node] = tuple(Node(step, node.case, node) for step in steps)
         return self._after.get(node, ())
 
+    def choose(self, names: Container[str]) -> tuple[Node, ...]:
+        """Return the steps that follow from the chosen ones of all the steps before them; `walk` then ends with them.
+
+        These steps are known only once all of those are: `names` are of the findings' representatives.
+        """
+        self.last = ()
+        found = []
+        for node, row in self.walk():
+            step = _NEXT.get(node.step.kind)
+            if step is not None and row is not None and node.step.name in names and self.may_be_chosen(node, row):
+                result = decode(row.record, node.step.record)
+                found += [Node(new, node.case, node) for new in step.following(node.step, result, self._campaign)]
+        self.last = tuple(found)
+        return self.last
+
+    def may_be_chosen(self, node: Node, row: Row) -> bool:
+        """Return whether steps follow from one with this result if `choose` names it."""
+        found = _NEXT.get(node.step.kind)
+        if found is None or not found.after_all:
+            return False
+        return found.wanted(decode(row.record, node.step.record), self.settings)
+
     def walk(self) -> Iterator[tuple[Node, Row | None]]:
         """Yield every step that is known of, what it follows from before it, with its result if there is one."""
-        ahead = list(reversed(self.seeds))
+        ahead = list(reversed((*self.seeds, *self.last)))
         while ahead:
             node = ahead.pop()
             row = self.row(node)
@@ -145,7 +169,7 @@ class Stages:
     def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
         """Return what a worker has to do for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None
-        work = Work(self.task_steps(node), files.ref(node.case), self.settings, self._out / node.folder, trace)
+        work = Work(self.task_steps(node), files.ref(node.case), self.settings, self.out / node.folder, trace)
         name = node.step.name if isinstance(node.step, ClipPart) else node.case.id
         return Task(name, run_steps, work, self._deadline_s(node, limits), node.step.key)
 
@@ -163,7 +187,7 @@ class Stages:
             yield Node(SeedStep.of_case(case, name, self._campaign), case)
 
     def _deadline_s(self, node: Node, limits: Limits) -> float:
-        return limits.for_run(node.step.simulated_s(node.case, self.settings))
+        return limits.for_run(node.step.simulated_s(node.case, self.settings)) * node.step.runs
 
     def _trace(self, node: Node) -> Ref | None:
         row = self.row(node)

@@ -78,6 +78,11 @@ def weakened(before: tuple[m.ScenarioItem, ...], after: tuple[m.ScenarioItem, ..
     return next((now.name for was, now in pairs if now is not was and weaker(was, now)), None)
 
 
+def value_of(actor: Participant, name: str) -> m.ParamValue | m.Ref | None:
+    """Return what a property of an actor (one of `PROPERTIES`) is before any change; None where it has none."""
+    return _had(actor, name, m.PROPERTIES[name])
+
+
 class _RefusedError(Exception):
     """A change that cannot be made: which of its fields is at fault, and why."""
 

@@ -77,15 +77,15 @@ def test_another_versions_results_are_kept_and_not_taken_and_it_is_said_what_to_
     with Store(out / "store", write=False) as store:
         theirs = {row.key for row in store.rows()}
     said = CliRunner().invoke(app, ["plan", str(file), *OPTIONS, "--out", str(out)], env={"COLUMNS": "300"})
-    assert "24 results in" in said.stdout and "of another version of foresee-dsl" in said.stdout
+    assert f"{len(theirs)} results in" in said.stdout and "of another version of foresee-dsl" in said.stdout
     assert f"foresee store gc {out / 'store'} --older" in said.stdout.replace("\n", "")
     _, heard = campaign(file, out, options=RunOptions(jobs=2))
     assert [heard.count(kind) for kind in KINDS] == WHOLE
     assert published(out)["traces"] == before["traces"]
     with Store(out / "store") as store:
         assert theirs < {row.key for row in store.rows()}
-        assert store.of_other_versions() == 24
-        assert sweep(store, older=True).rows == 24
+        assert store.of_other_versions() == len(theirs)
+        assert sweep(store, older=True).rows == len(theirs)
         assert store.of_other_versions() == 0
     _, heard = campaign(file, out)
     assert heard.kinds == []
@@ -95,9 +95,10 @@ def test_the_command_says_it_too_and_only_when_it_is_so(older: Path) -> None:
     file, out = older / "project" / "crosser.foresee", older / "out"
     arguments = ["campaign", str(file), *OPTIONS, "--out", str(out), "--children", "0", "--quiet"]
     said = CliRunner().invoke(app, arguments, env={"COLUMNS": "300"})
-    assert said.exit_code == 0 and "24 results in" in said.stdout
     with Store(out / "store") as store:
+        old = store.of_other_versions()
         sweep(store, older=True)
+    assert said.exit_code == 0 and old > 24 and f"{old} results in" in said.stdout
     said = CliRunner().invoke(app, arguments, env={"COLUMNS": "300"})
     assert said.exit_code == 0 and "another version" not in said.stdout
 

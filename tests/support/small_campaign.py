@@ -109,6 +109,9 @@ def published(out: Path) -> dict[str, Any]:
     """Everything in a campaign's folder that has to be the same for the same results: files by name, what
     traces hold, and the JSON."""
     data = json.loads((out / "campaign.json").read_text())
-    files = {str(f.relative_to(out)): f.read_bytes() for f in sorted((out / "children").rglob("*.foresee"))}
-    traces = {str(f.relative_to(out)): Trace.load(f).digest for f in sorted((out / "traces").rglob("*.npz"))}
+    folders = [out / "children", out / "findings"]
+    written = sorted(f for folder in folders for f in folder.rglob("*.foresee"))
+    files = {str(f.relative_to(out)): f.read_bytes() for f in written}
+    kept = sorted([*(out / "traces").rglob("*.npz"), *(out / "findings").rglob("*.npz")])
+    traces = {str(f.relative_to(out)): Trace.load(f).digest for f in kept}
     return {"json": {**data, "wall_s": 0}, "files": files, "traces": traces}

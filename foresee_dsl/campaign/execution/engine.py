@@ -15,7 +15,8 @@ from pathlib import Path
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, RunOptions, Update
 from foresee_dsl.campaign.folder import CampaignFolder
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome, encode
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome, encode
+from foresee_dsl.campaign.representatives import choose_representatives
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import CaseFiles, Node, Stages
@@ -75,7 +76,8 @@ def run_campaign(
         broken, stopped = run.until_done()
         found = assemble(stages, out)
         wall_s = time.monotonic() - started
-        result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)))
+        result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)),
+                                found.minimised)  # fmt: skip
         folder.publish(result, found.traces, store.blobs)
     return result
 
@@ -107,14 +109,25 @@ class _Run:
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
-            self._visit(self._stages.seeds)
-            if self._executor is not None:
-                for update in self._executor.updates(self._stop):
-                    self._handle(update)
-            return self._broken, self._stopped_early or bool(self._running)
+            self._run_through(self._stages.seeds)
+            # What is a finding is known once all children are.
+            if not self._stopped:
+                self._run_through(choose_representatives(self._stages))
+            return self._broken, self._stopped
         finally:
             if self._executor is not None:
                 self._executor.close()
+
+    @property
+    def _stopped(self) -> bool:
+        return self._stopped_early or bool(self._running)
+
+    def _run_through(self, nodes: Iterable[Node]) -> None:
+        """Run what is missing of steps and of what follows from them."""
+        self._visit(nodes)
+        if self._executor is not None:
+            for update in self._executor.updates(self._stop):
+                self._handle(update)
 
     def _stop(self) -> bool:
         return self._options.stop() or time.monotonic() > self._ends_s
@@ -181,7 +194,8 @@ class _Run:
 
 
 def _row(made: Made, *, broken: bool = False) -> Row:
-    run = made.record if isinstance(made.record, SeedOutcome | ClipOutcome | ChildOutcome) else None
+    record = made.record.child if isinstance(made.record, Minimised) else made.record
+    run = record if isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome) else None
     return Row(
         key=made.key,
         kind=made.kind,

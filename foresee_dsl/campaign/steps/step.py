@@ -84,6 +84,9 @@ class Step(ABC, Generic[Above, Result]):
         reads: the kind of the run above whose trace it needs, or "".
         same_task: whether it is known without the result of the step above; it then runs in the same process, right
             after it.
+        after_all: whether the steps that it follows from are chosen when all of them are known (`Stages.chosen`).
+        runs: how many runs it makes at most, for its deadline.
+        share: how many of those that may follow do so, for the time that is left (ours: the bundled scenarios).
         turn: lower ones are run first.
         usual_s: wall time where the store has none of its kind (ours: the bundled scenarios with `pdm`).
     """
@@ -95,6 +98,9 @@ class Step(ABC, Generic[Above, Result]):
     drives: ClassVar[bool] = True
     reads: ClassVar[str] = ""
     same_task: ClassVar[bool] = False
+    after_all: ClassVar[bool] = False
+    runs: ClassVar[int] = 1
+    share: ClassVar[float] = 1.0
     turn: ClassVar[int]
     usual_s: ClassVar[float]
 
@@ -139,6 +145,10 @@ class Step(ABC, Generic[Above, Result]):
             case: the test case that all began with. file: the step's own. verdict, reason: how it ended.
         """
         return None
+
+    def folder(self, case: TestCase) -> str:
+        """Return where its file and that of its clip are, relative to the campaign's folder."""
+        return f"children/{case.source.stem}"
 
     @property
     def rank(self) -> int:

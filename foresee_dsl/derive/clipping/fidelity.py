@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +71,7 @@ def share_within(deviations: Sequence[float]) -> float:
     return sum(far <= WITHIN_M for far in deviations) / len(deviations) if deviations else 1.0
 
 
-def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
+def deviation(parent: Trace, start_frame: int, child: Trace, *, without: Container[str] = frozenset()) -> Deviation:
     """Compare the run of an unmutated clip with its parent's.
 
     An actor that is in the world in one of the runs only counts with its distance from where it was last in the
@@ -82,6 +82,7 @@ def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
         parent: the run that the clip was cut from.
         start_frame: the frame of it at which the clip begins.
         child: the clip's run.
+        without: actors that the clip leaves out, which are not compared either.
 
     Raises:
         ValueError: the window does not lie in the parent's run, or the child lacks an actor that was there.
@@ -93,7 +94,7 @@ def deviation(parent: Trace, start_frame: int, child: Trace) -> Deviation:
     found: dict[str, float] = {}
     for k, info in enumerate(parent.actors):
         there = parent.states[start_frame : start_frame + frames, k, [X, Y]]
-        if not frames or np.isnan(there[0, 0]):
+        if not frames or np.isnan(there[0, 0]) or info.id in without:
             continue
         if info.id not in columns:
             raise ValueError(f"the clip's run has no actor {info.id!r}")

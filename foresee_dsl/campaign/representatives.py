@@ -1,0 +1,17 @@
+"""Which failures of a campaign are made smaller: the representatives of its findings, once all children are known."""
+
+from __future__ import annotations
+
+from foresee_dsl.campaign.assembly import assemble
+from foresee_dsl.campaign.findings import findings_of
+from foresee_dsl.campaign.records import ChildOutcome
+from foresee_dsl.campaign.stages import Node, Stages
+
+
+def choose_representatives(stages: Stages) -> tuple[Node, ...]:
+    """Return the steps that minimise the findings' representatives; a test case that fails unmutated has none.
+
+    With a shard, findings are those of the shard alone.
+    """
+    findings = findings_of(assemble(stages, stages.out))
+    return stages.choose({f.name for f in findings if isinstance(f.representative, ChildOutcome)})

@@ -1,0 +1,153 @@
+"""The step after all children: the representative of a finding is made as small as its failure allows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from foresee_dsl.campaign.driving import relative_path, run_test_case
+from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft
+from foresee_dsl.campaign.steps.child import ChildStep, run_child
+from foresee_dsl.campaign.steps.clip_text import clip_of
+from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.derive.minimise.candidate import Subject
+from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
+from foresee_dsl.derive.minimise.trials import Judge
+from foresee_dsl.derive.preventability import assess
+from foresee_dsl.language.model import Actor, Clip, Mutant
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.story import tell
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.settings import CampaignSettings
+
+
+@dataclass(frozen=True, eq=False)
+class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
+    """Make a failing child smaller; `run_seed` is that of the run which its clip was cut from."""
+
+    kind = "minimise"
+    title = "findings minimised"
+    follows = "child"
+    record = Minimised
+    reads = "seed"
+    after_all = True
+    runs = RUNS + 3
+    share = 0.05
+    turn = 3
+    usual_s = 3.0
+
+    mutant: MutantDraft
+    found: str
+
+    @classmethod
+    def following(cls, above: ChildStep, result: ChildOutcome | None, campaign: Campaign) -> Iterator[Self]:
+        """Yield the one of a child."""
+        if result is not None:
+            s = campaign.settings
+            key = minimising_key(cls, campaign.key, child=above.key, risk=above.draft.risk, run_seed=s.seed,
+                                 limit_m=s.fidelity_limit_m)  # fmt: skip
+            yield cls(key, above.name, above.seed, above.draft, above.mutant, result.text)
+
+    @staticmethod
+    def wanted(result: ChildOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
+        """Only failures are findings."""
+        return result.verdict.is_failure
+
+    def folder(self, case: TestCase) -> str:  # noqa: ARG002
+        """Return a folder of its own."""
+        return f"findings/{self.name}"
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[Minimised, Trace | None]:
+        """Minimise the mutant, and run what is left of it once more."""
+        clip = clip_of(self.draft.text)
+        clip = clip.model_copy(update={"parent": relative_path(case.source, work.folder)})
+        mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name, "parent": f"{clip.name}.foresee"})
+        subject = Subject(case, clip, mutant, trace, work.folder)
+        return minimised(
+            subject, driver=work.settings.driver, seed=self.seed, limit_m=work.settings.fidelity_limit_m, budget=RUNS
+        )
+
+    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
+        """Return the unreduced mutant, with how its minimising broke."""
+        child = ChildOutcome(self.name, file, self.found, (), verdict, "", reason, 0.0, 0.0, "")
+        return Minimised(child, self.draft.name, self.draft.text, complete=False, note=f"not minimised: {reason}")
+
+
+def minimising_key(
+    step: type[MinimiseStep],
+    key: Callable[..., str],
+    *,
+    child: str,
+    risk: str,
+    run_seed: int,
+    limit_m: float,
+    budget: int = RUNS,
+) -> str:
+    """Return the key of a child's minimising, which the command and the campaign share."""
+    return key(step, child=child, risk=risk, run_seed=run_seed, limit_m=limit_m, budget=budget)
+
+
+def minimised(
+    subject: Subject, *, driver: str, seed: int, limit_m: float, budget: int
+) -> tuple[Minimised, Trace | None]:
+    """Minimise a mutant and run what is left of it; one that does not fail any more is returned as it is."""
+    before = subject.clip
+    try:
+        found = minimise(subject, judge_of(driver, seed), limit_m=limit_m, budget=budget)
+    except CannotMinimiseError as err:
+        child, result = _run(subject, before, subject.mutant, driver, seed)
+        return Minimised(child, before.name, print_model(before), note=f"not minimised: {err}"), result.trace
+    child, result = _run(subject, found.clip, found.mutant, driver, seed)
+    actors = tuple(sum(isinstance(item, Actor) for item in clip.body) for clip in (before, found.clip))
+    lines = tuple(print_model(clip).count("\n") for clip in (before, found.clip))
+    notes = (
+        "" if found.complete else f"the budget of {budget} runs was not enough for all reductions",
+        "" if found.cut_again else "not shortened: the run that its clip was cut from is not known",
+    )
+    record = Minimised(
+        child=child,
+        clip=found.clip.name,
+        clip_text=print_model(found.clip),
+        dropped=found.dropped,
+        boundaries=found.boundaries,
+        changes=(len(subject.mutant.changes), len(found.mutant.changes)),
+        actors=(actors[0], actors[1]),
+        clip_lines=(lines[0], lines[1]),
+        runs=found.runs,
+        complete=found.complete,
+        note="; ".join(note for note in notes if note),
+    )
+    return record, result.trace
+
+
+def judge_of(driver: str, seed: int) -> Judge:
+    """Return how mutants are run with a driver, and what makes two of their failures the same one."""
+
+    def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
+        return result.verdict.value, result.with_, tell(result.trace, case).contact.value
+
+    return Judge(
+        drive=lambda case: run_test_case(case, driver, seed),
+        sign=sign,
+        avoided=lambda case, result: assess(case, result).verdict.value,
+    )
+
+
+def mutant_of(text: str) -> Mutant:
+    """Return the model of a mutant's text."""
+    model = parse(text, "a mutant of this campaign").model
+    if not isinstance(model, Mutant):
+        raise TypeError(f"{model.name} was printed from a mutant and is now a {model.kind}")
+    return model
+
+
+def _run(subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int) -> tuple[ChildOutcome, RunResult]:
+    case = expand_clip(clip, subject.parent, source=subject.folder / f"{clip.name}.foresee")
+    return run_child(mutant, case, subject.folder / f"{mutant.name}.foresee", driver=driver, seed=seed)

@@ -1,0 +1,173 @@
+"""The boundary of a failure along its own change: the smallest value that fails, and the largest that does not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from types import MappingProxyType
+
+from foresee_dsl.derive.minimise.candidate import Candidate
+from foresee_dsl.derive.minimise.outcome import Boundary, Ended, Tried
+from foresee_dsl.derive.minimise.trials import Trial, Trials
+from foresee_dsl.derive.presets import FOCUSED
+from foresee_dsl.language import model as m
+from foresee_dsl.language.units import UNITS
+
+STEPS: Mapping[str, Decimal] = MappingProxyType(
+    {
+        "steer": Decimal(str(FOCUSED.steer.step)),
+        "timing": Decimal(str(FOCUSED.timing.step)),
+        "delay": Decimal(str(FOCUSED.delay.step_s)),
+        "line": Decimal(str(FOCUSED.line.step_m)),
+    }
+)
+"""The steps of numbers, as operators draw them."""
+_STEP = Decimal("0.01")
+"""Of all others. Ours: the second decimal, which generated files write."""
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The values of a change from NOW (0) towards WAS (`count`, which is no value of its own), in NOW's unit."""
+
+    change: m.Change
+    was: Decimal
+    now: Decimal
+    step: Decimal
+    unit: str
+
+    @property
+    def count(self) -> int:
+        return math.ceil(abs(self.now - self.was) / self.step)
+
+    def value(self, k: int) -> Decimal:
+        return self.now - k * self.step if self.now > self.was else self.now + k * self.step
+
+    def changed(self, k: int) -> m.Change:
+        return self.change.model_copy(update={"now": m.Quantity(value=self.value(k), unit=self.unit)})
+
+
+def nearest(trials: Trials, found: Candidate, index: int, *, look_beside: bool = False) -> Candidate:
+    """Bring the number of one change as near to its `was` value as still fails, by bisection.
+
+    A change without a number (of a model) stays. The value next to the result does not fail; whether one farther away
+    does is not asked.
+
+    Args:
+        look_beside: ask for the next value first: where it does not fail, that is all.
+    """
+    grid = _grid(found.changes[index])
+    if grid is None:
+        return found
+
+    def fails(k: int) -> bool:
+        return trials.fails(_with(found, index, grid.changed(k)))
+
+    low, high = 0, grid.count
+    if look_beside and high > 1:
+        low, high = (1, high) if fails(1) else (0, 1)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if fails(middle) else (low, middle)
+    return _with(found, index, grid.changed(low)) if low else found
+
+
+def ask_for_passing(trials: Trials, found: Candidate) -> None:
+    """Where the value next to a boundary fails in another way, look for one that passes, by bisection."""
+    for index, change in enumerate(found.changes):
+        grid = _grid(change)
+        if grid is None:
+            continue
+        low, high = 0, grid.count
+        if high > 1:
+            low, high = (1, high) if trials.fails_somehow(_with(found, index, grid.changed(1))) else (0, 1)
+        while high - low > 1:
+            middle = (low + high) // 2
+            failed = trials.fails_somehow(_with(found, index, grid.changed(middle)))
+            low, high = (middle, high) if failed else (low, middle)
+
+
+def boundaries(trials: Trials, whole: Candidate, found: Candidate) -> tuple[Boundary, ...]:
+    """Return what the runs tell of each number that is left."""
+    return tuple(_boundaries(trials, whole, found))
+
+
+def _boundaries(trials: Trials, whole: Candidate, found: Candidate) -> Iterator[Boundary]:
+    for index, change in enumerate(found.changes):
+        grid = _grid(change)
+        if grid is None:
+            continue
+        as_mutated = next(c for c in whole.changes if _same_place(c, change))
+        runs = {float(value): trial for value, trial in _tried(trials, found, index)}
+        was, now = float(grid.was), float(grid.now)
+        values = sorted(runs, key=lambda value: abs(value - was))
+        nearer = [value for value in values if abs(value - was) < abs(now - was)]
+        failing = [value for value in nearer if runs[value].failed]
+        worst = failing[0] if failing else now
+        passing = [value for value in nearer if not runs[value].failed and abs(value - was) < abs(worst - was)]
+        offset = _offset(trials, found, index, grid)
+        first = _grid(as_mutated)
+        yield Boundary(
+            change=f"{change.actor}.{change.property}",
+            unit=grid.unit,
+            step=float(grid.step),
+            was=_rounded(was + offset),
+            first=_rounded(float(first.now if first else grid.now) + offset),
+            fails=_rounded(now + offset),
+            also_fails=_rounded(worst + offset),
+            passes=_rounded((passing[-1] if passing else was) + offset),
+            tried=tuple(_summary(value + offset, runs[value]) for value in values),
+        )
+
+
+def _tried(trials: Trials, found: Candidate, index: int) -> Iterable[tuple[Decimal, Trial]]:
+    """Yield the values of one change that were run, those of the candidate's own clip last: they count."""
+    own, change = [], found.changes[index]
+    for candidate, trial in trials.known():
+        there = next((c for c in candidate.changes if _same_place(c, change)), None)
+        grid = _grid(there) if there is not None else None
+        if grid is None or trial.verdict is None or _others(candidate, grid.change) != _others(found, change):
+            continue
+        if replace(candidate, changes=()) == replace(found, changes=()):
+            own.append((grid.now, trial))
+        else:
+            yield grid.now, trial
+    yield from own
+
+
+def _others(candidate: Candidate, change: m.Change) -> tuple[m.Change, ...]:
+    return tuple(other for other in candidate.changes if other is not change)
+
+
+def _summary(value: float, trial: Trial) -> Tried:
+    ended: Ended = "fails" if trial.same else "otherwise" if trial.failed else "passes"
+    return Tried(_rounded(value), ended, trial.reason)
+
+
+def _offset(trials: Trials, found: Candidate, index: int, grid: _Grid) -> float:
+    """Return by how much the value is another in the clip that begins later, whose actors have moved on."""
+    built = trials.trial(found).built
+    own = _grid(built.mutant.changes[index]) if built is not None else None
+    return float(own.now - grid.now) if own is not None else 0.0
+
+
+def _same_place(one: m.Change, other: m.Change) -> bool:
+    return (one.actor, one.property) == (other.actor, other.property)
+
+
+def _grid(change: m.Change) -> _Grid | None:
+    was, now = change.was, change.now
+    if not isinstance(was, m.Quantity) or not isinstance(now, m.Quantity) or was.dimension != now.dimension:
+        return None
+    before = was.value if was.unit == now.unit else Decimal(repr(round(was.si / UNITS[now.unit].to_si, 6)))
+    return _Grid(change, before, now.value, STEPS.get(change.property, _STEP), now.unit)
+
+
+def _with(found: Candidate, index: int, change: m.Change) -> Candidate:
+    return replace(found, changes=(*found.changes[:index], change, *found.changes[index + 1 :]))
+
+
+def _rounded(value: float) -> float:
+    return round(value, 6) + 0.0

@@ -1,0 +1,170 @@
+"""Runs of candidates: does the same failure stay? Each is run once, and there is a limit to how many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Literal, TypeVar
+
+from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
+from foresee_dsl.derive.minimise.candidate import Built, Candidate, Subject, build
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Judge:
+    """How candidates are run, and what has to stay.
+
+    Attributes:
+        drive: runs a test case.
+        sign: what two runs have in common that show the same failure: verdict, actor, class of contact.
+        avoided: the answer to whether a careful driver would have avoided a failure.
+    """
+
+    drive: Callable[[TestCase], RunResult]
+    sign: Callable[[TestCase, RunResult], tuple[str, ...]]
+    avoided: Callable[[TestCase, RunResult], str]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate's run. `same`: it shows the failure. `built`: None where the candidate makes no test case."""
+
+    same: bool
+    verdict: Verdict | None
+    reason: str
+    built: Built | None = None
+    result: RunResult | None = field(default=None, repr=False)
+
+    @property
+    def failed(self) -> bool:
+        """Whether it shows a failure, this one or another."""
+        return self.verdict is not None and self.verdict.is_failure
+
+
+class BudgetSpentError(Exception):
+    """No run is left."""
+
+
+class Trials:
+    """Runs candidates of one mutant."""
+
+    def __init__(self, subject: Subject, judge: Judge, *, limit_m: float, budget: int) -> None:
+        """Run nothing yet.
+
+        Args:
+            limit_m: a clip's unmutated run may stray this far from its parent's.
+            budget: how many runs there may be.
+        """
+        self.subject, self.runs, self.reserve = subject, 0, 0
+        self.spent = False
+        """Whether a run was left out because of the budget."""
+        self._judge, self._limit_m, self._budget = judge, limit_m, budget
+        self._trials: dict[Candidate, Trial] = {}
+        self._clips: dict[str, Deviation | None] = {}
+        self._answers: dict[Candidate, str] = {}
+        self._wanted: tuple[str, ...] | None = None
+
+    def first(self, candidate: Candidate) -> Trial:
+        """Run the unreduced mutant: its failure is what has to stay."""
+        trial = self.trial(candidate)
+        if trial.built is not None and trial.result is not None and trial.result.verdict.is_failure:
+            self._wanted = self._judge.sign(trial.built.case, trial.result)
+            self._trials[candidate] = trial = Trial(True, trial.verdict, trial.reason, trial.built, trial.result)
+        return trial
+
+    def trial(self, candidate: Candidate) -> Trial:
+        """Run a candidate.
+
+        Raises:
+            BudgetSpentError: no run is left for it.
+        """
+        if candidate not in self._trials:
+            self._trials[candidate] = self._run(candidate)
+        return self._trials[candidate]
+
+    def fails(self, candidate: Candidate) -> bool:
+        """Whether a candidate shows the same failure with the same actor; no where no run is left to find out."""
+        return self._tried(lambda: self.trial(candidate).same)
+
+    def fails_somehow(self, candidate: Candidate) -> bool:
+        """Whether a candidate shows any failure; no where no run is left to find out."""
+        return self._tried(lambda: self.trial(candidate).failed)
+
+    def stands(self, candidate: Candidate) -> bool:
+        """Whether it does, and its clip, unmutated, still passes as near to its parent's run as clips have to be."""
+        return self.fails(candidate) and self._tried(lambda: self._clip_stands(candidate))
+
+    def answer(self, candidate: Candidate) -> str:
+        """Return whether a careful driver would have avoided a failure; "" where no run is left to find out.
+
+        It counts as two runs.
+        """
+        trial = self._trials[candidate]
+        if candidate not in self._answers and trial.built is not None and trial.result is not None:
+            if self._tried(lambda: self._spend(2)) is False:
+                return ""
+            self._answers[candidate] = self._judge.avoided(trial.built.case, trial.result)
+        return self._answers.get(candidate, "")
+
+    def known(self) -> Iterable[tuple[Candidate, Trial]]:
+        """Return all candidates that were run, in their order."""
+        return self._trials.items()
+
+    def fidelity(self, candidate: Candidate) -> Deviation | None:
+        """Return how far the run of a candidate's unmutated clip strays; None where that was not run or measured."""
+        built = self._trials[candidate].built
+        return self._clips.get(built.clip_case.meaning) if built is not None else None
+
+    def _tried(self, find_out: Callable[[], T]) -> T | Literal[False]:
+        try:
+            return find_out()
+        except BudgetSpentError:
+            self.spent = True
+            return False
+
+    def _spend(self, runs: int) -> None:
+        if self.runs + runs > self._budget - self.reserve:
+            raise BudgetSpentError
+        self.runs += runs
+
+    def _run(self, candidate: Candidate) -> Trial:
+        try:
+            built = build(self.subject, candidate)
+        except (ForeseeError, ValueError) as err:
+            return Trial(False, None, str(err))
+        self._spend(1)
+        try:
+            result = self._judge.drive(built.case)
+        except ForeseeError as err:
+            return Trial(False, None, str(err), built)
+        same = result.verdict.is_failure and self._judge.sign(built.case, result) == self._wanted
+        return Trial(same, result.verdict, result.reason, built, result)
+
+    def _clip_stands(self, candidate: Candidate) -> bool:
+        built = self.trial(candidate).built
+        if built is None:
+            return False
+        key = built.clip_case.meaning
+        if key not in self._clips:
+            self._spend(1)
+            self._clips[key] = self._strays(built, candidate)
+        found = self._clips[key]
+        return found is not None and found.largest_m <= self._limit_m
+
+    def _strays(self, built: Built, candidate: Candidate) -> Deviation | None:
+        """Return how far the unmutated clip strays from its parent; None where it does not pass."""
+        try:
+            result = self._judge.drive(built.clip_case)
+        except ForeseeError:
+            return None
+        if result.verdict is not Verdict.PASS:
+            return None
+        trace = self.subject.trace
+        if trace is None:
+            return Deviation({}, 0)
+        return deviation(trace, candidate.first, result.trace, without=candidate.actors)
