@@ -27,7 +27,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> TestCase:
 @pytest.fixture(scope="module")
 def trace(case: TestCase) -> Trace:
     """A driver that sees nobody hits the walker."""
-    result = run(compile_test_case(case), LaneKeeper(9.0))
+    result = run(compile_test_case(case), LaneKeeper(10.0))
     assert result.verdict == "F2"
     return result.trace
 
