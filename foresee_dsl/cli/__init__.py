@@ -34,6 +34,7 @@ COMMANDS = (
     ("Write", "textconv", "compare.textconv"),
     ("Write", "git-diff", "compare.git_diff"),
     ("Run and derive", "run", "runs.run"),
+    ("Run and derive", "show", "show.show"),
     ("Run and derive", "forecast", "runs.forecast"),
     ("Run and derive", "clip", "runs.clip"),
     ("Run and derive", "mutate", "runs.mutate"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.compile import compile_test_case
@@ -13,7 +14,7 @@ from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.drawing import GRASS, NAMES, STYLES, Drawn, drawing
 from foresee_dsl.report.show.measures import FloatArray, measure
 from foresee_dsl.report.show.moments import MOST, snapshots
-from foresee_dsl.report.show.panels import Panel, Role, Strip, Up, strip_panels
+from foresee_dsl.report.show.panels import Panel, Role, Strip, Up, strip_panels, windows_around
 from foresee_dsl.report.templates import rendered
 from foresee_dsl.simulate.results.near_misses import near_misses
 from foresee_dsl.simulate.trace import Trace
@@ -50,6 +51,7 @@ def make_strip(
     up: Up = "ego",
     most: int = MOST,
     ghost: Trace | None = None,
+    like: Strip | None = None,
 ) -> Strip:
     """Return the panels of a run's most important moments.
 
@@ -57,11 +59,20 @@ def make_strip(
         trace: the run. case: what was run. story: of it, for its opponent. title: over the strip.
         up: what is up in all panels: the ego's heading at the end, or north. most: panels at most.
         ghost: the parent's run, whose ego and opponent are drawn as outlines.
+        like: another run's strip: the same moments, windows and opponent are taken.
     """
-    bundle, opponent = compile_test_case(case), opponent_of(trace, story)
+    bundle = compile_test_case(case)
+    opponent = like.opponent if like is not None else opponent_of(trace, story)
+    if opponent not in {info.id for info in trace.actors}:
+        opponent = ""
     found = measure(trace, bundle, opponent)
-    moments = snapshots(trace, found, opponent, most=most)
-    panels = strip_panels(trace, bundle, found, opponent, moments, up=up, ghost=ghost)
+    if like is not None:
+        moments = tuple(replace(moment, text="") for moment in like.moments)  # what happened was in the other run
+        windows = tuple(panel.window for panel in like.panels)
+    else:
+        moments = snapshots(trace, found, opponent, most=most)
+        windows = windows_around(trace, bundle, opponent, moments, up)
+    panels = strip_panels(trace, bundle, found, opponent, moments, windows=windows, ghost=ghost)
     kind = trace.actors[trace.index(opponent)].kind if opponent else ""
     return Strip(title, opponent, kind, panels)
 
@@ -84,12 +95,13 @@ def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
     rows: list[dict[str, Any]] = []
     y = float(_MARGIN_PX)
     for strip in strips:
-        for start in range(0, len(strip.panels), per_row):
+        step = balanced(len(strip.panels), per_row)
+        for start in range(0, len(strip.panels), step):
             title = shortened(strip.title, 120) if start == 0 else ""
             y += _TITLE_PX if title else 0
             cells = [
                 _cell(panel, _MARGIN_PX + k * (SIDE_PX + _GAP_PX), y + _CAPTION_PX)
-                for k, panel in enumerate(strip.panels[start : start + per_row])
+                for k, panel in enumerate(strip.panels[start : start + step])
             ]
             rows.append({"title": title, "title_y": y - 6, "cells": cells})
             y += _CAPTION_PX + SIDE_PX + _GAP_PX
@@ -109,13 +121,16 @@ def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
     )
 
 
+def balanced(count: int, most: int) -> int:
+    """Return how many panels of `count` go in a row of at most `most`: rows of equal length."""
+    return math.ceil(count / math.ceil(count / most)) if count else 1
+
+
 def caption_of(panel: Panel) -> tuple[str, str]:
     """Return what is written over a panel: time and what happens; the ego's speed and the gap."""
     snapshot = panel.snapshot
-    figures = [f"ego {panel.ego_mps * 3.6:.0f} km/h"]
-    if math.isfinite(panel.gap_m):
-        figures.append(f"gap {panel.gap_m:.1f} m")
-    return f"{snapshot.time_s:.2f} s {snapshot.text}".rstrip(), ", ".join(figures)
+    gap = f" gap {panel.gap_m:.1f} m" if math.isfinite(panel.gap_m) else ""
+    return f"{snapshot.time_s:.2f} s {snapshot.text}".rstrip(), f"{panel.ego_mps * 3.6:.0f} km/h{gap}"
 
 
 def scale_bar(side_m: float) -> int:

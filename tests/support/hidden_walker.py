@@ -27,7 +27,7 @@ scenario hidden_walker {
     start speed 36 km/h
     goal 30 m along out
   }
-  obstacle van: obstacle.parked_car {
+  obstacle van: obstacle.parked_van {
     start at 58 m along in offset -2.9 m
   }
   pedestrian walker: pedestrian.adult {

@@ -38,7 +38,7 @@ STYLES: dict[Layer | Role, Style] = {
     Layer.BUILDING: Style("#b79f85", "#7d6853", 0.2),
     Role.PARKED: Style("#c9ced6", "#4f555d", 0.12),
     Role.OTHER: Style("#f0d264", "#6e5a10", 0.12),
-    Role.GHOST: Style("", "#2b2b2b", 0.15, dashed=True),
+    Role.GHOST: Style("", "#2b2b2b", 0.15),
     Role.OPPONENT: Style("#d7263d", "#5e0d19", 0.15),
     Role.EGO: Style("#1f6fd6", "#0b2c57", 0.15),
 }

@@ -59,7 +59,7 @@ def ground_of(network: RoadNetwork, bounds: Bounds) -> Ground:
         Layer.FOOTWAY: shapely.union_all([*map(_polygon, areas), *map(_band, walked)]),
         Layer.ROAD: _road(network, lanes, areas, bounds),
         Layer.PARKING: shapely.union_all([_band(lane) for lane in lanes if lane.parking]),
-        Layer.MARKING: _lines(_between(streets)),
+        Layer.MARKING: shapely.union_all([shapely.LineString(line) for line in _between(streets)]),  # each once
         Layer.CROSSING: shapely.union_all([_band(lane) for lane in lanes if lane.id in crossing_ids]),
         Layer.STOP_LINE: _lines(_stop_line(lane) for lane in streets if lane.id in signalled),
         Layer.BUILDING: shapely.union_all([_polygon(b) for b in network.buildings if _near(b, bounds)]),

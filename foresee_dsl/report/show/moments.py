@@ -22,6 +22,8 @@ BEFORE_CONTACT_S = 1.0
 """How long before a contact it is called near. Ours: the last moment at which a driver still could react."""
 APART_S = 0.25
 """Moments that are nearer share one picture. Ours: at 50 km/h that is less than a car's length."""
+TEXTS = 2
+"""What a picture's caption names at most: the most important ones."""
 MOST, LEAST = 6, 4
 """Pictures of a strip."""
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -114,7 +116,7 @@ def _spaced(wanted: list[tuple[int, int, str]], most: int) -> list[tuple[int, st
     for _, frame, text in sorted(wanted, key=lambda one: one[0]):
         near = next((other for other in kept if abs(other - frame) * STEP_S < APART_S), None)
         if near is not None:
-            kept[near].append(text)
+            kept[near] = [*kept[near], text][:TEXTS]
         elif len(kept) < most:
             kept[frame] = [text]
     return sorted((frame, ", ".join(texts)) for frame, texts in kept.items())

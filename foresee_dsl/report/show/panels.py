@@ -69,42 +69,7 @@ class Footprint:
 
 
 @dataclass(frozen=True)
-class Panel:
-    """One moment: x to the right and y up, m, from the middle of a square window.
-
-    Attributes:
-        snapshot: the moment. side_m: of the window. north_rad: where north is, counter-clockwise from the right.
-        ground: by layer, cut to the window. footprints: in the order in which they are drawn.
-        ego_mps, gap_m: the ego's speed, and the gap to the opponent (NaN: none).
-    """
-
-    snapshot: Snapshot
-    side_m: float
-    north_rad: float
-    ground: Mapping[Layer, BaseGeometry]
-    footprints: tuple[Footprint, ...]
-    ego_mps: float
-    gap_m: float
-
-
-@dataclass(frozen=True)
-class Strip:
-    """The panels of one run; `opponent`: its id, "" for none."""
-
-    title: str
-    opponent: str
-    opponent_kind: str
-    panels: tuple[Panel, ...]
-
-    @property
-    def roles(self) -> tuple[Role, ...]:
-        """The roles that occur."""
-        found = {footprint.role for panel in self.panels for footprint in panel.footprints}
-        return tuple(role for role in Role if role in found)
-
-
-@dataclass(frozen=True)
-class _Window:
+class Window:
     """Where a panel is in the world: its middle and side, m, and by how much the world is turned, rad."""
 
     x: float
@@ -131,6 +96,55 @@ class _Window:
         return shapely.clip_by_rect(turned, -half, -half, half, half)
 
 
+@dataclass(frozen=True)
+class Panel:
+    """One moment: x to the right and y up, m, from the middle of a square window.
+
+    Attributes:
+        snapshot: the moment. window: where it is in the world.
+        ground: by layer, cut to the window. footprints: in the order in which they are drawn.
+        ego_mps, gap_m: the ego's speed, and the gap to the opponent (NaN: none).
+    """
+
+    snapshot: Snapshot
+    window: Window
+    ground: Mapping[Layer, BaseGeometry]
+    footprints: tuple[Footprint, ...]
+    ego_mps: float
+    gap_m: float
+
+    @property
+    def side_m(self) -> float:
+        """Side of the window."""
+        return self.window.side_m
+
+    @property
+    def north_rad(self) -> float:
+        """Where north is, counter-clockwise from the right."""
+        return math.pi / 2 + self.window.turn_rad
+
+
+@dataclass(frozen=True)
+class Strip:
+    """The panels of one run; `opponent`: its id, "" for none."""
+
+    title: str
+    opponent: str
+    opponent_kind: str
+    panels: tuple[Panel, ...]
+
+    @property
+    def moments(self) -> tuple[Snapshot, ...]:
+        """The moments of the panels."""
+        return tuple(panel.snapshot for panel in self.panels)
+
+    @property
+    def roles(self) -> tuple[Role, ...]:
+        """The roles that occur."""
+        found = {footprint.role for panel in self.panels for footprint in panel.footprints}
+        return tuple(role for role in Role if role in found)
+
+
 def strip_panels(
     trace: Trace,
     bundle: SumoBundle,
@@ -138,34 +152,45 @@ def strip_panels(
     opponent: str,
     moments: Sequence[Snapshot],
     *,
-    up: Up = "ego",
+    windows: Sequence[Window],
     ghost: Trace | None = None,
 ) -> tuple[Panel, ...]:
     """Return a panel for each moment of a run.
 
     Args:
         trace: the run. bundle: its compiled test case. found: what was measured of it. opponent: its id, "" for none.
-        moments: which. up: what is up in all panels: the ego's heading at the last of them, or north.
+        moments: which; those after the run's end are left out. windows: around each of them.
         ghost: the parent's run, whose ego and opponent are drawn too.
     """
     if not moments:
         return ()
-    turn = math.pi / 2 - _way(trace, bundle, moments[-1].frame) if up == "ego" else 0.0
-    windows = [_window(trace, opponent, one.frame, turn) for one in moments]
     around = np.array([window.bounds for window in windows])
     ground = ground_of(bundle.network, (*around[:, :2].min(axis=0).tolist(), *around[:, 2:].max(axis=0).tolist()))
     return tuple(
         Panel(
             snapshot=one,
-            side_m=window.side_m,
-            north_rad=math.pi / 2 + turn,
+            window=window,
             ground=_cut(ground, window),
             footprints=tuple(_footprints(trace, opponent, one.frame, window, ghost)),
             ego_mps=float(found.ego_mps[one.frame]),
             gap_m=float(found.gap_m[one.frame]),
         )
         for one, window in zip(moments, windows, strict=True)
+        if one.frame < trace.frames
     )
+
+
+def windows_around(
+    trace: Trace, bundle: SumoBundle, opponent: str, moments: Sequence[Snapshot], up: Up
+) -> tuple[Window, ...]:
+    """Return a window around ego and opponent for each moment; what is up is the same in all of them.
+
+    Args:
+        trace: the run. bundle: its compiled test case. opponent: its id, "" for none. moments: which.
+        up: the ego's way at the last of them, or north.
+    """
+    turn = math.pi / 2 - _way(trace, bundle, moments[-1].frame) if up == "ego" and moments else 0.0
+    return tuple(_window(trace, opponent, one.frame, turn) for one in moments)
 
 
 def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
@@ -177,29 +202,29 @@ def _way(trace: Trace, bundle: SumoBundle, frame: int) -> float:
     return near.lane.line.at(near.pos_m)[2]
 
 
-def _cut(ground: Ground, window: _Window) -> Ground:
+def _cut(ground: Ground, window: Window) -> Ground:
     shapes = {layer: window.shape(shape) for layer, shape in ground.items()}
     return {layer: shape for layer, shape in shapes.items() if not shape.is_empty}
 
 
-def _window(trace: Trace, opponent: str, frame: int, turn: float) -> _Window:
+def _window(trace: Trace, opponent: str, frame: int, turn: float) -> Window:
     """Return the smallest window around ego and opponent; around what is ahead of the ego where there is none near."""
     x, y, heading = trace.states[frame, 0, [X, Y, HEADING]].tolist()
     if opponent:
         other = trace.states[frame, trace.index(opponent), [X, Y]]
         if np.hypot(*(other - (x, y))) <= TOGETHER_M:  # False where it is absent
             pair = np.array([(x, y), other.tolist()])
-            turned = _Window(0.0, 0.0, 0.0, turn).points(pair)
+            turned = Window(0.0, 0.0, 0.0, turn).points(pair)
             reach = float(np.abs(turned[1] - turned[0]).max()) + 2 * MARGIN_M
             side = next((side for side in SIDES_M if side >= reach), SIDES_M[-1])
             middle = pair.mean(axis=0).tolist()
-            return _Window(middle[0], middle[1], side, turn)
+            return Window(middle[0], middle[1], side, turn)
     side = SIDES_M[3]
     ahead = AHEAD_SHARE * side
-    return _Window(x + ahead * math.cos(heading), y + ahead * math.sin(heading), side, turn)
+    return Window(x + ahead * math.cos(heading), y + ahead * math.sin(heading), side, turn)
 
 
-def _footprints(trace: Trace, opponent: str, frame: int, window: _Window, ghost: Trace | None) -> list[Footprint]:
+def _footprints(trace: Trace, opponent: str, frame: int, window: Window, ghost: Trace | None) -> list[Footprint]:
     found = [
         one
         for k, info in enumerate(trace.actors)
@@ -225,7 +250,7 @@ def _role(trace: Trace, actor: int, opponent: str, name: str) -> Role:
     return Role.OTHER if np.nanmax(speeds, initial=0.0) > PARKED_MPS else Role.PARKED
 
 
-def _footprint(trace: Trace, actor: int, frame: int, window: _Window, role: Role) -> Footprint | None:
+def _footprint(trace: Trace, actor: int, frame: int, window: Window, role: Role) -> Footprint | None:
     """Return an actor's footprint in a window, or None where it is absent or outside."""
     row = trace.states[frame, actor]
     if np.isnan(row[X]):

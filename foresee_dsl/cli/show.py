@@ -1,0 +1,159 @@
+"""The command that shows runs: story, timeline, strip of pictures; what the driver saw and why it waited."""
+
+from __future__ import annotations
+
+import os
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foresee_dsl.cli import common
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from foresee_dsl.report.show.page import Page
+    from foresee_dsl.report.show.panels import Strip
+    from foresee_dsl.report.show.sources import Shown, Wish
+
+_WIDEST = 160
+"""Columns that are used at most: more do not make a strip easier to read."""
+
+
+class Picture(StrEnum):
+    """How a picture is sent to the terminal."""
+
+    AUTO = "auto"
+    NONE = "none"
+    KITTY = "kitty"
+    SIXEL = "sixel"
+    ITERM = "iterm"
+
+
+class UpSide(StrEnum):
+    """What is up in the pictures."""
+
+    EGO = "ego"
+    NORTH = "north"
+
+
+def show(
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="ADDRESS|TRACE|MUTANT|FINDING",
+            help="FILE::CASE, a clip, a mutant, a trace (.npz), or a finding's name in --campaign.",
+        ),
+    ],
+    driver: Annotated[
+        str, typer.Option("--driver", help="The driver; by default the one that a mutant records, else pdm.")
+    ] = "",
+    seed: Annotated[int | None, typer.Option("--seed", min=0, max=2**31 - 1, help="Likewise.")] = None,
+    campaign: Annotated[
+        Path, typer.Option("--campaign", metavar="OUT", help="A campaign's folder: its findings and traces are known.")
+    ] = Path("out"),
+    picture: Annotated[
+        Picture, typer.Option("--picture", help="Show the strip as a picture where the terminal can; none: characters.")
+    ] = Picture.AUTO,
+    up: Annotated[UpSide, typer.Option("--up", help="What is up in the strip: the ego's way, or north.")] = UpSide.EGO,
+    moments: Annotated[int, typer.Option("--moments", min=1, max=12, help="Pictures of the strip, at most.")] = 6,
+    png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write the strip to a PNG file.")] = None,
+    svg: Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="Write the strip to an SVG file.")] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Simulate, even where a campaign has kept the trace of the same run.")
+    ] = False,
+    allow_outside: common.AllowOutsideOption = False,
+) -> None:
+    """Show what happens in a run: sentences with times, a timeline, and the important moments from above.
+
+    A mutant is shown beside its parent: from which moment they differ, and how.
+
+    [dim]foresee show scenarios/scenario7.foresee::r01
+    foresee show out/children/scenario7/red_light_runner_r02_p1_m3.foresee
+    foresee show red_light_runner_r02_p1_m3 --campaign out --svg strip.svg[/dim]
+    """
+    from foresee_dsl.report.show.sources import Wish, find
+
+    _one_file(targets, png, svg)
+    wish = Wish(driver, seed, campaign, allow_outside, fresh)
+    console = _console()
+    for number, target in enumerate(targets):
+        if number:
+            console.print()
+        shown = find(target, wish)
+        page = _page(shown, wish, up, moments)
+        _print_page(console, page, picture)
+        for file in (png, svg):
+            if file is not None:
+                _write(file, page.strips, page.shown.story.sentence, as_png=file is png)
+
+
+def _one_file(targets: list[str], *files: Path | None) -> None:
+    if len(targets) > 1 and any(file is not None for file in files):
+        raise typer.BadParameter("a file takes the strip of one run: name one run, or show them one by one")
+
+
+def _console() -> Console:
+    """Return a console that writes no control codes with NO_COLOR or into a pipe."""
+    from rich.console import Console
+
+    plain = bool(os.environ.get("NO_COLOR"))
+    return Console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
+
+
+def _page(shown: Shown, wish: Wish, up: UpSide, moments: int) -> Page:
+    from foresee_dsl.report.show.page import Page
+    from foresee_dsl.report.show.sources import parent_of
+
+    return Page(shown, parent_of(shown, wish), "ego" if up is UpSide.EGO else "north", moments)
+
+
+def _print_page(console: Console, page: Page, picture: Picture) -> None:
+    width, wrap = min(console.width, _WIDEST), console.is_terminal
+    sent = _as_picture(page.strips, picture)
+    for line in page.head(width, wrap=wrap) if sent else page.lines(width, wrap=wrap):
+        console.print(line, soft_wrap=True)
+    if sent:
+        console.print()
+        for line in page.timeline(width):
+            console.print(line, soft_wrap=True)
+        console.file.flush()
+        sys.stdout.write(sent)
+        sys.stdout.flush()
+        for line in page.foot():
+            console.print(line, soft_wrap=True)
+
+
+def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
+    """Return the strips as what a terminal shows as a picture; "" where it cannot, or pillow is missing."""
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.report.show.terminal_pictures import Pictures, detect, encoded
+
+    way = Pictures(picture.value)
+    if way is Pictures.AUTO:
+        way = detect()
+    if way is Pictures.NONE:
+        return ""
+    from foresee_dsl.report.show.png import as_png, image_of
+
+    try:
+        image = image_of(strips)
+    except ForeseeError:
+        if picture is Picture.AUTO:
+            return ""
+        raise
+    return encoded(image, as_png(image), way)
+
+
+def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -> None:
+    from foresee_dsl.files import replacing
+    from foresee_dsl.report.show.png import png_of
+    from foresee_dsl.report.strip import svg_of
+
+    data = png_of(strips, per_row=3) if as_png else svg_of(strips, label).encode()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as temporary:
+        temporary.write_bytes(data)

@@ -1,0 +1,286 @@
+"""A panel in characters: the map in braille dots, the ego in blocks; readable without colours too.
+
+A character is two dots wide and four high, and about twice as high as wide: so the dots are squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from rich.text import Text
+
+from foresee_dsl.report.safe_text import shortened
+from foresee_dsl.report.show.drawing import lines_of
+from foresee_dsl.report.show.ground import FloatArray, Layer
+from foresee_dsl.report.show.panels import Footprint, Panel, Role, Strip
+from foresee_dsl.report.strip import caption_of, legend_of
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+BoolArray = NDArray[np.bool_]
+
+WIDEST, NARROWEST = 40, 26
+"""Columns of a panel with its frame. Ours: a road of two lanes is six dots wide in a window of 24 m."""
+PAIR_WIDEST = 34
+"""Columns of a panel beside that of the parent's run. Ours: with wider ones two moments do not fit on a screen."""
+_GAP = 1
+"""Columns between panels; they have frames."""
+_BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bits of the dots of a braille sign, by row and column (Unicode 2800 and following)."""
+_QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+"""By the sum of upper left 1, upper right 2, lower left 4, lower right 8."""
+_EGO_NOSES, _OTHER_NOSES = "▶◥▲◤◀◣▼◢", "→↗↑↖←↙↓↘"
+"""By eighths of a turn, counter-clockwise from the right."""
+_NOSE_DOTS = 4.0
+"""Vehicles that are shorter on the screen get no nose."""
+_POINT_DOTS = 3.0
+"""Somebody who is smaller on the screen is one sign."""
+_POINTS = {Role.EGO: "◆", Role.OPPONENT: "●", Role.OTHER: "o", Role.PARKED: "·", Role.GHOST: "○"}
+STYLES: dict[Layer | Role, str] = {
+    Layer.ROAD: "dim",
+    Layer.MARKING: "dim",
+    Layer.STOP_LINE: "dim",
+    Layer.CROSSING: "",
+    Layer.BUILDING: "yellow dim",
+    Role.PARKED: "",
+    Role.OTHER: "yellow",
+    Role.GHOST: "magenta",
+    Role.OPPONENT: "bold red",
+    Role.EGO: "bold blue",
+}
+
+
+def strip_lines(strip: Strip, width: int) -> Iterator[Text]:
+    """Yield the lines of a strip in a width."""
+    if not strip.panels:
+        return
+    per_row, wide = layout(len(strip.panels), width)
+    for start in range(0, len(strip.panels), per_row):
+        yield from _row(strip.panels[start : start + per_row], wide)
+
+
+def pair_lines(parent: Strip, child: Strip, width: int) -> Iterator[Text]:
+    """Yield two strips of the same moments side by side: at each moment the parent's panel, then the child's."""
+    pairs = [(was, now) for now in child.panels for was in parent.panels if was.snapshot.letter == now.snapshot.letter]
+    if not pairs:
+        return
+    per_row = max(1, min((width + _GAP) // (2 * (NARROWEST + _GAP)), len(pairs)))
+    wide = min((width + _GAP) // (2 * per_row) - _GAP, PAIR_WIDEST)
+    titles = [f"{shortened(title, wide):<{wide}}" for title in (parent.title, child.title)]
+    for start in range(0, len(pairs), per_row):
+        row = pairs[start : start + per_row]
+        yield Text((" " * _GAP).join(titles * len(row)).rstrip(), style="bold")
+        yield from _row([panel for pair in row for panel in pair], wide)
+
+
+def _row(panels: Sequence[Panel], wide: int) -> Iterator[Text]:
+    for parts in zip(*(panel_lines(panel, wide) for panel in panels), strict=True):
+        yield Text(" " * _GAP).join(parts)
+
+
+def layout(count: int, width: int) -> tuple[int, int]:
+    """Return how many panels of `count` go in a row, and the columns of each, for a screen's width."""
+    fit = max(1, min((width + _GAP) // (NARROWEST + _GAP), count))
+    rows = math.ceil(count / fit)
+    per_row = math.ceil(count / rows)
+    return per_row, max(min((width + _GAP) // per_row - _GAP, WIDEST), min(width, NARROWEST))
+
+
+def panel_lines(panel: Panel, width: int) -> list[Text]:
+    """Return a panel with its frame: the moment above, the ego's speed, the gap and the window's side below."""
+    columns = max(width - 2, 4)
+    caption, figures = caption_of(panel)
+    letter, side = panel.snapshot.letter, f" ↔{panel.side_m:g} m"
+    caption = shortened(caption, columns - 4)
+    figures = shortened(figures, columns - len(side))
+    top = Text.assemble("┌", (letter, "bold"), " ", caption, " ", "─" * (columns - len(letter) - 2 - len(caption)), "┐")
+    rest = columns - len(figures) - len(side)
+    bottom = Text.assemble("└", figures, " " if rest else "", "─" * (rest - 1), side, "┘")
+    rows = [Text.assemble("│", row, "│") for row in canvas(panel, columns, columns // 2)]
+    return [top, *rows, bottom]
+
+
+def canvas(panel: Panel, columns: int, rows: int) -> list[Text]:
+    """Return what is in a panel's frame."""
+    screen = _Screen(panel.side_m, columns, rows)
+    screen.lines(Layer.ROAD, panel.ground.get(Layer.ROAD))
+    screen.lines(Layer.MARKING, panel.ground.get(Layer.MARKING), dashes_m=panel.side_m / 12)
+    screen.lines(Layer.STOP_LINE, panel.ground.get(Layer.STOP_LINE))
+    screen.checked(Layer.CROSSING, panel.ground.get(Layer.CROSSING))
+    screen.shaded(Layer.BUILDING, panel.ground.get(Layer.BUILDING))
+    # Who is small is drawn last: at a contact the ego would cover a pedestrian.
+    for footprint in sorted(panel.footprints, key=screen.is_point):
+        screen.footprint(footprint)
+    return screen.text()
+
+
+class _Screen:
+    """Dots, and signs that cover them; later ones cover earlier ones."""
+
+    def __init__(self, side_m: float, columns: int, rows: int) -> None:
+        self._columns, self._rows = columns, rows
+        self._per_m = 2 * columns / side_m
+        self._left_m, self._top_m = side_m / 2, 2 * rows / self._per_m
+        self._bits = np.zeros((rows, columns), np.int64)
+        self._styles = np.full((rows, columns), "", dtype=object)
+        self._signs = np.full((rows, columns), "", dtype=object)
+        y, x = np.mgrid[0 : 4 * rows, 0 : 2 * columns]
+        self._x_m = (x + 0.5) / self._per_m - self._left_m
+        self._y_m = self._top_m - (y + 0.5) / self._per_m
+
+    def lines(self, name: Layer, shape: BaseGeometry | None, dashes_m: float = 0.0) -> None:
+        """Draw the lines of a shape (the outlines of its polygons), but not where it is cut by the window."""
+        if shape is None:
+            return
+        dots = np.zeros(self._x_m.shape, np.bool_)
+        for points in lines_of(shape):
+            marks = self._along(points)
+            if dashes_m:
+                marks = marks[(marks[:, 2] // dashes_m) % 2 == 0]
+            edge = self._left_m - 0.02
+            inside = (np.abs(marks[:, 0]) < edge) & (np.abs(marks[:, 1]) < edge)
+            self._put(dots, marks[inside])
+        self._draw(dots, STYLES[name])
+
+    def checked(self, name: Layer, shape: BaseGeometry | None) -> None:
+        """Fill a shape with every second dot."""
+        if shape is not None:
+            rows, columns = np.indices(self._x_m.shape)
+            self._draw(self._inside(shape) & ((rows + columns) % 2 == 0), STYLES[name])
+
+    def shaded(self, name: Layer, shape: BaseGeometry | None) -> None:
+        """Fill a shape with shading, a character where most of its dots are inside."""
+        if shape is not None:
+            full = self._inside(shape).reshape(self._rows, 4, self._columns, 2).sum(axis=(1, 3)) >= 4
+            self._signs[full], self._styles[full] = "░", STYLES[name]
+
+    def is_point(self, one: Footprint) -> bool:
+        """Say whether somebody is drawn as one sign."""
+        return float(np.hypot(*(one.corners[0] - one.corners[1]))) * self._per_m < _POINT_DOTS
+
+    def footprint(self, one: Footprint) -> None:
+        """Draw somebody: the ego in blocks, the opponent filled, all others as outlines."""
+        style = STYLES[one.role]
+        length = float(np.hypot(*(one.corners[0] - one.corners[1]))) * self._per_m
+        if self.is_point(one):
+            self._sign(one.middle, _POINTS[one.role], style)
+            return
+        outline = np.vstack([one.corners, one.corners[:1]])
+        edge = np.zeros(self._x_m.shape, np.bool_)
+        self._put(edge, self._along(outline))
+        inside = self._inside(shapely.Polygon(one.corners))
+        if one.role is Role.EGO:
+            dots = inside if inside.any() else edge
+            self._blocks(dots, style)
+        elif one.role is Role.OPPONENT:
+            self._draw(inside | edge, style, over=True)
+        else:
+            self._draw(edge, style, over=True)
+        if (
+            length >= _NOSE_DOTS
+            and one.kind not in ("obstacle", "pedestrian")
+            and one.role in (Role.EGO, Role.OPPONENT)
+        ):
+            noses = _EGO_NOSES if one.role is Role.EGO else _OTHER_NOSES
+            front = (one.corners[0] + one.corners[3]) / 2
+            nose = front + (one.middle - front) * min(2.0 / length, 1.0)
+            self._sign(nose, noses[round(one.heading_rad / (math.pi / 4)) % 8], style)
+
+    def text(self) -> list[Text]:
+        """Return the rows."""
+        found = []
+        for row in range(self._rows):
+            line = Text()
+            for column in range(self._columns):
+                bits = int(self._bits[row, column])
+                sign = self._signs[row, column] or (chr(0x2800 + bits) if bits else " ")
+                line.append(sign, style=self._styles[row, column] or None)
+            found.append(line)
+        return found
+
+    def _along(self, points: FloatArray) -> FloatArray:
+        """Return marks on a line, less than a dot apart: [N, 3] x, y, length along it, m."""
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        marks = np.linspace(0.0, along[-1], max(math.ceil(along[-1] * self._per_m * 2), 2))
+        return np.column_stack([np.interp(marks, along, points[:, 0]), np.interp(marks, along, points[:, 1]), marks])
+
+    def _put(self, dots: BoolArray, marks: FloatArray) -> None:
+        column = np.floor((marks[:, 0] + self._left_m) * self._per_m).astype(int)
+        row = np.floor((self._top_m - marks[:, 1]) * self._per_m).astype(int)
+        known = (column >= 0) & (column < dots.shape[1]) & (row >= 0) & (row < dots.shape[0])
+        dots[row[known], column[known]] = True
+
+    def _inside(self, shape: BaseGeometry) -> BoolArray:
+        found: BoolArray = shapely.contains_xy(shape, self._x_m, self._y_m)
+        return found
+
+    def _cells(self, dots: BoolArray) -> NDArray[np.int64]:
+        """Return the braille bits of dots, a number a character."""
+        parts = dots.reshape(self._rows, 4, self._columns, 2)
+        bits: NDArray[np.int64] = np.einsum("ricj,ij->rc", parts.astype(np.int64), np.array(_BRAILLE))
+        return bits
+
+    def _draw(self, dots: BoolArray, style: str, *, over: bool = False) -> None:
+        """Add dots to the characters; `over`: what was in these is covered."""
+        bits = self._cells(dots)
+        touched = bits > 0
+        if over:
+            self._bits[touched] = 0
+            self._signs[touched] = ""
+        self._bits |= bits
+        self._styles[touched] = style
+
+    def _blocks(self, dots: BoolArray, style: str) -> None:
+        # [rows, upper or lower, columns, left or right]
+        halves = dots.reshape(self._rows, 2, 2, self._columns, 2).any(axis=2).astype(np.int64)
+        number = np.asarray(np.einsum("ricj,ij->rc", halves, np.array(((1, 2), (4, 8)))), np.int64)
+        filled = number > 0
+        self._signs[filled] = np.array(list(_QUADRANTS), dtype=object)[number][filled]
+        self._styles[filled] = style
+
+    def _sign(self, at: FloatArray, sign: str, style: str) -> None:
+        column = math.floor((float(at[0]) + self._left_m) * self._per_m / 2)
+        row = math.floor((self._top_m - float(at[1])) * self._per_m / 4)
+        if 0 <= row < self._rows and 0 <= column < self._columns:
+            self._signs[row, column], self._styles[row, column] = sign, style
+
+
+_SWATCHES = {Role.EGO: "█▲", Role.OPPONENT: "⣿", Role.OTHER: "⣏⣹", Role.PARKED: "⣏⣹", Role.GHOST: "⣏⣹"}
+
+
+def legend_line(strips: Sequence[Strip], width: int) -> Text:
+    """Return what the signs mean, on as many lines as that takes."""
+    entries: list[Text] = []
+    for role, name in legend_of(strips):
+        swatch = _SWATCHES[role]
+        small = any(one.role is role and one.kind == "pedestrian" for one in _footprints(strips))
+        if role is Role.OPPONENT and small:
+            swatch = "●"
+        entries.append(Text.assemble((swatch, STYLES[role]), f" {name}"))
+    layers = {layer for strip in strips for panel in strip.panels for layer in panel.ground}
+    if Layer.BUILDING in layers:
+        entries.append(Text.assemble(("░", STYLES[Layer.BUILDING]), " building"))
+    if Layer.CROSSING in layers:
+        entries.append(Text("⢕ crossing"))
+    return _flowed(entries, width)
+
+
+def _footprints(strips: Sequence[Strip]) -> Iterable[Footprint]:
+    return (one for strip in strips for panel in strip.panels for one in panel.footprints)
+
+
+def _flowed(entries: Sequence[Text], width: int) -> Text:
+    lines, line = [], Text()
+    for entry in entries:
+        if line and len(line) + 3 + len(entry) > width:
+            lines.append(line)
+            line = Text()
+        line = Text.assemble(line, "   ", entry) if line else entry
+    return Text("\n").join([*lines, line])

@@ -1,0 +1,142 @@
+"""The page of `foresee show`: headline, story, differences from the parent, timeline and strip."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from rich.text import Text
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.language.diff.addresses import diff_cases
+from foresee_dsl.language.diff.rendering import render_groups
+from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.show.characters import legend_line, pair_lines, strip_lines
+from foresee_dsl.report.show.differences import Departure, departures, in_words, parts_from
+from foresee_dsl.report.show.measures import Measures, measure
+from foresee_dsl.report.show.panels import Strip, Up
+from foresee_dsl.report.show.sources import Shown
+from foresee_dsl.report.show.timeline import timeline
+from foresee_dsl.report.strip import make_strip
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace
+
+_PATH = 4000
+"""Characters of a path that are shown: whole ones, as no system has longer ones."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A run, and its parent's where it is a mutant's. `up`, `most`: see `make_strip`."""
+
+    shown: Shown
+    parent: Shown | None
+    up: Up = "ego"
+    most: int = 6
+
+    @cached_property
+    def strips(self) -> tuple[Strip, ...]:
+        """The run's strip, in front of it that of the parent at the same moments and places."""
+        shown, parent = self.shown, self.parent
+        title = "" if parent is None else f"this run: {_ended(shown.trace)}"
+        own = make_strip(shown.trace, shown.case, shown.story, title=title, up=self.up, most=self.most)
+        if parent is None:
+            return (own,)
+        return make_strip(parent.trace, parent.case, title=f"its parent: {_ended(parent.trace)}", like=own), own
+
+    @cached_property
+    def departures(self) -> tuple[Departure, ...]:
+        """Who goes other ways than in the parent's run; nobody where there is none."""
+        return departures(self.parent.trace, self.shown.trace) if self.parent is not None else ()
+
+    def lines(self, width: int, *, wrap: bool) -> Iterator[Text]:
+        """Yield the page line by line.
+
+        Args:
+            width: columns. wrap: whether sentences are broken there; else a line each, for a pipe.
+        """
+        yield from self.head(width, wrap=wrap)
+        yield Text()
+        yield from self.timeline(width)
+        yield Text()
+        yield from self.pictures(width)
+        yield from self.foot()
+
+    def head(self, width: int, *, wrap: bool) -> Iterator[Text]:
+        """Yield what is over the timeline."""
+        shown, story = self.shown, self.shown.story
+        meta = shown.trace.meta
+        verdict = next((v for v in Verdict if v.value == meta.get("verdict")), None)
+        reason = safe(meta.get("reason", ""))
+        yield Text.assemble((safe(shown.address, _PATH), "bold"))
+        yield Text.assemble((reason, verdict.style if verdict else ""))
+        kept = f", from {safe(shown.kept, _PATH)}" if shown.kept is not None else ""
+        yield Text(
+            f"driver {safe(shown.driver)} {safe(meta.get('driver_version', ''))}, seed {shown.seed}{kept}", "dim"
+        )
+        yield Text()
+        if story.sentence and safe(story.sentence) != reason:
+            yield from _wrapped(safe(story.sentence, 1000), width if wrap else 0, "")
+            yield Text()
+        for moment in story.moments:
+            text = f"{moment.time_s:6.2f} s  {safe(moment.text)}"
+            yield from _wrapped(text, width if wrap else 0, " " * 10)
+        if self.parent is not None:
+            yield Text()
+            yield from self._differences(self.parent, width if wrap else 0)
+
+    def timeline(self, width: int) -> Iterator[Text]:
+        """Yield the timeline, with the moments of the strip marked."""
+        strip = self.strips[-1]
+        before = _measured(self.parent, self.strips[0].opponent) if self.parent is not None else None
+        yield from timeline(_measured(self.shown, strip.opponent), strip.moments, strip.opponent, width, parent=before)
+
+    def pictures(self, width: int) -> Iterator[Text]:
+        """Yield the strip; from where it differs from the parent's, both side by side."""
+        *parents, own = self.strips
+        if not parents:
+            yield from strip_lines(own, width)
+        else:
+            from_s = parts_from(self.parent.trace, self.shown.trace) if self.parent is not None else math.inf
+            same, other = (tuple(panel for panel in own.panels if (panel.snapshot.time_s < from_s) is together)
+                           for together in (True, False))  # fmt: skip
+            if same:
+                yield Text(f"both runs{f', the same until {from_s:.2f} s' if other else ''}", style="bold")
+                yield from strip_lines(replace(own, panels=same), width)
+            yield from pair_lines(parents[0], replace(own, panels=other), width)
+        yield legend_line(self.strips, width)
+
+    def foot(self) -> Iterator[Text]:
+        """Yield the command that runs it again."""
+        shown = self.shown
+        parts = ["foresee", "run", safe(shown.address, _PATH), "--driver", safe(shown.driver)]
+        parts += ["--seed", str(shown.seed)] if shown.seed else []
+        yield Text(shlex.join(parts), style="cyan")
+
+    def _differences(self, parent: Shown, width: int) -> Iterator[Text]:
+        yield Text.assemble(("Its parent ", "bold"), (safe(parent.address, _PATH), "bold"), f": {_ended(parent.trace)}")
+        for line in render_groups(diff_cases(parent.case, self.shown.case)).splitlines():
+            if line.strip():
+                yield Text(f"  {safe(line)}")
+        for sentence in in_words(self.departures):
+            yield from _wrapped(f"  {safe(sentence)}", width, "    ")
+
+
+def _measured(shown: Shown, opponent: str) -> Measures:
+    return measure(shown.trace, compile_test_case(shown.case), opponent)
+
+
+def _ended(trace: Trace) -> str:
+    return safe(trace.meta.get("reason") or trace.meta.get("verdict", ""))
+
+
+def _wrapped(text: str, width: int, indent: str) -> Iterator[Text]:
+    """Yield a sentence in lines of a width; 0: in one."""
+    if not width:
+        yield Text(text)
+        return
+    yield from map(Text, textwrap.wrap(text, width, subsequent_indent=indent, break_on_hyphens=False))

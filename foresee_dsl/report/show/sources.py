@@ -1,0 +1,191 @@
+"""What is shown: a run of a test case, from a trace that is kept where there is one, else simulated."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.errors import DriverError, ForeseeError
+from foresee_dsl.language.diff.addresses import parent_address
+from foresee_dsl.language.project.addresses import is_file, parse_address
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from foresee_dsl.story import Story
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A run to show.
+
+    Attributes:
+        address: as the user can name it again. case, trace: what was run, and the run. driver, seed: of the run.
+        kept: the file that the trace was read from, None where it was simulated now.
+    """
+
+    address: str
+    case: TestCase
+    trace: Trace
+    driver: str
+    seed: int
+    kept: Path | None = None
+
+    @property
+    def story(self) -> Story:
+        """What happened."""
+        from foresee_dsl.story import tell
+
+        return tell(self.trace, self.case)
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the user asked for: the driver ("": the recorded one, else pdm), the seed (None: likewise), the campaign's
+    folder, whether files may use others outside the project, and whether a kept trace will do."""
+
+    driver: str = ""
+    seed: int | None = None
+    campaign: Path = Path("out")
+    allow_outside: bool = False
+    fresh: bool = False
+
+
+def find(target: str, wish: Wish) -> Shown:
+    """Return the run that an address, a trace, a mutant's file or a finding's name means.
+
+    Raises:
+        ForeseeError: there is nothing of that name, or a trace is not of the file that it names any more.
+        DriverError: the file records a program as its driver.
+    """
+    if target.endswith(".npz"):
+        return _of_trace(Path(target), wish)
+    file, _ = parse_address(target)
+    if not is_file(file) and "::" not in target and "/" not in target and not target.endswith(".foresee"):
+        target = _file_of_finding(target, wish.campaign)
+    return of_address(target, wish)
+
+
+def of_address(address: str, wish: Wish) -> Shown:
+    """Return the run of a test case, a clip or a mutant: a kept one that is the same, else a new one."""
+    case = load_test_case(address, allow_outside=wish.allow_outside)
+    driver, seed = _driver_and_seed(case, wish)
+    if not wish.fresh:
+        for file in _kept(case, wish):
+            trace = _same(file, case, driver, seed)
+            if trace is not None:
+                return Shown(address, case, trace, driver, seed, file)
+    return Shown(address, case, run_test_case(case, driver, seed).trace, driver, seed)
+
+
+def parent_of(shown: Shown, wish: Wish) -> Shown | None:
+    """Return the run of a mutant's clip with the same driver and seed; None of what is no mutant."""
+    if shown.case.mutant is None:
+        return None
+    address = parent_address(shown.case.source.as_posix())
+    same = replace(wish, driver=shown.driver, seed=shown.seed, allow_outside=True)
+    return of_address(_relative(address), same)
+
+
+def _of_trace(path: Path, wish: Wish) -> Shown:
+    try:
+        trace = Trace.load(path)
+    except ValueError as err:
+        raise ForeseeError(str(err)) from err
+    meta = trace.meta
+    address = str(meta.get("test_case", ""))
+    if not address:
+        raise ForeseeError(f"{path} does not say which test case it is of; `foresee run FILE --out DIR` writes traces")
+    found = _locate(address, path)
+    case = load_test_case(found, allow_outside=wish.allow_outside)
+    recorded = str(meta.get("meaning", ""))
+    if recorded != case.meaning:
+        raise ForeseeError(
+            f"{path} is a run of {address} as it was ({recorded or 'not recorded'}); the file means something else now "
+            f"({case.meaning}): show the file itself, `foresee show {found}`"
+        )
+    return Shown(found, case, trace, str(meta.get("driver", "")), int(meta.get("seed", 0)), path)
+
+
+def _locate(address: str, trace: Path) -> str:
+    """Return a trace's test case as it can be found from here: as written, or beside the trace (a campaign's `out`)."""
+    for folder in (Path(), trace.parent, trace.parent.parent):
+        moved = (folder / address).as_posix()
+        if is_file(parse_address(moved)[0]):
+            return moved
+    return address
+
+
+def _kept(case: TestCase, wish: Wish) -> Iterator[Path]:
+    """Yield the files where a campaign keeps a run's trace: the campaign's folder, and that which the file is in."""
+    folders = [wish.campaign, *(above for above in case.source.parents if (above / "traces").is_dir())]
+    for folder in dict.fromkeys(folders):
+        file = folder / "traces" / f"{case_name(case)}.npz"
+        if is_file(file):
+            yield file
+
+
+def _same(file: Path, case: TestCase, driver: str, seed: int) -> Trace | None:
+    """Return a kept trace where it is of this test case, driver and seed."""
+    try:
+        trace = Trace.load(file)
+    except (ValueError, OSError):
+        return None
+    meta = trace.meta
+    same = (meta.get("meaning"), meta.get("driver"), meta.get("seed")) == (case.meaning, driver, seed)
+    return trace if same and _of_this_version(meta, driver) else None
+
+
+def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
+    from foresee_dsl import __version__
+    from foresee_dsl.drivers.registry import load_driver
+
+    return meta.get("tool") == __version__ and meta.get("driver_version") == load_driver(driver).version
+
+
+def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
+    origin = case.mutant.origin if case.mutant is not None else None
+    recorded = recorded_address((origin.driver if origin else None) or "pdm")
+    if ":" in recorded and not wish.driver:
+        raise DriverError(f"{case.id} was recorded with a program as its driver: {recorded}. `--driver` starts one")
+    seed = int(origin.seed.value) if origin and origin.seed else 0
+    return wish.driver or recorded, seed if wish.seed is None else wish.seed
+
+
+def _file_of_finding(name: str, campaign: Path) -> str:
+    """Return the address of what a campaign calls `name`: a finding, or one of its siblings."""
+    file = campaign / "campaign.json"
+    if not is_file(file):
+        raise ForeseeError(
+            f"'{name}' is no file, and there is no campaign in '{campaign}' whose finding it could be: write a file, "
+            "FILE::CASE, or --campaign OUT"
+        )
+    try:
+        findings = json.loads(file.read_text(encoding="utf-8")).get("findings", [])
+    except ValueError as err:
+        raise ForeseeError(f"{file} is damaged: {err}") from err
+    names: dict[str, str] = {}
+    for finding in findings:
+        names[finding["name"]] = finding["file"]
+        names.update(zip(finding["siblings"], finding["sibling_files"], strict=False))
+    if name not in names:
+        from foresee_dsl.language.messages.suggest import did_you_mean
+
+        help = did_you_mean(name, names) or "it has no findings"
+        raise ForeseeError(f"'{name}' is no file, and no finding of the campaign in '{campaign}': {help}")
+    beside = campaign / names[name]
+    return beside.as_posix() if is_file(beside) else names[name]
+
+
+def _relative(address: str) -> str:
+    """Return an address as seen from the working folder, where it lies below that."""
+    file, case = parse_address(address)
+    here = Path.cwd()
+    near = file.resolve().relative_to(here) if file.resolve().is_relative_to(here) else file
+    return f"{near.as_posix()}::{case}" if case else near.as_posix()
