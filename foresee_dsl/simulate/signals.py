@@ -11,15 +11,27 @@ _COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": 
 
 
 class Signals:
-    """The signals of one run."""
+    """The signals of one run.
 
-    def __init__(self, sumo: ModuleType, bundle: SumoBundle) -> None:
-        self._lights = sumo.trafficlight
+    Args:
+        sumo: libsumo, with the bundle's network loaded. begins_s: SUMO's time when the run begins, s.
+    """
+
+    def __init__(self, sumo: ModuleType, bundle: SumoBundle, begins_s: float = 0.0) -> None:
+        self._lights, self._clock, self._begins_s = sumo.trafficlight, sumo.simulation.getTime, begins_s
         self._signals: dict[str, Signal] = {signal.tls: signal for signal in bundle.signals.values()}
         self._shown: dict[str, tuple[int, float, float]] = {}
         self._states: dict[str, str] = {}
         self.now_s = 0.0
-        """SUMO's time."""
+        """SUMO's time since the run began, s."""
+
+    def look(self) -> None:
+        """Take note of the time."""
+        self.now_s = self._since_begin(self._clock())
+
+    def _since_begin(self, time_s: float) -> float:
+        # SUMO counts milliseconds: rounded, the difference is the very number that a run from 0 has.
+        return round(time_s - self._begins_s, 6)
 
     def start(self, bundle: SumoBundle, lead_s: float) -> None:
         """Set the signals so that they are as the scene says after `lead_s`; others at the beginning of a stage."""
@@ -38,11 +50,11 @@ class Signals:
         return stage, self.now_s - since_s
 
     def shown(self, tls: str) -> tuple[int, float, float]:
-        """Return the stage that a signal shows, when it began, and until when, in SUMO's time."""
+        """Return the stage that a signal shows, when it began, and until when, in SUMO's time since the run began."""
         known = self._shown.get(tls)
         if known is None or self.now_s >= known[2]:
             phase = self._signals[tls].phases[self._lights.getPhase(tls)]
-            until_s = self._lights.getNextSwitch(tls)
+            until_s = self._since_begin(self._lights.getNextSwitch(tls))
             known = self._shown[tls] = phase.stage, until_s - phase.duration_s - phase.since_stage_s, until_s
             self._states[tls] = str(self._lights.getRedYellowGreenState(tls))
         return known
