@@ -159,11 +159,11 @@ class World:
     def _load_empty(self) -> float:
         """Load the empty state at a time that no earlier run of this process has come to; return that time, s.
 
-        SUMO 1.28 remembers for each edge when vehicles last considered changing lanes on it, and skips the edge where
-        that is now. Loading a state does not clear this: with all runs beginning at 0, a vehicle that came to an edge at
-        the very time at which an earlier run had left it did not change lanes in that step (measured: 2 of 1,212
-        children differed by what the process had run before). The fault is gone when `MSEdgeControl` forgets these
-        times as it loads a state.
+        SUMO 1.28 remembers for each edge when vehicles last considered changing lanes on it, and skips the edge if that
+        was at the present time. Loading a state does not clear this. With all runs beginning at 0, a vehicle that came
+        to an edge at the very time at which an earlier run had ended there did not change lanes in that step (measured:
+        2 of 1,212 children depended on what the process had run before). The fault is gone when `MSEdgeControl` forgets
+        these times as it loads a state.
         """
         now_s = self._sumo.simulation.getTime()
         begins_s = math.ceil(now_s) + 1 if now_s > 0 else 0
