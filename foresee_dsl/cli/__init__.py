@@ -44,6 +44,8 @@ COMMANDS = (
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "verify", "keep.verify"),
+    ("Report", "report", "report.report"),
+    ("Report", "view", "report.view"),
     ("Exchange", "import", "formats.import_"),
     ("Exchange", "export", "formats.export"),
     ("About", "drivers", "about.drivers"),

@@ -124,6 +124,7 @@ def campaign(
     form = ReportFormat.json if json else format_
     _report(results, report, form, junit)
     screen = console(error=form is not ReportFormat.text)
+    _pages([folder for folder, _ in results], flags.out, screen)
     if others:
         screen.print(of_other_versions(flags.store_folder, others))
     if results[-1][1].interrupted:
@@ -159,6 +160,19 @@ def _report(
     if file is not None:
         for folder, result in results:
             save_campaign(file, result, folder)
+
+
+def _pages(folders: list[Path], out: Path, screen: Console) -> None:
+    """Write each campaign's page, and one of all of them where there are several."""
+    from foresee_dsl.report.page.html import write_report
+
+    pages = [folder / "report.html" for folder in folders]
+    for folder, file in zip(folders, pages, strict=True):
+        write_report([folder], file)
+    if len(folders) > 1:
+        pages.append(out / "report.html")
+        write_report(folders, pages[-1])
+    screen.print(f"\nThe findings with their playback: {pages[-1]}", soft_wrap=True, markup=False)
 
 
 class StopSignal:

@@ -1,0 +1,94 @@
+"""Commands that write pages and reports for people: report of a finished campaign, view of one file."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from foresee_dsl.cli.common import CALL, AllowOutsideOption, SeedOption, print_json
+
+
+class Form(StrEnum):
+    """In what form a report is written."""
+
+    HTML = "html"
+    MARKDOWN = "markdown"
+    TEXT = "text"
+    JSON = "json"
+
+
+def report(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="A finished campaign's folder.")] = Path("out"),
+    format: Annotated[
+        Form,
+        typer.Option(
+            "--format",
+            help="html: a page with playback (OUT/report.html); markdown: for a pull request (OUT/report.md, with "
+            "pictures beside it); text: for a terminal; json: for tools.",
+        ),
+    ] = Form.HTML,
+) -> None:
+    """Write the report of a finished campaign; nothing is run again.
+
+    What is missing or was edited since is said in the report.
+
+    [dim]foresee report out
+    foresee report out --format markdown --output review/report.md[/dim]
+    """
+    from foresee_dsl.report.page.recorded import campaign_folders
+
+    folders, output = campaign_folders(out), CALL.get().output
+    match format:
+        case Form.HTML:
+            from foresee_dsl.report.page.html import write_report
+
+            file = output or out / "report.html"
+            write_report(folders, file)
+            typer.echo(str(file))
+        case Form.MARKDOWN:
+            from foresee_dsl.report.page.markdown import write_markdown
+
+            file = output or out / "report.md"
+            write_markdown(folders, file)
+            typer.echo(str(file))
+        case Form.TEXT | Form.JSON:
+            from foresee_dsl.report.page.contents import contents_of
+            from foresee_dsl.report.page.plain import as_dict, as_text
+            from foresee_dsl.report.page.runs import Reader
+
+            contents = contents_of(folders, Reader(plays=False))
+            if format is Form.JSON:
+                print_json(as_dict(contents))
+            else:
+                typer.echo(as_text(contents), nl=False)
+
+
+def view(
+    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip, a mutant, or a trace.")],
+    driver: Annotated[
+        str, typer.Option("--driver", help="The driver that runs it; by default the one that the file records, or pdm.")
+    ] = "",
+    seed: SeedOption = 0,
+    output: Annotated[
+        Path | None, typer.Option("--output", metavar="FILE", help="The page's file; by default out/view/NAME.html.")
+    ] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
+    allow_outside: AllowOutsideOption = False,
+) -> None:
+    """Write one file's page, with playback: a test case, clip or mutant is run first; a trace is shown as it is.
+
+    [dim]foresee view scenarios/scenario7.foresee::r01 --open
+    foresee view out/children/scenario7/red_light_runner_r02_p1_m3.foresee
+    foresee view runs/red_light_runner_r01.npz --output page.html[/dim]
+    """
+    from foresee_dsl.report.page.single import write_view
+
+    file = write_view(address, output, driver=driver, seed=seed, allow_outside=allow_outside)
+    typer.echo(str(file))
+    if open_:
+        import webbrowser
+
+        webbrowser.open(file.absolute().as_uri())

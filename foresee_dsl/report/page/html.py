@@ -1,0 +1,106 @@
+"""Renders a report's page: templates, styles and scripts in one file, which runs nothing but its own script."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from foresee_dsl.files import data_folder, write_whole
+from foresee_dsl.report.page.contents import Contents, contents_of, family_title, options_of
+from foresee_dsl.report.page.runs import Reader
+from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.templates import environment
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+LONGEST = 2000
+"""Characters of one text that the page shows; ours: reasons of a driver that raises are half of that."""
+SCRIPTS = ("run.js", "scene.js", "curves.js", "player.js", "page.js")
+"""The parts of the page's script, in their order; joined they are one."""
+
+
+def write_report(folders: Sequence[Path], file: Path) -> Contents:
+    """Write the page of finished campaigns, and return what it says.
+
+    Raises:
+        ForeseeError: a folder holds no campaign.
+        OSError: the file cannot be written.
+    """
+    reader = Reader()
+    contents = contents_of(folders, reader)
+    write_whole(file, rendered(contents, reader))
+    return contents
+
+
+def rendered(contents: Contents, reader: Reader) -> str:
+    """Return the page: whatever names and reasons hold is shown as text."""
+    style, script = _source("page.css"), "\n".join(map(_source, SCRIPTS))
+    script = f"(() => {{\n'use strict';\n{script}\n}})();\n"
+    findings = contents.findings
+    filters = {
+        "family": [(f, family_title(f)) for f in options_of(findings, lambda found: found.family)],
+        "class": [(c, c) for c in options_of(findings, lambda found: found.class_)],
+        "verdict": [(v, v) for v in options_of(findings, lambda found: found.verdict)],
+        "preventability": [(p, p) for p in options_of(findings, lambda found: found.preventability)],
+        "driver": [(d, d) for d in options_of(findings, lambda found: found.driver)],
+    }
+    return (
+        _templates()
+        .get_template("page.html.j2")
+        .render(
+            contents=contents,
+            filters={name: options for name, options in filters.items() if len(options) > 1},
+            style=style,
+            script=script,
+            style_hash=_hash(style),
+            script_hash=_hash(script),
+            family_title=family_title,
+            shown=_shown,
+            data={name: _data(value) for name, value in {**reader.roads.as_dict(), **reader.playbacks}.items()},
+        )
+    )
+
+
+@cache
+def _templates() -> Environment:
+    """Return the templates of reports, in which nothing that is inserted hides or turns the text around it."""
+    return environment().overlay(finalize=_shown)
+
+
+def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts
+    """Make text of others safe; what a template has marked as markup stays as it is."""
+    return safe(value, LONGEST) if type(value) is str else value
+
+
+def _data(value: dict[str, Any]) -> Markup:
+    """Return JSON for a script element: no text in it ends the element."""
+    from jinja2.utils import htmlsafe_json_dumps
+
+    return htmlsafe_json_dumps(_safe_strings(value), separators=(",", ":"), allow_nan=False)
+
+
+def _safe_strings(value: Any) -> Any:  # noqa: ANN401 - as above
+    if isinstance(value, str):
+        return safe(value, LONGEST)
+    if isinstance(value, dict):
+        return {safe(key, LONGEST): _safe_strings(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        # Long lists are numbers throughout.
+        return value if len(value) > 50 and isinstance(value[0], int) else [_safe_strings(item) for item in value]
+    return value
+
+
+@cache
+def _source(name: str) -> str:
+    return (data_folder("templates") / "report" / name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """Return what a content security policy calls an inline style or script by."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

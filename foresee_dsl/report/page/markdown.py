@@ -1,0 +1,126 @@
+"""A report for a pull request: a section for each finding, as Markdown, with a picture of its run beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from foresee_dsl.files import write_whole
+from foresee_dsl.report.page.contents import Contents, Found, contents_of
+from foresee_dsl.report.page.runs import Reader, Run
+from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.templates import environment
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+LONGEST_BYTES = 60_000
+"""GitHub refuses a comment of more than 65,536 characters; the rest is for what people write around it (ours)."""
+_LONGEST_TEXT, _LONGEST_CODE = 300, 1500
+_SPECIAL = re.compile(r"[\\`*_{}\[\]<>&#|~!$^]")
+_LINKS = re.compile(r"(?<=:)(?=//)|(?<=[wW]{3})(?=\.)|(?<=@)|(?<=&#35;)")
+"""Where code hosts begin to see an address, a person or an issue."""
+_APART = "<!-- -->"
+"""Stands between two signs that would be a link together; nobody sees it."""
+_FILE_NAME = re.compile(r"[^\w.-]+", re.ASCII)
+
+
+class Marked(str):
+    """A text that is Markdown already."""
+
+    __slots__ = ()
+
+
+def write_markdown(folders: Sequence[Path], file: Path) -> Contents:
+    """Write the report of finished campaigns, and beside it a folder with a strip of each finding's run.
+
+    Raises:
+        ForeseeError: a folder holds no campaign.
+        OSError: a file cannot be written.
+    """
+    reader = Reader(plays=False)
+    contents = contents_of(folders, reader)
+    pictures = file.with_name(f"{file.stem}_files")
+    strips: list[str] = []
+    for found in contents.findings:
+        svg = reader.strip(found.runs[0].outcome)
+        name = f"{_FILE_NAME.sub('_', found.anchor)[:100]}.svg"
+        strips.append(f"{quote(pictures.name)}/{quote(name)}" if svg else "")
+        if svg:
+            write_whole(pictures / name, svg)
+    write_whole(file, as_markdown(contents, strips))
+    return contents
+
+
+def as_markdown(contents: Contents, strips: Sequence[str]) -> str:
+    """Return the report in less than `LONGEST_BYTES`: findings that have no room are only named at the end.
+
+    Args:
+        strips: for each finding the address of its picture, or "".
+    """
+    sections = list(zip(contents.findings, (Marked(strip) for strip in strips), strict=True))
+    low, high = 0, len(sections)
+    while low < high:  # the most sections that fit
+        middle = (low + high + 1) // 2
+        if len(_rendered(contents, sections, middle).encode()) < LONGEST_BYTES:
+            low = middle
+        else:
+            high = middle - 1
+    return _rendered(contents, sections, low)
+
+
+def _rendered(contents: Contents, sections: Sequence[tuple[Found, Marked]], count: int) -> str:
+    text = (
+        _templates()
+        .get_template("report.md.j2")
+        .render(
+            contents=contents,
+            sections=sections[:count],
+            left=[found for found, _ in sections[count:]],
+            code=code,
+            block=block,
+            mark=Marked,
+            code_free=escaped,
+            commands=_commands,
+        )
+    )
+    return re.sub(r"\n{3,}", "\n\n", text)
+
+
+def _commands(run: Run) -> str:
+    return "\n".join(command for _, command in run.commands)
+
+
+@cache
+def _templates() -> Environment:
+    """Return the templates of reports, with Markdown's escapes in the place of HTML's."""
+    return environment().overlay(autoescape=False, finalize=_shown)
+
+
+def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts
+    return escaped(value) if type(value) is str else value
+
+
+def escaped(text: object) -> Marked:
+    """Return a text that Markdown shows as it is: no markup, HTML, links, mentions, or cells of a table."""
+    plain = _SPECIAL.sub(lambda sign: f"&#{ord(sign[0])};", safe(text, _LONGEST_TEXT))
+    return Marked(_LINKS.sub(_APART, plain))
+
+
+def code(text: object) -> Marked:
+    """Return a text as code in a line, which a table's cell can hold too."""
+    plain = safe(text, _LONGEST_TEXT)
+    fence = "`" * (max((len(run) for run in re.findall("`+", plain)), default=0) + 1)
+    pad = " " if plain.startswith("`") or plain.endswith("`") else ""
+    return Marked(f"{fence}{pad}{plain}{pad}{fence}".replace("|", "\\|")) if plain.strip() else Marked("")
+
+
+def block(text: str, language: str) -> Marked:
+    """Return lines as a block of code that nothing in them ends."""
+    lines = [safe(line, _LONGEST_CODE) for line in text.split("\n")]
+    fence = "`" * max(3, max((len(run) for line in lines for run in re.findall("`+", line)), default=0) + 1)
+    return Marked("\n".join([f"{fence}{language}", *lines, fence]))

@@ -1,0 +1,185 @@
+"""One run as a page plays it: who was where, who was seen, what the parent's run did instead."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.derive.preventability.risk import sight_of
+from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.report.page.numbers import CM, MRAD, deltas, toggles
+from foresee_dsl.report.page.signals import signal_heads
+from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
+
+NEAR_M = 90.0
+"""Actors that are never this near to the ego are left out; ours: a little beyond what its sensors see of a car."""
+LONG_RUN_FRAMES = 400
+"""A run of more frames (20 s) is shown with every second one; ours: positions between two are interpolated."""
+APART_M = 0.3
+"""A ghost is drawn of an actor that is this far from where it was in the parent's run; ours: one can see it."""
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Parent:
+    """The run that a child was cut from; the child began `start_s` after it did."""
+
+    trace: Trace
+    start_s: float
+
+
+@dataclass(frozen=True)
+class Marks:
+    """What is marked in a run.
+
+    Attributes:
+        opponent: an actor's id, or "". contact_s, contact: when and where (m) the two touched.
+        forecast_s, forecast_with: the risky point, in the run's own time, and whom it is about.
+    """
+
+    opponent: str = ""
+    contact_s: float | None = None
+    contact: tuple[float, float] | None = None
+    forecast_s: float | None = None
+    forecast_with: str = ""
+
+
+def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | None = None) -> dict[str, Any]:
+    """Return a run for the page's script; see `templates/report/run.js` for what it makes of it."""
+    frames = shown_frames(trace.frames)
+    shown = near_the_ego(trace, frames, marks.opponent)
+    seen = _seen(trace, bundle, frames)
+    heights = [actor.model.height_m for actor in bundle.scene.actors]
+    run: dict[str, Any] = {
+        "step": STEP_S * (int(frames[1] - frames[0]) if len(frames) > 1 else 1),
+        "frames": len(frames),
+        "end": round(trace.duration_s, 3),
+        "actors": [
+            {
+                "id": trace.actors[k].id,
+                "kind": trace.actors[k].kind,
+                "model": trace.actors[k].model,
+                "size": [trace.actors[k].length_m, trace.actors[k].width_m, round(heights[k], 2)],
+                "way": _way(trace.states[frames, k]),
+                "seen": toggles(seen[:, k]),
+            }
+            for k in shown
+        ],
+        "opponent": marks.opponent,
+        "signals": signal_heads(trace, bundle, frames),
+        "gap": _gap(trace, frames, marks.opponent),
+        "contact": None,
+        "forecast": None,
+        "ghosts": [],
+        "ghost_gap": [],
+        "differs": None,
+    }
+    if marks.contact_s is not None:
+        run["contact"] = [marks.contact_s, *([round(v, 2) for v in marks.contact] if marks.contact else [])]
+    if parent is not None:
+        run |= _ghosts(trace, frames, shown, parent, marks.opponent)
+    if marks.forecast_s is not None:
+        source = parent or Parent(trace, 0.0)
+        run["forecast"] = [round(marks.forecast_s, 2), *_place_at(source, marks.forecast_s, marks.forecast_with)]
+    return run
+
+
+def shown_frames(count: int) -> IntArray:
+    """Return the frames that a page shows: all, or every second one, and the last."""
+    step = 1 if count <= LONG_RUN_FRAMES else 2
+    frames = np.arange(0, count, step)
+    return frames if count == 0 or frames[-1] == count - 1 else np.append(frames, count - 1)
+
+
+def near_the_ego(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
+    """Return the columns of the actors that a page shows: the ego, the opponent, and all that come near."""
+    xy = trace.states[frames][:, :, [X, Y]]
+    gaps = np.hypot(xy[:, :, 0] - xy[:, :1, 0], xy[:, :, 1] - xy[:, :1, 1])
+    near = np.nan_to_num(gaps, nan=np.inf).min(axis=0) <= NEAR_M
+    return [k for k, info in enumerate(trace.actors) if k == 0 or near[k] or info.id == opponent]
+
+
+def _way(states: FloatArray) -> list[list[Any]]:
+    """Return the stretches of time in which an actor is there: [first frame, frames, x, y, heading, speed].
+
+    Each of the last four is a list of differences; of one value only where it is the same all the time.
+    """
+    there = ~np.isnan(states[:, X])
+    edges = [*toggles(there), len(there)]
+    stretches = []
+    for first, beyond in zip(edges[::2], edges[1::2], strict=False):
+        part = states[first:beyond]
+        heading = np.unwrap(part[:, HEADING])
+        columns = ((part[:, X], CM), (part[:, Y], CM), (heading, MRAD), (part[:, SPEED], CM))
+        stretches.append([first, beyond - first, *(_short(deltas(values, unit)) for values, unit in columns)])
+    return stretches
+
+
+def _short(values: list[int]) -> list[int]:
+    return values if any(values[1:]) else values[:1]
+
+
+def _seen(trace: Trace, bundle: SumoBundle, frames: IntArray) -> NDArray[np.bool_]:
+    """Return [frames, actors]: who was in the ego's line of sight, without the sensors' noise and misses."""
+    sight = sight_of(trace, bundle)
+    seen = np.zeros((len(frames), len(trace.actors)), dtype=np.bool_)
+    seen[:, 0] = True
+    for row, frame in enumerate(frames):
+        poses = trace.states[frame][:, [X, Y, HEADING]]
+        x, y, heading = poses[0].tolist()
+        if not math.isnan(x):
+            seen[row, sight.seen(x, y, heading, poses[1:]) + 1] = True
+    return seen
+
+
+def _gap(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
+    """Return the distance between the footprints of ego and opponent, cm; -1 where one of them is not there."""
+    other = next((k for k, info in enumerate(trace.actors) if info.id == opponent and k), None)
+    if other is None:
+        return []
+    away = pairwise_box_distance(_boxes(trace, frames, 0), _boxes(trace, frames, other))
+    return [-1 if np.isnan(value) else round(float(value) * CM) for value in away]
+
+
+def _boxes(trace: Trace, frames: IntArray, actor: int) -> FloatArray:
+    info = trace.actors[actor]
+    poses = trace.states[frames, actor][:, [X, Y, HEADING]]
+    return np.column_stack([poses, np.full((len(poses), 2), (info.length_m, info.width_m))])
+
+
+def _ghosts(trace: Trace, frames: IntArray, shown: list[int], parent: Parent, opponent: str) -> dict[str, Any]:
+    """Return where the parent's actors were at the same moments, of those that went another way."""
+    first = round(parent.start_s / STEP_S)
+    at = frames + first
+    within = at < parent.trace.frames
+    theirs = {info.id: k for k, info in enumerate(parent.trace.actors)}
+    ghosts, differs = [], []
+    for place, k in enumerate(shown):
+        column = theirs.get(trace.actors[k].id)
+        if column is None or not within.any():
+            continue
+        states = np.full((len(frames), parent.trace.states.shape[2]), np.nan)
+        states[within] = parent.trace.states[at[within], column]
+        mine = trace.states[frames, k]
+        apart = np.hypot(states[:, X] - mine[:, X], states[:, Y] - mine[:, Y]) > APART_M
+        if apart.any():
+            ghosts.append({"of": place, "way": _way(states)})
+            differs.append(float(trace.time_s[frames[int(np.argmax(apart))]]))
+    gap = _gap(parent.trace, np.minimum(at, parent.trace.frames - 1), opponent)
+    gap = [value if there else -1 for value, there in zip(gap, within, strict=True)] if ghosts and gap else []
+    return {"ghosts": ghosts, "ghost_gap": gap, "differs": round(min(differs), 2) if differs else None}
+
+
+def _place_at(run: Parent, time_s: float, actor: str) -> list[float]:
+    """Return where an actor (else the ego) of a parent was at a moment of the child, m; nothing where it was not."""
+    columns = {info.id: k for k, info in enumerate(run.trace.actors)}
+    frame = run.trace.frame_at(run.start_s + time_s)
+    state = run.trace.states[frame, columns.get(actor, 0)]
+    return [round(float(v), 2) for v in state[[X, Y]]] if not np.isnan(state[X]) else []

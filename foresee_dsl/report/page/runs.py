@@ -1,0 +1,265 @@
+"""One failing run for a report: what is told of it, what was changed, how it is reproduced, and its playback."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.errors import ForeseeError, InputError
+from foresee_dsl.kernels.boxes import Mover
+from foresee_dsl.language.model import Doc, Mutant, Origin, Quantity
+from foresee_dsl.language.parser import load
+from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import Project
+from foresee_dsl.report.page.playback import Marks, Parent, playback
+from foresee_dsl.report.page.recorded import Preventability
+from foresee_dsl.report.page.roads import Roads
+from foresee_dsl.report.strip import strip_svg
+from foresee_dsl.simulate.results.outcome import impact
+from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+from foresee_dsl.story import Moment, tell
+
+_CACHED_PARENTS = 4
+"""Traces of test cases that are kept while their children are read; children come in the order of their test cases."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended, and the files that it left.
+
+    Attributes:
+        address: what `foresee run` takes: the mutant's file, or the test case's address. trace: its file, or None.
+        parent_trace: that of the test case that a child comes from. minimised: a smaller mutant that fails alike.
+    """
+
+    name: str
+    address: str
+    verdict: str
+    reason: str
+    driver: str
+    seed: int
+    trace: Path | None
+    parent_trace: Path | None = None
+    operators: tuple[str, ...] = ()
+    preventability: Preventability | None = None
+    minimised: Path | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """The same, for people.
+
+    Attributes:
+        id: its playback's in the page, "" where there is none. title: its story's sentence, or how the run ended.
+        changes: what the mutant changes, a statement each; of the minimised one where there is one.
+        unreduced: then those of the mutant that failed first. note: how far it was minimised.
+        commands: what reproduces it: a label and a command line each. missing: what could not be shown, and why.
+    """
+
+    outcome: Outcome
+    id: str
+    title: str
+    moments: tuple[Moment, ...]
+    label: str
+    class_: str = ""
+    forecast: str = ""
+    changes: tuple[str, ...] = ()
+    unreduced: tuple[str, ...] = ()
+    note: str = ""
+    commands: tuple[tuple[str, str], ...] = ()
+    missing: tuple[str, ...] = ()
+
+
+@dataclass
+class Reader:
+    """Reads the failing runs of campaigns; each file, test case and network once."""
+
+    roads: Roads = field(default_factory=Roads)
+    playbacks: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """The playbacks of what was read, by id."""
+    plays: bool = True
+    """Whether playbacks are made."""
+
+    def __post_init__(self) -> None:
+        self._project = Project(check_pin=False)
+        self._trace = lru_cache(_CACHED_PARENTS)(Trace.load)
+
+    def read(self, outcome: Outcome) -> Run:
+        """Return a run of which the files are read; whatever is missing is said in `Run.missing`."""
+        missing: list[str] = []
+        case = self._case(outcome, missing)
+        trace = self._load(outcome.trace, missing)
+        parent = self._parent(outcome, case, missing) if case is not None and trace is not None else None
+        return self.run(outcome, case, trace, parent, missing)
+
+    def run(
+        self,
+        outcome: Outcome,
+        case: TestCase | None,
+        trace: Trace | None,
+        parent: Parent | None = None,
+        missing: Sequence[str] = (),
+    ) -> Run:
+        """Return a run, with its story and its playback where there is enough for them."""
+        notes = list(missing)
+        story = tell(trace, case) if trace is not None and case is not None else None
+        bundle = self._bundle(case, trace, notes) if self.plays else None
+        made = ""
+        if trace is not None and bundle is not None and case is not None and story is not None:
+            made = f"run-{len(self.playbacks)}"
+            played = playback(trace, bundle, _marks(trace, case, story.opponent), parent)
+            played["roads"] = self.roads.add(bundle.network, trace.states[:, 0, [X, Y]])
+            played["moments"] = [[round(m.time_s, 3), m.text] for m in story.moments]
+            self.playbacks[made] = played
+        risk = case.clip.risk if case is not None and case.clip is not None else None
+        small, large, note = _changes(outcome, case)
+        return Run(
+            outcome=outcome,
+            id=made,
+            title=story.sentence if story else outcome.reason,
+            moments=story.moments if story else (),
+            label=_label(outcome.verdict),
+            class_=story.contact.value if story else "",
+            forecast=risk.text if risk is not None else "",
+            changes=small,
+            unreduced=large,
+            note=note,
+            commands=_commands(outcome),
+            missing=tuple(notes),
+        )
+
+    def strip(self, outcome: Outcome) -> str:
+        """Return the picture of a run as SVG; "" where its files are not there."""
+        missing: list[str] = []
+        case, trace = self._case(outcome, missing), self._load(outcome.trace, missing)
+        if case is None or trace is None or self._bundle(case, trace, missing) is None:
+            return ""
+        parent = self._parent(outcome, case, missing)
+        ghost = _from(parent) if parent is not None else None
+        return strip_svg(trace, case, tell(trace, case), ghost=ghost)
+
+    def _case(self, outcome: Outcome, missing: list[str]) -> TestCase | None:
+        try:
+            return self._project.test_case(outcome.address)
+        except InputError as err:
+            missing.append(f"{outcome.address} cannot be read any more: {err.diagnostics[0].message}")
+        return None
+
+    def _load(self, file: Path | None, missing: list[str]) -> Trace | None:
+        if file is None:
+            missing.append("no trace was recorded")
+            return None
+        try:
+            return self._trace(file)
+        except (OSError, ValueError):
+            missing.append(f"the trace {file} is missing or damaged: run the campaign again to see the run")
+        return None
+
+    def _bundle(self, case: TestCase | None, trace: Trace | None, missing: list[str]) -> SumoBundle | None:
+        if case is None or trace is None:
+            return None
+        recorded = trace.meta.get("meaning")
+        if recorded is not None and recorded != case.meaning:
+            missing.append("edited since it was run: the playback shows the recorded run")
+        try:
+            bundle = compile_test_case(case)
+        except ForeseeError as err:
+            missing.append(f"its road cannot be drawn: {err}")
+            return None
+        if [actor.id for actor in bundle.scene.actors] != [info.id for info in trace.actors]:
+            missing.append("its actors are others now than those in the recorded run, which cannot be played")
+            return None
+        return bundle
+
+    def _parent(self, outcome: Outcome, case: TestCase, missing: list[str]) -> Parent | None:
+        if case.clip is None or outcome.parent_trace is None:
+            return None
+        trace = self._load(outcome.parent_trace, missing)
+        return Parent(trace, case.clip.start_s) if trace is not None else None
+
+
+def _from(parent: Parent) -> Trace:
+    """Return the part of a parent's run that a child began at."""
+    trace, first = parent.trace, parent.trace.frame_at(parent.start_s)
+    names = ("states", "lanes", "along", "stages", "elapsed")
+    cut = {name: getattr(trace, name)[first:] for name in names}
+    return replace(trace, time_s=trace.time_s[first:] - trace.time_s[first], **cut)
+
+
+def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:
+    touched = contact_of(trace)
+    risk = case.clip.risk if case.clip is not None else None
+    forecast_s = None
+    if case.clip is not None and risk is not None and isinstance(risk.at, Quantity):
+        forecast_s = risk.at.si - case.clip.start_s
+    return Marks(
+        opponent=opponent or (risk.actor or "" if risk is not None else ""),
+        contact_s=trace.duration_s if touched else None,
+        contact=_contact_place(trace, touched) if touched else None,
+        forecast_s=forecast_s,
+        forecast_with=risk.actor or "" if risk is not None else "",
+    )
+
+
+def contact_of(trace: Trace) -> Impact | None:
+    """Return the contact that a run ended with, None where it ended otherwise."""
+    hit = next((event for event in reversed(trace.events) if event.what == "collision"), None)
+    name = str(hit.detail.get("with", "")) if hit is not None else ""
+    columns = [k for k, info in enumerate(trace.actors) if info.id == name and k]
+    return impact(_mover(trace, 0), _mover(trace, columns[0]), name) if columns else None
+
+
+def _mover(trace: Trace, actor: int) -> Mover:
+    x, y, heading, speed = (float(trace.states[-1, actor, k]) for k in (X, Y, HEADING, SPEED))
+    return Mover(x, y, heading, speed, trace.actors[actor].length_m, trace.actors[actor].width_m)
+
+
+def _contact_place(trace: Trace, touched: Impact) -> tuple[float, float]:
+    """Return where on the ego's outline the two touched, m, where the ego is at the last frame."""
+    x, y, heading = (float(trace.states[-1, 0, k]) for k in (X, Y, HEADING))
+    cos, sin = math.cos(heading), math.sin(heading)
+    ahead, left = touched.ahead_m, touched.left_m
+    return x + cos * ahead - sin * left, y + sin * ahead + cos * left
+
+
+def _changes(outcome: Outcome, case: TestCase | None) -> tuple[tuple[str, ...], tuple[str, ...], str]:
+    """Return what a mutant changes, what it changed before it was minimised, and a note on that."""
+    whole = _statements(case.mutant) if case is not None and case.mutant is not None else ()
+    if outcome.minimised is None:
+        return whole, (), ""
+    try:
+        model = load(outcome.minimised).model
+    except (InputError, OSError):
+        return whole, (), ""
+    if not isinstance(model, Mutant):
+        return whole, (), ""
+    origin = model.origin
+    note = (origin.minimised if origin is not None else None) or ""
+    return _statements(model), whole, note
+
+
+def _statements(mutant: Mutant) -> tuple[str, ...]:
+    return tuple(print_item(item) for item in mutant.body if not isinstance(item, Origin | Doc))
+
+
+def _commands(outcome: Outcome) -> tuple[tuple[str, str], ...]:
+    options: Sequence[str] = ("--driver", outcome.driver, "--seed", str(outcome.seed))
+    commands = [("run it", shlex.join(("foresee", "run", outcome.address, *options)))]
+    if outcome.minimised is not None:
+        file = outcome.minimised.as_posix()
+        commands.insert(0, ("run the minimised one", shlex.join(("foresee", "run", file, *options))))
+    return tuple(commands)
+
+
+def _label(verdict: str) -> str:
+    """Return a verdict in a few words; one of another version as it is."""
+    return next((known.label for known in Verdict if known.value == verdict), verdict)

@@ -1,0 +1,110 @@
+"""The page of one file: a test case, clip or mutant, which is run for it, or a trace."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.errors import DriverError, ForeseeError
+from foresee_dsl.files import write_whole
+from foresee_dsl.language.diff.addresses import parent_address
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.report.page.contents import Contents, Found
+from foresee_dsl.report.page.html import rendered
+from foresee_dsl.report.page.playback import Parent
+from foresee_dsl.report.page.recorded import Preventability
+from foresee_dsl.report.page.runs import Outcome, Reader
+from foresee_dsl.simulate.trace import Trace
+
+_NO_FILE_NAME = re.compile(r"[^\w.-]+")
+
+
+def write_view(
+    address: str, file: Path | None = None, *, driver: str = "", seed: int = 0, allow_outside: bool = False
+) -> Path:
+    """Write the page of a file, and return where it is: `file`, or `out/view/NAME.html`.
+
+    Args:
+        address: a test case, clip or mutant, or a trace's file. driver: of its run; "": the recorded one, or `pdm`.
+
+    Raises:
+        InputError: the file, or what it builds on, has errors.
+        ForeseeError: it is no trace; a program is recorded as its driver; the run cannot be set up.
+    """
+    if address.endswith(".npz"):
+        trace = _trace(Path(address))
+        case = load_test_case(str(trace.meta["test_case"]), check_pin=False)
+        driver = str(trace.meta.get("driver", "pdm"))
+        seed = int(trace.meta.get("seed", 0))
+    else:
+        case = load_test_case(address, allow_outside=allow_outside)
+        driver = driver or _recorded_driver(case)
+        trace = run_test_case(case, driver, seed).trace
+    outcome = Outcome(
+        name=case_name(case),
+        address=case.id,
+        verdict=str(trace.meta.get("verdict", "")),
+        reason=str(trace.meta.get("reason", "")),
+        driver=driver,
+        seed=seed,
+        trace=None,
+        preventability=_recorded_preventability(case),
+    )
+    reader = Reader()
+    run = reader.run(outcome, case, trace, _parent(case, driver, seed))
+    found = Found(
+        anchor=outcome.name,
+        title=run.title,
+        class_=run.class_,
+        verdict=outcome.verdict,
+        label=run.label,
+        family=case.family,
+        driver=driver,
+        preventability=outcome.preventability.verdict if outcome.preventability else "",
+        test_case=case.id,
+        runs=(run,),
+    )
+    headline = f"{outcome.name}: {outcome.reason}"
+    contents = Contents(outcome.name, headline, f"driver {driver} · seed {seed}", (found,), ())
+    target = file or Path("out") / "view" / f"{_NO_FILE_NAME.sub('_', outcome.name)}.html"
+    write_whole(target, rendered(contents, reader))
+    return target
+
+
+def _trace(file: Path) -> Trace:
+    try:
+        return Trace.load(file)
+    except ValueError as err:
+        raise ForeseeError(str(err)) from err
+
+
+def _recorded_driver(case: TestCase) -> str:
+    """Return the driver that a mutant's file records; a program is not started for a look at a file."""
+    origin = case.mutant.origin if case.mutant is not None else None
+    driver = recorded_address((origin.driver if origin is not None else None) or "pdm")
+    if ":" in driver:
+        raise DriverError(f"{case.id} records a program as its driver ({driver}): `--driver '{driver}'` starts it")
+    return driver
+
+
+def _recorded_preventability(case: TestCase) -> Preventability | None:
+    origin = case.mutant.origin if case.mutant is not None else None
+    known: Mapping[Any, Preventable] = {answer.origin: answer for answer in Preventable}
+    if origin is None or origin.preventable is None:
+        return None
+    return Preventability(verdict=known[origin.preventable].value, why="as its file records")
+
+
+def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:
+    """Run what a child was derived from: of a mutant its clip, of a clip the test case."""
+    if case.clip is None:
+        return None
+    parent = load_test_case(parent_address(str(case.source)), check_pin=False)
+    start_s = 0.0 if case.mutant is not None else case.clip.start_s
+    return Parent(run_test_case(parent, driver, seed).trace, start_s)

@@ -1,0 +1,316 @@
+// The view from above, on a canvas.
+
+const NAMES = ['ground', 'road', 'mark', 'path', 'crossing', 'building', 'edge', 'cycle', 'ego', 'opponent', 'others', 'label',
+  'halo', 'shade', 'forecast', 'contact', 'panel', 'line', 'ink', 'muted', 'accent'];
+const colours = () => {
+  const style = getComputedStyle(document.documentElement);
+  return Object.fromEntries(NAMES.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+};
+const SIGNAL = { r: '#e5342b', y: '#f2b200', u: '#f2b200', g: '#1fa34a', s: '#1fa34a', o: '#8a8f98' };
+const EYE_M = 1.6; // the height of the ego's sensors: what is lower hides nothing in this picture
+const REACH_M = 80;
+const RAYS = 540;
+
+const lined = (lines, close) => {
+  const path = new Path2D();
+  for (const points of lines) {
+    points.forEach(([x, y], k) => (k ? path.lineTo(x, y) : path.moveTo(x, y)));
+    if (close) path.closePath();
+  }
+  return path;
+};
+
+class Ground {
+  constructor(raw) {
+    const lanes = new Map();
+    for (const [kind, width, line] of raw.lanes) {
+      const key = `${kind} ${width}`;
+      if (!lanes.has(key)) lanes.set(key, { kind, width: width / 100, lines: [] });
+      lanes.get(key).lines.push(pointsOf(line));
+    }
+    this.lanes = [...lanes.values()].map((group) => ({ ...group, path: lined(group.lines) }));
+    this.junctions = lined(raw.junctions.map(pointsOf), true);
+    this.walks = lined(raw.walks.map(pointsOf), true);
+    this.crossings = raw.crossings.map(([width, line]) => ({ width: width / 100, path: lined([pointsOf(line)]) }));
+    const buildings = raw.buildings.map(pointsOf);
+    this.buildings = lined(buildings, true);
+    this.walls = buildings.flatMap((outline) => outline.map((point, k) => [...point, ...outline[(k + 1) % outline.length]]));
+  }
+
+  draw(ctx, c, pixel) {
+    const band = (kinds, colour, less) => {
+      for (const group of this.lanes) {
+        if (!kinds.includes(group.kind)) continue;
+        ctx.lineWidth = Math.max(group.width - less, 0.05);
+        ctx.strokeStyle = colour;
+        ctx.stroke(group.path);
+      }
+    };
+    ctx.lineCap = 'butt';
+    ctx.lineJoin = 'round';
+    band(['pedestrian', 'other'], c.path, 0);
+    ctx.fillStyle = c.path;
+    ctx.fill(this.walks);
+    band(['car', 'bicycle', 'parking'], c.mark, 0);
+    band(['car', 'parking'], c.road, 0.24);
+    band(['bicycle'], c.cycle, 0.24);
+    ctx.fillStyle = c.road;
+    ctx.fill(this.junctions);
+    ctx.fillStyle = c.path;
+    ctx.fill(this.walks);
+    ctx.strokeStyle = c.crossing;
+    ctx.setLineDash([0.5, 0.5]);
+    for (const crossing of this.crossings) {
+      ctx.lineWidth = crossing.width;
+      ctx.stroke(crossing.path);
+    }
+    ctx.setLineDash([]);
+    ctx.fillStyle = c.building;
+    ctx.fill(this.buildings);
+    ctx.strokeStyle = c.edge;
+    ctx.lineWidth = pixel;
+    ctx.stroke(this.buildings);
+  }
+}
+
+// The outline of what a line of sight from a point reaches: buildings and tall bodies end it.
+const sightOutline = (x, y, walls) => {
+  const near = walls.filter(([ax, ay, bx, by]) => Math.min(Math.hypot(ax - x, ay - y), Math.hypot(bx - x, by - y),
+    Math.hypot((ax + bx) / 2 - x, (ay + by) / 2 - y)) < REACH_M + 40);
+  const outline = [];
+  for (let k = 0; k < RAYS; k += 1) {
+    const angle = k * 2 * Math.PI / RAYS;
+    const dx = Math.cos(angle);
+    const dy = Math.sin(angle);
+    let reach = REACH_M;
+    for (const [ax, ay, bx, by] of near) {
+      const wx = bx - ax;
+      const wy = by - ay;
+      const across = dx * wy - dy * wx;
+      if (Math.abs(across) < 1e-9) continue;
+      const way = ((ax - x) * wy - (ay - y) * wx) / across;
+      const share = ((ax - x) * dy - (ay - y) * dx) / across;
+      if (way > 0 && way < reach && share >= 0 && share <= 1) reach = way;
+    }
+    outline.push([x + dx * reach, y + dy * reach]);
+  }
+  return outline;
+};
+
+const boxPath = (points) => lined([points], true);
+
+const drawBody = (ctx, pose, actor, colour, { filled, dashed, pixel, halo }) => {
+  const [length, width] = actor.size;
+  const path = boxPath(corners(pose, length, width));
+  if (filled) {
+    ctx.fillStyle = colour;
+    ctx.fill(path);
+    ctx.strokeStyle = halo;
+    ctx.lineWidth = pixel;
+    ctx.stroke(path);
+    if (actor.kind !== 'obstacle' && actor.kind !== 'pedestrian') { // the windscreen says where its front is
+      const front = { ...pose, x: pose.x + Math.cos(pose.heading) * length * 0.2, y: pose.y + Math.sin(pose.heading) * length * 0.2 };
+      ctx.fillStyle = halo;
+      ctx.globalAlpha *= 0.55;
+      ctx.fill(boxPath(corners(front, length * 0.14, width * 0.76)));
+      ctx.globalAlpha /= 0.55;
+    }
+    return;
+  }
+  ctx.strokeStyle = colour;
+  ctx.lineWidth = 1.8 * pixel;
+  ctx.setLineDash(dashed ? [4 * pixel, 3 * pixel] : []);
+  ctx.stroke(path);
+  ctx.setLineDash([]);
+  if (actor.kind === 'obstacle' || actor.kind === 'pedestrian') return;
+  const nose = [0.5, 0.2].map((share) => [pose.x + Math.cos(pose.heading) * length * share, pose.y + Math.sin(pose.heading) * length * share]);
+  ctx.stroke(lined([nose]));
+};
+
+const colourOf = (run, actor, c) => (actor === run.ego ? c.ego : actor === run.opponent ? c.opponent : c.others);
+
+const drawTrail = (ctx, run, way, time, colour, pixel, dashed) => {
+  ctx.strokeStyle = colour;
+  ctx.lineWidth = 1.6 * pixel;
+  ctx.globalAlpha = 0.6;
+  ctx.setLineDash(dashed ? [3 * pixel, 4 * pixel] : []);
+  ctx.beginPath();
+  let drawn = false;
+  for (let at = Math.max(0, time - 4); at <= time + 1e-6; at += 0.1) {
+    const pose = run.pose(way, at);
+    if (pose === null) drawn = false;
+    else if (drawn) ctx.lineTo(pose.x, pose.y);
+    else ctx.moveTo(pose.x, pose.y);
+    if (pose !== null) drawn = true;
+  }
+  ctx.stroke();
+  ctx.setLineDash([]);
+  ctx.globalAlpha = 1;
+};
+
+const drawSignals = (ctx, run, time, pixel) => {
+  for (const head of run.signals) {
+    const [[ax, ay], [bx, by]] = head.at;
+    const colour = SIGNAL[run.colour(head, time)] || SIGNAL.o;
+    ctx.strokeStyle = colour;
+    ctx.fillStyle = colour;
+    ctx.lineWidth = Math.max(0.5, 3 * pixel);
+    ctx.beginPath();
+    if (ax === bx && ay === by) {
+      ctx.arc(ax, ay, Math.max(0.35, 2.5 * pixel), 0, 7);
+      ctx.fill();
+    } else {
+      ctx.moveTo(ax, ay);
+      ctx.lineTo(bx, by);
+      ctx.stroke();
+    }
+  }
+};
+
+// Everything at a moment. `view`: {x, y, scale (px/m)}; `show`: {ghosts, sight}.
+const drawScene = (canvas, run, ground, time, view, show, c) => {
+  const ratio = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth || canvas.width;
+  const height = canvas.clientHeight || canvas.height;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const ctx = canvas.getContext('2d');
+  ctx.setTransform(1, 0, 0, 1, 0, 0);
+  ctx.globalAlpha = 1;
+  ctx.fillStyle = c.ground;
+  ctx.fillRect(0, 0, canvas.width, canvas.height);
+  const scale = view.scale * ratio;
+  ctx.setTransform(scale, 0, 0, -scale, canvas.width / 2 - view.x * scale, canvas.height / 2 + view.y * scale);
+  const pixel = 1 / view.scale;
+  ground.draw(ctx, c, pixel);
+
+  const ego = run.pose(run.ego.way, time);
+  const poses = run.actors.map((actor) => run.pose(actor.way, time));
+  if (show.sight && ego) {
+    const tall = run.actors.filter((actor, k) => k && poses[k] && actor.size[2] > EYE_M);
+    const sides = tall.flatMap((actor) => {
+      const box = corners(poses[actor.index], actor.size[0], actor.size[1]);
+      return box.map((point, k) => [...point, ...box[(k + 1) % 4]]);
+    });
+    const [reachX, reachY] = [canvas.width / scale, canvas.height / scale];
+    const hidden = lined([sightOutline(ego.x, ego.y, [...ground.walls, ...sides])], true);
+    hidden.rect(view.x - reachX, view.y - reachY, 2 * reachX, 2 * reachY);
+    ctx.save();
+    ctx.fillStyle = c.shade;
+    ctx.fill(hidden, 'evenodd');
+    ctx.restore();
+  }
+  drawSignals(ctx, run, time, pixel);
+  drawTrail(ctx, run, run.ego.way, time, c.ego, pixel);
+  if (run.opponent) drawTrail(ctx, run, run.opponent.way, time, c.opponent, pixel);
+  if (show.ghosts) {
+    for (const ghost of run.ghosts) {
+      const actor = run.actors[ghost.of];
+      const pose = run.pose(ghost.way, time);
+      if (actor === run.ego || actor === run.opponent) drawTrail(ctx, run, ghost.way, time, colourOf(run, actor, c), pixel, true);
+      ctx.globalAlpha = 0.75;
+      if (pose) drawBody(ctx, pose, actor, colourOf(run, actor, c), { filled: false, dashed: true, pixel, halo: c.halo });
+      ctx.globalAlpha = 1;
+    }
+  }
+  run.actors.forEach((actor, k) => {
+    const pose = poses[k];
+    if (pose) drawBody(ctx, pose, actor, colourOf(run, actor, c), { filled: run.seen(actor, time), dashed: false, pixel, halo: c.halo });
+  });
+  if (ego && run.opponent && poses[run.opponent.index]) {
+    const other = poses[run.opponent.index];
+    ctx.strokeStyle = c.opponent;
+    ctx.lineWidth = 1.2 * pixel;
+    ctx.globalAlpha = 0.8;
+    ctx.setLineDash(run.seen(run.opponent, time) ? [] : [2 * pixel, 5 * pixel]);
+    ctx.stroke(lined([[[ego.x, ego.y], [other.x, other.y]]]));
+    ctx.setLineDash([]);
+    ctx.globalAlpha = 1;
+  }
+  if (run.forecast && run.forecast.length > 2) {
+    const [at, x, y] = run.forecast;
+    ctx.strokeStyle = c.forecast;
+    ctx.lineWidth = (Math.abs(at - time) < 0.3 ? 4 : 2) * pixel;
+    ctx.beginPath();
+    ctx.arc(x, y, Math.max(1.2, 9 * pixel), 0, 7);
+    ctx.stroke();
+  }
+  if (run.contact && run.contact.length > 2) {
+    const [at, x, y] = run.contact;
+    const now = Math.abs(at - time) < 0.06;
+    ctx.fillStyle = c.contact;
+    ctx.strokeStyle = c.contact;
+    ctx.lineWidth = 2 * pixel;
+    ctx.beginPath();
+    ctx.arc(x, y, (now ? 4 : 3) * pixel, 0, 7);
+    ctx.fill();
+    if (now) {
+      ctx.beginPath();
+      ctx.arc(x, y, 11 * pixel, 0, 7);
+      ctx.stroke();
+    }
+  }
+  drawLabels(ctx, canvas, run, poses, view, ratio, c);
+};
+
+const drawLabels = (ctx, canvas, run, poses, view, ratio, c) => {
+  ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+  ctx.font = '600 12px system-ui, sans-serif';
+  ctx.textAlign = 'center';
+  ctx.lineJoin = 'round';
+  const width = canvas.width / ratio;
+  const height = canvas.height / ratio;
+  for (const actor of [run.ego, run.opponent]) {
+    const pose = actor && poses[actor.index];
+    if (!pose) continue;
+    const text = actor.id.length > 24 ? `${actor.id.slice(0, 23)}…` : actor.id;
+    const x = width / 2 + (pose.x - view.x) * view.scale;
+    const other = actor === run.ego ? run.opponent && poses[run.opponent.index] : poses[0];
+    const below = other ? pose.y < other.y : false;
+    const room = Math.hypot(...actor.size.slice(0, 2)) / 2 * view.scale;
+    const y = height / 2 - (pose.y - view.y) * view.scale + (below ? room + 14 : -room - 6);
+    ctx.lineWidth = 3;
+    ctx.strokeStyle = c.halo;
+    ctx.strokeText(text, x, y);
+    ctx.fillStyle = actor === run.ego ? c.ego : c.opponent;
+    ctx.fillText(text, x, y);
+  }
+  drawScale(ctx, height, view, c);
+};
+
+const drawScale = (ctx, height, view, c) => {
+  const metres = [2, 5, 10, 20, 50].find((m) => m * view.scale > 50) || 50;
+  ctx.strokeStyle = c.label;
+  ctx.fillStyle = c.label;
+  ctx.lineWidth = 1.5;
+  ctx.font = '11px system-ui, sans-serif';
+  ctx.textAlign = 'left';
+  ctx.beginPath();
+  ctx.moveTo(12, height - 14);
+  ctx.lineTo(12, height - 10);
+  ctx.lineTo(12 + metres * view.scale, height - 10);
+  ctx.lineTo(12 + metres * view.scale, height - 14);
+  ctx.stroke();
+  ctx.fillText(`${metres} m`, 16, height - 15);
+};
+
+// A view in which ego and opponent are seen during the last seconds before the contact (or the end).
+const fitted = (run, canvas) => {
+  const key = run.contact ? run.contact[0] : run.end;
+  let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
+  for (let at = Math.max(0, key - 3); at <= key + 1e-6; at += 0.25) {
+    for (const actor of [run.ego, run.opponent]) {
+      const pose = actor && run.pose(actor.way, at);
+      if (!pose) continue;
+      [left, right] = [Math.min(left, pose.x), Math.max(right, pose.x)];
+      [low, high] = [Math.min(low, pose.y), Math.max(high, pose.y)];
+    }
+  }
+  if (left > right) return { x: 0, y: 0, scale: 8 };
+  const width = canvas.clientWidth || canvas.width;
+  const height = canvas.clientHeight || canvas.height;
+  const scale = Math.min(width / (right - left + 18), height / (high - low + 14), 22);
+  return { x: (left + right) / 2, y: (low + high) / 2, scale: Math.max(scale, 3) };
+};
