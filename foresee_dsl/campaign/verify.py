@@ -21,6 +21,8 @@ from foresee_dsl.campaign.regression.expectations import (
     name_to_record,
     names_of,
 )
+from foresee_dsl.campaign.regression.index import write_index
+from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
 from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
 from foresee_dsl.campaign.settings import Limits
 from foresee_dsl.drivers.registry import DRIVERS, recorded_address, recorded_driver
@@ -215,6 +217,8 @@ def _ancestors(file: Path) -> Iterable[Path]:
 def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
     """Write what was found as what is expected from now on, where it differs; nothing else of a file changes.
 
+    The index of a kept suite is written anew.
+
     Crashes, timeouts and stale children are left as they are.
 
     Returns:
@@ -227,6 +231,8 @@ def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
             text = one.path.read_bytes().decode("utf-8")
             write_whole(one.path, with_expected(text, new))
             written[one.path] = None
+    for suite in dict.fromkeys(folder for file in written if (folder := suite_folder(file)) is not None):
+        write_index(suite, tests_in(suite))
     return tuple(written)
 
 

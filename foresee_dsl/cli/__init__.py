@@ -43,6 +43,7 @@ COMMANDS = (
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "store", "store.store"),
+    ("Campaign", "keep", "keep.keep"),
     ("Campaign", "verify", "keep.verify"),
     ("Report", "report", "report.report"),
     ("Report", "view", "report.view"),

@@ -3,15 +3,80 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foresee_dsl.cli.campaign_options import CPUS, Jobs
-from foresee_dsl.cli.common import FAILED, JsonOption, json_document
+from foresee_dsl.cli.common import FAILED, JsonOption, json_document, print_json
 from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.regression.keeping import Report
+
 ExitZero = Annotated[bool, typer.Option("--exit-zero", help="Exit code 0 whatever was found: only the report counts.")]
+
+
+def keep(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="FINDING|MUTANT", help="Findings by name, or mutants, clips, test cases (FILE::CASE)."),
+    ] = None,
+    to: Annotated[Path, typer.Option("--to", help="The suite: a folder.")] = Path("regressions"),
+    campaign: Annotated[
+        Path, typer.Option("--campaign", help="The campaign's folder, in which findings are looked up.")
+    ] = Path("out"),
+    as_: Annotated[str, typer.Option("--as", metavar="NAME", help="What the one test is called in the suite.")] = "",
+    full: Annotated[
+        bool, typer.Option("--full", help="Keep a finding as it failed first, not its minimised form.")
+    ] = False,
+    prune: Annotated[bool, typer.Option("--prune", help="Remove what no test of the suite needs any more.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Keep failures as regression tests: copy them with all that they need into a folder that stands on its own.
+
+    Each test says what is expected of the driver that failed in it; `foresee verify` compares. The folder's README.md
+    lists the tests. Keeping a test again changes nothing.
+
+    [dim]foresee keep behind_the_bus_commuter_p1_m1 --to regressions
+    foresee keep out/children/behind_the_bus/behind_the_bus_commuter_p1_m1.foresee
+    foresee keep --prune[/dim]
+    """
+    import re
+
+    from foresee_dsl.campaign.regression import keeping
+    from foresee_dsl.campaign.regression.sources import source_of
+    from foresee_dsl.language.model import NAME_PATTERN
+
+    wanted = list(dict.fromkeys(what or ()))
+    if not wanted and not prune:
+        raise typer.BadParameter("name what to keep, or say --prune", param_hint="FINDING|MUTANT")
+    if as_ and (len(wanted) != 1 or not re.fullmatch(NAME_PATTERN, as_)):
+        raise typer.BadParameter("a name in small letters, digits and _, for one test at a time", param_hint="--as")
+    report = keeping.Report((), (), ())
+    if wanted:
+        report = keeping.keep([source_of(one, campaign, full=full) for one in wanted], to, name=as_)
+    removed = keeping.prune(to) if prune else ()
+    if json:
+        print_json(keeping.as_dict(report, removed))
+    else:
+        _print_kept(report, removed)
+
+
+def _print_kept(report: Report, removed: tuple[Path, ...]) -> None:
+    for one in report.tests:
+        how = " (minimised)" if one.new and one.minimised else ""
+        typer.echo(f"{'kept' if one.new else 'kept already':<14}{one.file}{how}")
+        if one.new and one.sentence:
+            typer.echo(f"{'':<14}{one.sentence}")
+    for file in report.parents:
+        typer.echo(f"{'copied':<14}{file}")
+    for note in report.notes:
+        typer.echo(f"{'note':<14}{note}")
+    for file in removed:
+        typer.echo(f"{'removed':<14}{file}")
+    if not report.tests and not removed:
+        typer.echo("nothing to remove: every file is needed")
 
 
 def verify(

@@ -27,8 +27,7 @@ def print_verification(console: Console, rechecks: Sequence[Recheck], written: S
     for one in sorted(rechecks, key=lambda one: (_ORDER[one.status], one.file)):
         line = Text.assemble((f"{one.status.label:<{_WIDTH}}", one.status.style), one.file)
         if one.status is not Status.AS_EXPECTED:
-            expected = f"{one.was}" + (f" ({one.driver})" if one.driver else "")
-            line.append("".join(f"\n{'':{_WIDTH}}{text}" for text in (*_was(one, expected), f"now       {one.now}")))
+            line.append("".join(f"\n{'':{_WIDTH}}{text}" for text in (*_was(one), f"now       {one.now}")))
         if one.note:
             line.append(f"\n{'':{_WIDTH}}{one.note}", style="dim")
         console.print(line, soft_wrap=True)
@@ -38,9 +37,13 @@ def print_verification(console: Console, rechecks: Sequence[Recheck], written: S
     _print_next(console, counts, written)
 
 
-def _was(one: Recheck, expected: str) -> tuple[str, ...]:
+def _was(one: Recheck) -> tuple[str, ...]:
     """The line about what is expected; none of a stale test, of which nothing was compared."""
-    return () if one.status is Status.STALE else (f"expected  {expected}",)
+    if one.status is Status.STALE:
+        return ()
+    if one.status is Status.NEW:
+        return (f"expected  nothing is recorded for {one.driver}",)
+    return (f"expected  {one.was} ({one.driver})",)
 
 
 def _print_next(console: Console, counts: Counter[Status], written: Sequence[Path] | None) -> None:

@@ -13,6 +13,8 @@ from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import walk
 
 _INDENT = "  "
+_LONGEST = 500
+"""Characters of a sentence for people. Ours: a quarter of what a text in a file may have."""
 _PATHS: tuple[tuple[type[m.Item], str], ...] = (
     (m.Clip, "parent"),
     (m.Mutant, "parent"),
@@ -65,6 +67,22 @@ def _printed(document: Document, new: m.Expected, after: m.Item | None) -> str:
     body: tuple[m.Item, ...] = getattr(document.model, "body", ())
     at = next((k + 1 for k, item in enumerate(body) if item is after), 0)
     return print_model(document.model.model_copy(update={"body": (*body[:at], new, *body[at:])}))
+
+
+def with_doc(text: str, sentence: str) -> str:
+    """Return a file's text with a sentence for people, where it has neither a `doc` nor a comment before it."""
+    document = parse(text, "a file to edit")
+    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
+    said = any(isinstance(item, m.Doc) for item in body)
+    if said or (() in document.comments and any(document.comments[()].before)):
+        return text
+    head = _span(document, document.model).line
+    lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
+    if not lines[2 * (head - 1)].split("#")[0].rstrip().endswith("{"):
+        return text
+    plain = " ".join(sentence.replace('"', "'").split())[:_LONGEST]
+    lines.insert(2 * head, f'{_INDENT}doc "{plain}"{lines[1]}{lines[1]}')
+    return "".join(lines)
 
 
 def paths_in(document: Document) -> tuple[str, ...]:

@@ -155,12 +155,17 @@ def recorded_in(origin: m.Origin | None) -> m.Expected | None:
     """Return what a mutant's `driver` and `found` amount to; None where they are not there, or are no failure."""
     if origin is None or not origin.found:
         return None
-    word = re.split(r"\W", origin.found, maxsplit=1)[0]
-    if word not in get_args(FailureName):
-        return None
+    ending = ending_of(origin.found)
     version = (origin.driver or DRIVER).partition(" via ")[0]
     driver = version.rpartition(" ")[0] or version
-    actor = _ACTOR.search(origin.found.partition(" at ")[0])
-    verdict = next(one for one in Verdict if one.value == word)
     named = driver if driver != "unknown" else recorded_address(origin.driver or DRIVER)
-    return Ending(verdict, actor[1] if actor else "").expected_of(named)
+    return ending.expected_of(named) if ending is not None else None
+
+
+def ending_of(reason: str) -> Ending | None:
+    """Return how a run ended by its recorded sentence; None of what is no failure."""
+    word = re.split(r"\W", reason, maxsplit=1)[0]
+    if word not in get_args(FailureName):
+        return None
+    actor = _ACTOR.search(reason.partition(" at ")[0])
+    return Ending(next(one for one in Verdict if one.value == word), actor[1] if actor else "")

@@ -1,4 +1,4 @@
-"""The test cases of a suite: mutants, and every other test case that says what is expected."""
+"""The test cases of a suite: mutants, what says what is expected, and all that `foresee keep` has kept."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.campaign.regression.expectations import DRIVER
+from foresee_dsl.campaign.regression.layout import role_of
 from foresee_dsl.drivers.registry import driver_names, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
@@ -73,8 +74,9 @@ def suite_of(paths: Iterable[str | Path]) -> tuple[SuiteTest, ...]:
 
 
 def _tests_of(file: Path) -> Iterator[SuiteTest]:
-    kind = a.kind_of(file)
-    if kind != "mutant" and (kind not in ("clip", "scenario") or not _STATES.search(file.read_bytes())):
+    kind, role = a.kind_of(file), role_of(file)
+    is_test = role == "test" or kind == "mutant" or _STATES.search(file.read_bytes()) is not None
+    if role == "parent" or kind not in ("mutant", "clip", "scenario") or not is_test:
         return
     try:
         document = load(file, shown_as=a.shown(file))
@@ -85,8 +87,8 @@ def _tests_of(file: Path) -> Iterator[SuiteTest]:
     if isinstance(document.model, m.Mutant):
         yield SuiteTest(file, None, stated, document.model.origin)
     elif isinstance(document.model, m.Clip):
-        yield from [SuiteTest(file, None, stated)] if stated else []
-    elif stated:
+        yield from [SuiteTest(file, None, stated)] if stated or role else []
+    elif stated or role:
         yield from (SuiteTest(file, case, stated) for case in _cases(file, stated))
 
 
@@ -98,7 +100,7 @@ def stated_in(document: Document) -> tuple[m.Expected, ...]:
 def _cases(file: Path, stated: Sequence[m.Expected]) -> tuple[str | None, ...]:
     """Return the cases of a scenario that something is expected of: all, where a line names none."""
     named = tuple(dict.fromkeys(item.case for item in stated))
-    if None not in named:
+    if named and None not in named:
         return named
     try:
         scenario = Project().whole_scenario(file)

@@ -1,0 +1,119 @@
+"""The index of a kept suite for people: a part of its `README.md`, between two marks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from foresee_dsl.campaign.regression.expectations import in_words, recorded_in
+from foresee_dsl.campaign.regression.layout import BEGIN, END, INDEX
+from foresee_dsl.campaign.regression.suite import stated_in
+from foresee_dsl.files import data_folder, write_whole
+from foresee_dsl.language import model as m
+from foresee_dsl.language.parser import load
+from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.project.document import Document
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+_TITLE = "# Regression suite\n\n"
+_SPECIAL = re.compile(r"([\\|`*\[\]])")
+"""Signs that mean something to Markdown inside a table's cell."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One test in the index; `changes` and `expected` are lines of its file."""
+
+    name: str
+    link: str
+    sentence: str
+    changes: tuple[str, ...]
+    expected: tuple[str, ...]
+
+
+def write_index(folder: Path, tests: Iterable[Path]) -> bool:
+    """Write the index of a suite's tests into its `README.md`; what stands outside of the marks stays.
+
+    Returns:
+        Whether the file is another one now.
+    """
+    file = folder / INDEX
+    rows = [_row(folder, test) for test in tests]
+    part = f"{BEGIN}\n{_environment().get_template('README.md.j2').render(tests=rows).strip()}\n{END}\n"
+    old = file.read_bytes().decode("utf-8") if file.is_file() else ""
+    before, begin, rest = old.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if begin and end:
+        new = before + part + after.lstrip("\r\n")
+    else:
+        new = f"{old.rstrip()}\n\n{part}" if old.strip() else _TITLE + part
+    if new != old:
+        write_whole(file, new)
+    return new != old
+
+
+def _row(folder: Path, test: Path) -> Row:
+    document = load(test)
+    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
+    changes = tuple(print_item(item).removeprefix("change ") for item in body if isinstance(item, m.Change))
+    return Row(
+        name=test.stem,
+        link=test.relative_to(folder).as_posix(),
+        sentence=_sentence(document),
+        changes=changes,
+        expected=tuple(f"{item.driver} {_of_case(item)}{in_words(item)}" for item in stated_in(document)),
+    )
+
+
+def _of_case(item: m.Expected) -> str:
+    return f"in case {item.case} " if item.case else ""
+
+
+def _sentence(document: Document) -> str:
+    """Return what happens in a test: its `doc`, the comment before it, what was found, or a clip's risk."""
+    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
+    docs = [item.text for item in body if isinstance(item, m.Doc)]
+    comment = " ".join(filter(None, document.comments[()].before)) if () in document.comments else ""
+    origin = document.model.origin if isinstance(document.model, m.Mutant) else None
+    found = (origin.found if origin else None) or ""
+    risk = document.model.risk if isinstance(document.model, m.Clip) else None
+    recorded = found if recorded_in(origin) else risk.text if risk else ""
+    return (docs or [comment])[0] or recorded
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    made = Environment(
+        loader=FileSystemLoader(data_folder("templates") / "regression"),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {"cell": _cell, "code": _code}
+    return made
+
+
+def _cell(text: str) -> Markup:
+    """Return a text for a table's cell: in one line, and nothing in it means anything to Markdown or HTML."""
+    from markupsafe import Markup
+
+    shown = _SPECIAL.sub(r"\\\1", " ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
+    return Markup(shown)  # noqa: S704 - every sign that means something is escaped
+
+
+def _code(text: str) -> Markup:
+    """Return a line of a file for a table's cell, as code."""
+    from markupsafe import Markup
+
+    shown = " ".join(text.split()).replace("`", "'").replace("|", "\\|")
+    return Markup(f"`{shown}`")  # noqa: S704 - inside of code nothing means anything

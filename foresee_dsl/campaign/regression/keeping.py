@@ -1,0 +1,216 @@
+"""`foresee keep`: test cases copied, with what they need, into a folder that stands on its own; and its pruning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.regression.edits import paths_in, with_doc, with_expected, with_name, with_paths
+from foresee_dsl.campaign.regression.index import write_index
+from foresee_dsl.campaign.regression.layout import PARENTS, tests_in
+from foresee_dsl.campaign.regression.sources import Source
+from foresee_dsl.campaign.regression.suite import stated_in
+from foresee_dsl.errors import ForeseeError, InputError
+from foresee_dsl.files import replacing
+from foresee_dsl.language.diff.plain import plain_text
+from foresee_dsl.language.parser import load, parse
+from foresee_dsl.language.project import addresses as a
+from foresee_dsl.language.project.loading import load_test_case
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One test case of a suite.
+
+    Attributes:
+        file: in the suite. new: it was not there before. minimised: it is a finding's minimised form.
+        sentence: what happens in it, where a campaign tells.
+    """
+
+    file: Path
+    new: bool
+    minimised: bool
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was kept: the tests, the files that were written for them, and what else there is to say."""
+
+    tests: tuple[Kept, ...]
+    parents: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def as_dict(report: Report, removed: Sequence[Path] = ()) -> dict[str, Any]:
+    """Return what `foresee keep --json` prints; `removed`: the files of `--prune`."""
+    tests = [
+        {"file": str(one.file), "new": one.new, "minimised": one.minimised, "sentence": one.sentence}
+        for one in report.tests
+    ]
+    return {
+        "schema": 1,
+        "tests": tests,
+        "copied": [str(file) for file in report.parents],
+        "notes": list(report.notes),
+        "removed": [str(file) for file in removed],
+    }
+
+
+def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:
+    """Copy test cases into a suite, with what they need; nothing is written where one of them cannot be kept.
+
+    A test that is there with the same meaning stays as it is, with its expected results.
+
+    Args:
+        name: what the one source is called in the suite; by default as it is called now.
+
+    Raises:
+        ForeseeError: another test case of that name is there.
+    """
+    writer = _Writer(folder)
+    tests = tuple(writer.test(source, name or source.name) for source in sources)
+    writer.write(sources, tests)
+    write_index(folder, tests_in(folder))
+    return Report(tests, tuple(writer.parents), tuple(writer.notes))
+
+
+def prune(folder: Path) -> tuple[Path, ...]:
+    """Remove what no test of a suite needs any more, and write its index anew.
+
+    Returns:
+        The files that were removed.
+
+    Raises:
+        InputError: there is no such folder, or a file has mistakes, so that what it needs is unknown.
+    """
+    tests = tests_in(folder)
+    needed: set[Path] = set()
+    todo = [a.absolute(file) for file in tests]
+    while todo:
+        file = todo.pop()
+        if file not in needed:
+            needed.add(file)
+            if file.suffix == a.SUFFIX and a.is_file(file):
+                todo += [a.absolute(file.parent / path) for path in paths_in(load(file))]
+    inside = folder / PARENTS
+    there = sorted(inside.rglob("*")) if inside.is_dir() else []
+    files = [file for file in there if file.name.endswith((a.SUFFIX, *a.FOREIGN_NETWORKS))]
+    removed = tuple(file for file in files if a.absolute(file) not in needed)
+    for file in removed:
+        file.unlink()
+    for left in sorted((inside, *filter(Path.is_dir, there)), reverse=True):
+        if left.is_dir() and not any(left.iterdir()):
+            left.rmdir()
+    write_index(folder, tests)
+    return removed
+
+
+class _Writer:
+    """The files of a suite to be, until all of them are known."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._new: dict[Path, bytes] = {}
+        self._names: dict[Path, str] = {}
+        self.parents: list[Path] = []
+        self.notes: list[str] = []
+
+    def test(self, source: Source, name: str) -> Kept:
+        """Plan the file of a test.
+
+        Raises:
+            ForeseeError: another test case of that name is there.
+        """
+        file = self._folder / f"{name}{a.SUFFIX}"
+        kept = Kept(file, not (file.exists() or file in self._new), source.minimised, source.sentence)
+        if file in self._new:
+            raise ForeseeError(f"two of them are called {name!r}: keep them one by one, with `--as NAME`")
+        if file.exists():
+            if not _means(file, source.case.meaning):
+                message = "is there already, and is another test case: `--as NAME` keeps this one beside it"
+                raise ForeseeError(f"{file} {message}, or remove the file first")
+            return kept
+        text = source.text
+        if name != source.name:
+            text = with_name(text, name)
+        text = self._here(source.file, text, f"{PARENTS}/")
+        document = parse(text, str(file))
+        if source.sentence:
+            text = with_doc(text, source.sentence)
+        if source.expected is not None and not stated_in(document):
+            text = with_expected(text, source.expected)
+        self._new[file] = text.encode()
+        return kept
+
+    def write(self, sources: Sequence[Source], tests: Sequence[Kept]) -> None:
+        """Write all files, those that others need first; take them back where a test is not what it was."""
+        written: list[Path] = []
+        try:
+            for file, content in self._new.items():
+                file.parent.mkdir(parents=True, exist_ok=True)
+                written.append(file)
+                with replacing(file) as temporary:
+                    temporary.write_bytes(content)
+            for source, kept in zip(sources, tests, strict=True):
+                if load_test_case(kept.file, allow_outside=False).meaning != source.case.meaning:
+                    raise ForeseeError(f"{kept.file} would not mean what {source.file} means")
+        except BaseException:
+            for file in written:
+                file.unlink(missing_ok=True)
+            raise
+
+    def _here(self, source: Path, text: str, prefix: str) -> str:
+        """Return a file's text with the paths of what it needs as they are in the suite."""
+        document = parse(text, str(source))
+        paths = {path: prefix + self._place(a.absolute(source.parent / path)) for path in paths_in(document)}
+        return with_paths(text, paths)
+
+    def _place(self, source: Path) -> str:
+        """Return the name in `parents/` of a file that is needed; plan it where it is not there."""
+        if source not in self._names:
+            inside = a.absolute(self._folder / PARENTS)
+            if source.is_relative_to(inside):
+                self._names[source] = source.relative_to(inside).as_posix()
+            else:
+                content = source.read_bytes()
+                if source.name.endswith(a.SUFFIX):
+                    content = self._here(source, content.decode("utf-8"), "").encode()
+                self._names[source] = self._free(source.name, content)
+        return self._names[source]
+
+    def _free(self, name: str, content: bytes) -> str:
+        """Return the first name that is free, or whose file has this content already: `town`, `town_2`."""
+        stem, dot, suffix = name.partition(".")
+        number = 1
+        while True:
+            called = name if number == 1 else f"{stem}_{number}{dot}{suffix}"
+            file = self._folder / PARENTS / called
+            there = self._new.get(file) if file in self._new else file.read_bytes() if file.is_file() else None
+            if there is None:
+                self._new[file] = content
+                self.parents.append(file)
+                if number > 1:
+                    self.notes.append(f"{file}: another {name} with another meaning is kept already")
+                return called
+            if there == content or (name.endswith(a.SUFFIX) and _same(there, content)):
+                return called
+            number += 1
+
+
+def _same(one: bytes, other: bytes) -> bool:
+    """Return whether two files mean the same and name the same other files."""
+    try:
+        a_text, b_text = (plain_text(parse(text.decode("utf-8"), "a file").model) for text in (one, other))
+    except (InputError, UnicodeDecodeError):
+        return False
+    return a_text == b_text
+
+
+def _means(file: Path, meaning: str) -> bool:
+    try:
+        return load_test_case(file, check_pin=False).meaning == meaning
+    except InputError:
+        return False

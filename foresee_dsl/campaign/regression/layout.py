@@ -1,0 +1,38 @@
+"""How a kept suite lies on the disk: its tests, `parents/` with what they are made from, and an index for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from foresee_dsl.language.project import addresses as a
+
+INDEX = "README.md"
+BEGIN, END = "<!-- foresee keep: begin -->", "<!-- foresee keep: end -->"
+"""Between these marks the index is written anew; a folder whose `README.md` has them is a suite."""
+PARENTS = "parents"
+"""The folder inside a suite of what its tests need: clips, scenarios, networks, models."""
+
+
+def is_suite(folder: Path) -> bool:
+    """Return whether a folder's `README.md` has the marks of an index."""
+    file = folder / INDEX
+    return a.is_file(file) and BEGIN.encode() in file.read_bytes()
+
+
+def suite_folder(file: Path) -> Path | None:
+    """Return the suite that a file is in: the nearest folder above with an index."""
+    return next((folder for folder in a.absolute(file).parents if is_suite(folder)), None)
+
+
+def tests_in(folder: Path) -> tuple[Path, ...]:
+    """Return the test files of a suite, sorted: every `.foresee` file outside of `parents/`."""
+    inside = folder / PARENTS
+    return tuple(file for file in a.scenario_files([folder]) if not file.is_relative_to(inside))
+
+
+def role_of(file: Path) -> str:
+    """Return what a file is in a suite: `test`, `parent`, or "" where it is in none."""
+    folder = suite_folder(file)
+    if folder is None:
+        return ""
+    return "parent" if a.absolute(file).is_relative_to(folder / PARENTS) else "test"
