@@ -10,7 +10,7 @@ JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help campaign study test lint types imports unit bench format doctor clean
+.PHONY: help campaign study test lint types imports unit bench docs format doctor clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 22
@@ -39,6 +39,10 @@ unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
 
 bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="language")
 	@$(BIN)/python -m benchmarks.run $(ARGS)
+
+docs: $(VENV)/.installed-dev  ## build the documentation as a site, build/site/index.html
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "build/site/index.html"
 
 format: $(VENV)/.installed-dev  ## format the Python and the scenario files
 	@$(BIN)/ruff format .
