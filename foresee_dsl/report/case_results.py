@@ -17,9 +17,9 @@ from foresee_dsl.simulate.results.verdict import ExpectationResult, RunResult, V
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
+    from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.campaign.verify import Recheck
-    from foresee_dsl.derive.preventability import Preventability
     from foresee_dsl.language.project.document import Document
 
 
@@ -49,7 +49,7 @@ class CaseResult:
         rule: what happened, in a word: a verdict (`F4`), or a status of `verify` (`changed`).
         message: how it ended, in a sentence. details: further lines for people.
         reproduce: the command that shows it again. attachments: files to keep, such as the trace.
-        time_s: simulated seconds.
+        time_s: simulated seconds. sibling_of: the finding that tells the same story; it is annotated, this is not.
     """
 
     suite: str
@@ -62,6 +62,7 @@ class CaseResult:
     reproduce: str = ""
     attachments: tuple[str, ...] = ()
     time_s: float = 0.0
+    sibling_of: str = ""
 
     @property
     def text(self) -> str:
@@ -121,8 +122,13 @@ def of_assessment(runs: Iterable[DriverRun], broken: Iterable[str], seed: int) -
 def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
     """Return a result for each test case and each child; a child's place is its first change line.
 
-    The children that deserve a look first come first: code hosts show ten annotations of a step.
+    Findings come before their siblings: code hosts show ten annotations of a step.
     """
+    from foresee_dsl.campaign.findings import findings_of
+
+    findings = findings_of(result)
+    ranks = {finding.name: rank for rank, finding in enumerate(findings)}
+    siblings = {name: finding.name for finding in findings for name in finding.siblings}
     settings = result.settings
     seeds = [
         CaseResult(
@@ -132,14 +138,13 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
             rule=one.verdict.value,
             message=one.reason or one.verdict.label,
             place=place_of(one.id),
-            details=_preventability(one.preventability),
+            details=_told(one),
             reproduce=reproduce(one.id, settings.driver, settings.seed),
             attachments=(str(out / one.trace),) if one.trace else (),
             time_s=one.duration_s,
         )
         for one in result.seeds
     ]
-    ranks = {child.name: rank for rank, child in enumerate(result.to_open_first(len(result.clips) * 1000))}
     children = [
         CaseResult(
             suite=clip.seed.partition("::")[0],
@@ -148,7 +153,8 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
             rule=child.verdict.value,
             message=child.reason or child.verdict.label,
             place=place_of(str(out / child.file), child.text),
-            details=_preventability(child.preventability),
+            details=_told(child),
+            sibling_of=siblings.get(child.name, ""),
             reproduce=reproduce(str(out / child.file), settings.driver, settings.seed),
             time_s=child.duration_s,
         )
@@ -214,9 +220,9 @@ def place_of(address: str, text: str | None = None) -> Place:
 
 
 def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:
-    """Give what did not pass in the form that SARIF and GitHub's annotations are made of."""
+    """Give what did not pass, siblings apart, in the form that SARIF and GitHub's annotations are made of."""
     for one in results:
-        if one.outcome is not Outcome.PASSED:
+        if one.outcome is not Outcome.PASSED and not one.sibling_of:
             more = [*one.details, *((f"reproduce: {one.reproduce}",) if one.reproduce else ())]
             yield Diagnostic(
                 code=one.rule,
@@ -261,5 +267,8 @@ def _broken_line(expectation: ExpectationResult) -> str:
     return f"does not hold: {expectation.text}{by}"
 
 
-def _preventability(found: Preventability | None) -> tuple[str, ...]:
-    return (f"{found.verdict.value}: {found.why}",) if found is not None else ()
+def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
+    """What happened, and whether a careful driver would have avoided it; of a failure."""
+    found = run.preventability
+    preventable = (f"{found.verdict.value}: {found.why}",) if found is not None else ()
+    return (run.story.sentence, *preventable) if run.story is not None and run.story.sentence else preventable
