@@ -15,7 +15,7 @@ class CampaignSettings:
 
     Attributes:
         before_s, after_s: o_b and o_a, seconds of a clip before and after its risky point.
-        risky_points: n_rp, how many risky points of a run are studied at most.
+        risky_points: n_rp, how many risky points of a run are studied at most; points with the same clip are one.
         children: c, mutated children a clip.
         seed: of all random choices.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a

@@ -61,12 +61,16 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
             raise ValueError(f"the forecast of {self.name} has no trace")
         s = work.settings
         points = load_ranker(s.ranker).rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
-        drafts = []
-        for point in points[: s.risky_points]:
+        # Points of one moment (about two actors, say) have clips of one meaning: only the first of them is made.
+        drafts: dict[str, Draft] = {}
+        for point in points:
+            if len(drafts) == s.risky_points:
+                break
             file = work.folder / f"{self.name}_p{point.rank}.foresee"
             window = {"before_s": s.before_s, "after_s": s.after_s, "handover_s": s.handover_s}
-            drafts.append(_draft(clip_around(case, trace, point, file, **window), point.rank))
-        return Forecast(len(points), tuple(drafts)), None
+            draft = _draft(clip_around(case, trace, point, file, **window), point.rank)
+            drafts.setdefault(draft.pin, draft)
+        return Forecast(len(points), tuple(drafts.values())), None
 
 
 def clip_around(
