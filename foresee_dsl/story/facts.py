@@ -15,7 +15,7 @@ from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.kernels.boxes import Mover
+from foresee_dsl.kernels.boxes import Box, Mover, gaps
 from foresee_dsl.kernels.lines import FloatArray
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
@@ -129,6 +129,11 @@ class Facts:
         cos, sin = math.cos(heading), math.sin(heading)
         return (ox - x) * cos + (oy - y) * sin, (oy - y) * cos - (ox - x) * sin
 
+    def gap_m(self, actor: int, frame: int) -> float:
+        """Return how far an actor's footprint is from the ego's, m; NaN where it is absent."""
+        rows = (self._box(0, frame), self._box(actor, frame))
+        return float(gaps(*(np.array([row]) for row in rows))[0])
+
     def turned(self, actor: int, frame: int) -> float:
         """Return an actor's course less the ego's heading, -pi to pi (left positive)."""
         return wrap(self.course(actor, frame) - self.heading(0, frame))
@@ -175,6 +180,10 @@ class Facts:
         route = self.info(actor).route
         on_route = (m for m in found if m.from_edge in route and m.to_edge in route)
         return next(on_route, found[0] if found else None)
+
+    def _box(self, actor: int, frame: int) -> Box:
+        info = self.info(actor)
+        return Box(*self.xy(actor, frame), self.heading(actor, frame), info.length_m, info.width_m)
 
     def _mover(self, actor: int) -> Mover:
         row, info = self.trace.states[-1, actor], self.info(actor)

@@ -12,7 +12,6 @@ import shapely
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.kernels.boxes import Box, gaps
 from foresee_dsl.language.model import Quantity
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, X, Y
 from foresee_dsl.story.contact import ALONG_RAD, moved_towards, side_of, steered_from, steering_of
@@ -165,8 +164,7 @@ class Opponent:
 
     def ahead_m(self, frame: int) -> float:
         """Return the gap between the footprints at a frame, m."""
-        rows = [self._box(0, frame), self._box(self.actor, frame)]
-        return float(gaps(np.array([rows[0]]), np.array([rows[1]]))[0])
+        return self.facts.gap_m(self.actor, frame)
 
     def clause(self) -> str:
         """Return what it did as the beginning of a sentence."""
@@ -179,7 +177,7 @@ class Opponent:
             what = f"{comes}{hiding}" + (f" from the {side}" if side else "").removesuffix(",")
         parts = [f"{self.name} {what.rstrip(',')}"]
         if self.breaks_rule:
-            parts[0] += f" {self.breaks_rule}"
+            parts[0] += f"{',' if hiding else ''} {self.breaks_rule}"
         if self.steered:
             parts[0] += f" and is steered {self._steered_side} into the ego's way"
         gap = self._gap_words()
@@ -317,10 +315,6 @@ class Opponent:
             return None
         passages = self.facts.passages(self.actor)
         return next((start for start, _, m in passages if m.junction == self.movement.junction), None)
-
-    def _box(self, actor: int, frame: int) -> Box:
-        info = self.facts.info(actor)
-        return Box(*self.facts.xy(actor, frame), self.facts.heading(actor, frame), info.length_m, info.width_m)
 
     def _moment(self, frame: int, kind: str, text: str) -> Moment:
         return Moment(round(frame * STEP_S, 6), self.facts.info(self.actor).id, kind, text)

@@ -57,4 +57,5 @@ def _in_front(facts: Facts) -> str:
     if not far.size or far.min() > IN_FRONT_M:
         return f"with nobody within {IN_FRONT_M:.0f} m in front of it"
     nearest = int(far.argmin())
-    return f"with {full_name(facts.info(nearest + 1))} {metres(float(far[nearest]))} in front of it"
+    gap = metres(facts.gap_m(nearest + 1, facts.last))
+    return f"with {full_name(facts.info(nearest + 1))} {gap} in front of it"
