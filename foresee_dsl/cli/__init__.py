@@ -45,6 +45,7 @@ COMMANDS = (
     ("Campaign", "store", "store.store"),
     ("Campaign", "keep", "keep.keep"),
     ("Campaign", "verify", "keep.verify"),
+    ("Campaign", "compare", "keep.compare"),
     ("Report", "report", "report.report"),
     ("Report", "view", "report.view"),
     ("Exchange", "import", "formats.import_"),

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from foresee_dsl.cli.campaign_options import CPUS, Jobs
-from foresee_dsl.cli.common import FAILED, JsonOption, json_document, print_json
+from foresee_dsl.cli.common import FAILED, JsonOption, console, give, json_document, print_json
 from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.keeping import Report
 
+PAIR = 2
+"""A comparison has two sides."""
 ExitZero = Annotated[bool, typer.Option("--exit-zero", help="Exit code 0 whatever was found: only the report counts.")]
 
 
@@ -123,4 +126,64 @@ def verify(
     )
     unsettled = [one for one in rechecks if not (update and one.status.can_be_recorded)]
     if not exit_zero and any(one.status is not Status.AS_EXPECTED for one in unsettled):
+        raise typer.Exit(FAILED)
+
+
+class Format(StrEnum):
+    """How a comparison is printed."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    JSON = "json"
+
+
+def compare(
+    paths: Annotated[
+        list[str],
+        typer.Argument(metavar="BASE NEW | PATH", help="Two campaigns' folders; with --drivers: suites or scenarios."),
+    ],
+    drivers: Annotated[
+        str, typer.Option("--drivers", metavar="OLD,NEW", help="Run the test cases of PATH with these two drivers.")
+    ] = "",
+    format_: Annotated[
+        Format, typer.Option("--format", help="text: for a terminal; markdown: for a pull request; json: for tools.")
+    ] = Format.TEXT,
+    exit_zero: ExitZero = False,
+    jobs: Jobs = CPUS,
+    json: JsonOption = False,
+) -> None:
+    """Compare two versions of a driver on the same test cases: new failures, fixed, still failing, nearer misses.
+
+    Test cases and mutants are paired by what they mean. The exact two-sided test (McNemar's) says whether a difference
+    may be chance. Exit code 1 when there are new failures.
+
+    [dim]foresee compare out_main out
+    foresee compare --drivers pdm,mine regressions
+    foresee compare out_main out --format markdown --output comment.md[/dim]
+    """
+    from foresee_dsl.campaign.regression.compared_sides import side_of_campaign, side_of_driver, tests_under
+    from foresee_dsl.campaign.regression.comparison import Change
+    from foresee_dsl.campaign.regression.comparison import compare as paired
+
+    names = [name.strip() for name in drivers.split(",") if name.strip()]
+    if drivers and len(names) != PAIR:
+        raise typer.BadParameter("two drivers, with a comma between them: --drivers pdm,mine", param_hint="--drivers")
+    if not drivers and len(paths) != PAIR:
+        raise typer.BadParameter("two campaigns' folders, or --drivers OLD,NEW and what to run", param_hint="PATH")
+    if drivers:
+        tests = tests_under(paths)
+        base, new = (side_of_driver(tests, name, jobs=jobs) for name in names)
+    else:
+        base, new = (side_of_campaign(Path(path)) for path in paths)
+    found = paired(base, new)
+    if json or format_ is Format.JSON:
+        print_json(found.as_dict())
+    else:
+        from foresee_dsl.report.comparison import print_comparison, to_markdown
+
+        if format_ is Format.MARKDOWN:
+            give(to_markdown(found))
+        else:
+            print_comparison(console(), found)
+    if not exit_zero and found.of(Change.NEW_FAILURE):
         raise typer.Exit(FAILED)

@@ -1,0 +1,118 @@
+"""Where the two sides of a comparison come from: a finished campaign's folder, or runs of a suite."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.regression.comparison import Ran, Side
+from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
+from foresee_dsl.campaign.settings import Limits
+from foresee_dsl.drivers.registry import DRIVERS, recorded_driver
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.project.addresses import is_folder, parse_address
+from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from foresee_dsl.simulate.results.verdict import Verdict
+
+_LONGEST_RUN_S = Limits().for_run(300)
+"""Wall time after which a worker is ended. Ours: for runs of 300 s; no test case of the library is longer."""
+
+
+def side_of_campaign(folder: Path) -> Side:
+    """Return the runs that a campaign's `campaign.json` tells of: its test cases and their mutants.
+
+    Raises:
+        ForeseeError: there is no campaign, or one that an older version wrote.
+    """
+    file = folder / "campaign.json" if folder.is_dir() else folder
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+        runs = tuple(_runs_in(data))
+        label = f"{folder} ({data['driver']})"
+    except FileNotFoundError:
+        raise ForeseeError(
+            f"there is no finished campaign in {folder}: `foresee campaign` writes campaign.json"
+        ) from None
+    except (KeyError, TypeError, ValueError) as err:
+        message = f"{file} does not say what its test cases mean: run the campaign again with this version"
+        raise ForeseeError(message) from err
+    return Side(label, runs, tuple(map(str, data.get("broken", ()))))
+
+
+def _runs_in(data: Mapping[str, Any]) -> Iterator[Ran]:
+    verdicts = {verdict.value: verdict for verdict in Verdict}
+    families = {}
+    for one in data["test_cases"]:
+        families[one["test_case"]] = one["family"]
+        yield Ran(one["meaning"], one["test_case"], one["family"], verdicts[one["verdict"]], one["reason"],
+                  one.get("near_misses"))  # fmt: skip
+    for clip in data["clip_runs"]:
+        for one in clip["children"]:
+            yield Ran(one["meaning"], one["mutant"], families.get(clip["test_case"], ""), verdicts[one["verdict"]],
+                      one["reason"], one.get("near_misses"))  # fmt: skip
+
+
+def tests_under(paths: Sequence[str]) -> tuple[SuiteTest, ...]:
+    """Return what two drivers are compared on: the tests of suites, and the test cases of scenarios.
+
+    A folder gives its tests (mutants, and what something is expected of), or else the test cases of its scenarios.
+    """
+    found: dict[str, SuiteTest] = {}
+    for path in paths:
+        file, case = parse_address(path)
+        tests = suite_of([path]) if is_folder(file) else ()
+        if not tests and case is None and not is_folder(file):
+            tests = _named_test(path)
+        if not tests:
+            tests = tuple(
+                SuiteTest(Path(one.id.partition("::")[0]), one.id.partition("::")[2] or None)
+                for one in load_test_cases([path])
+            )
+        found |= {test.address: test for test in tests}
+    return tuple(found.values())
+
+
+def _named_test(path: str) -> tuple[SuiteTest, ...]:
+    try:
+        return suite_of([path])
+    except ForeseeError:  # a scenario of which nothing is expected, or no file: loading it says so
+        return ()
+
+
+def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int) -> Side:
+    """Run tests with a driver, in new processes.
+
+    Raises:
+        DriverError: there is no such driver; nothing was run.
+    """
+    DRIVERS.find(driver.partition(":")[0])
+    numbers = {str(k): test for k, test in enumerate(tests)}
+    found: dict[str, Ran] = {}
+    broken: list[str] = []
+    label = driver
+    with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
+        pool.add(Task(number, partial(_run, test), driver, _LONGEST_RUN_S) for number, test in numbers.items())
+        for task, outcome in pool.results():
+            test = numbers[task.name]
+            if not isinstance(outcome, Broken):
+                found[task.name], label = outcome
+            elif outcome.how == "raised":
+                broken.append(f"{test.address}: {outcome.reason}")
+            else:
+                verdict = Verdict.TIMEOUT if outcome.how == "timeout" else Verdict.CRASH
+                found[task.name] = Ran(test.address, test.address, "", verdict, outcome.reason)
+    return Side(label, tuple(found[number] for number in numbers if number in found), tuple(sorted(broken)))
+
+
+def _run(test: SuiteTest, driver: str) -> tuple[Ran, str]:
+    case = load_test_case(test.address)
+    result = run_test_case(case, driver, test.seed)
+    label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
+    reason = result.reason or result.verdict.label
+    near = result.near_misses.as_dict()
+    return Ran(test.address, test.address, case.family, result.verdict, reason, near), label

@@ -1,0 +1,285 @@
+"""Two versions of a driver on the same test cases: what is new, fixed, still failing, and what came nearer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property, partial
+from typing import Any
+
+from foresee_dsl.simulate.results.verdict import Verdict
+
+SIGNIFICANT = 0.05
+"""A smaller p is called more than chance: the usual level."""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of a near miss: when it counts as near, and by how much it must change to be told.
+
+    Attributes:
+        title: in words. unit: of its values. near: the value from which on it counts. step: the change.
+        sign: -1 where smaller is nearer.
+    """
+
+    title: str
+    unit: str
+    near: float
+    step: float
+    sign: int = -1
+
+
+MEASURES: Mapping[str, Measure] = {
+    "distance_m": Measure("distance", "m", 1.0, 0.2),
+    "ttc_s": Measure("time to collision", "s", 2.0, 0.2),
+    "pet_s": Measure("post-encroachment time", "s", 2.0, 0.2),
+    "drac_mps2": Measure("braking needed", "m/s^2", 3.0, 0.5, 1),
+}
+"""Ours. Near: conflict studies call times under 1.5 s to 3 s serious, and 3 m/s^2 is harsh braking. The steps are
+several times what a decision that is 0.1 s later changes."""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """One test case as a driver drove it.
+
+    Attributes:
+        key: equal for the same test case on both sides. name: for people. near: the near misses, as in `campaign.json`.
+    """
+
+    key: str
+    name: str
+    family: str
+    verdict: Verdict
+    reason: str
+    near: Mapping[str, Any] | None = None
+
+    @property
+    def failed(self) -> bool:
+        """Whether it did not pass: failures, and also crashes and timeouts."""
+        return self.verdict is not Verdict.PASS
+
+
+@dataclass(frozen=True)
+class Side:
+    """All runs of one version. `label`: what it is called. `broken`: what could not be run, and why."""
+
+    label: str
+    runs: tuple[Ran, ...]
+    broken: tuple[str, ...] = ()
+
+
+class Change(StrEnum):
+    """What became of a test case."""
+
+    NEW_FAILURE = "new failure"
+    FIXED = "fixed"
+    STILL_FAILING = "still failing"
+    STILL_PASSING = "still passing"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The same test case on both sides."""
+
+    base: Ran
+    new: Ran
+
+    @property
+    def change(self) -> Change:
+        """What became of it."""
+        if self.base.failed:
+            return Change.STILL_FAILING if self.new.failed else Change.FIXED
+        return Change.NEW_FAILURE if self.new.failed else Change.STILL_PASSING
+
+    @cached_property
+    def nearer(self) -> Nearer | None:
+        """The measure that came nearest to a failure, of a pair that passes on both sides; None where none did."""
+        if self.change is not Change.STILL_PASSING:
+            return None
+        found = [one for name in MEASURES if (one := _nearer(name, self.base.near, self.new.near)) is not None]
+        return max(found, key=lambda one: one.share, default=None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        sides = {
+            name: {"verdict": ran.verdict.value, "reason": ran.reason}
+            for name, ran in (("base", self.base), ("new", self.new))
+        }
+        nearer = vars(self.nearer) if self.nearer is not None else None
+        return {"test_case": self.new.name, "family": self.new.family, **sides, "nearer": nearer}
+
+
+@dataclass(frozen=True)
+class Nearer:
+    """A near miss that came nearer: in which measure, from what to what (None: it had no value), and with which actor.
+
+    `share`: the change as a share of what counts as near.
+    """
+
+    measure: str
+    was: float | None
+    now: float
+    actor: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """The figures of one family or one kind of failure: how many fail on each side, and the exact test.
+
+    Attributes:
+        label: `all`, a family, or a kind. kind: whether it is a kind of failure. pairs: test cases on both sides.
+        new_failures, fixed: pairs that fail only on the new side, or only on the base's.
+        p: how probable so uneven a split of these is by chance, two-sided.
+    """
+
+    label: str
+    kind: bool
+    pairs: int
+    base_failed: int
+    new_failed: int
+    new_failures: int
+    fixed: int
+    p: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two sides, paired. `edited`: test cases of one name that mean something else now."""
+
+    base: Side
+    new: Side
+    pairs: tuple[Pair, ...]
+    only_base: tuple[str, ...]
+    only_new: tuple[str, ...]
+    edited: tuple[str, ...]
+
+    def of(self, change: Change) -> tuple[Pair, ...]:
+        """Return the pairs of one kind; crashes and timeouts first."""
+        found = (pair for pair in self.pairs if pair.change is change)
+        return tuple(sorted(found, key=lambda pair: (pair.new.verdict.is_failure, pair.new.name)))
+
+    @property
+    def nearer(self) -> tuple[Pair, ...]:
+        """The near misses that came nearer, those that changed most first."""
+        found = [pair for pair in self.pairs if pair.nearer is not None]
+        return tuple(sorted(found, key=lambda pair: (-pair.nearer.share if pair.nearer else 0.0, pair.new.name)))
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The figures of all pairs, of each family, and of each kind of failure that occurs."""
+        families = sorted({pair.new.family for pair in self.pairs}, key=lambda f: (not f.isdigit(), int(f or 0), f))
+        kinds = [v for v in Verdict if v is not Verdict.PASS and any(v in _verdicts(pair) for pair in self.pairs)]
+        rows = [_row("all", self.pairs, _failed)]
+        if len(families) > 1:
+            rows += [
+                _row(f"family {family or '-'}", [pair for pair in self.pairs if pair.new.family == family], _failed)
+                for family in families
+            ]
+        rows += [_row(kind.value, self.pairs, partial(_ended_as, kind), kind=True) for kind in kinds]
+        return tuple(rows)
+
+    @property
+    def sentence(self) -> str:
+        """The result in a sentence."""
+        total = self.rows[0]
+        changed = total.new_failures + total.fixed
+        counts = f"{total.new_failures} new failure{'' if total.new_failures == 1 else 's'}, {total.fixed} fixed"
+        if not changed:
+            return f"{counts}: the same test cases pass"
+        fewer = "more" if total.new_failures > total.fixed else "fewer"
+        chance = f"{fewer} failures than by chance" if total.p < SIGNIFICANT else "it may be chance"
+        return f"{counts}: {chance} (p = {total.p:.2g}, exact two-sided test on the {changed} that changed)"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `foresee compare --json` prints."""
+        return {
+            "schema": 1,
+            "base": self.base.label,
+            "new": self.new.label,
+            "ok": not self.of(Change.NEW_FAILURE),
+            "sentence": self.sentence,
+            "pairs": len(self.pairs),
+            "only_base": list(self.only_base),
+            "only_new": list(self.only_new),
+            "edited": list(self.edited),
+            "broken": [*self.base.broken, *self.new.broken],
+            "new_failures": [pair.as_dict() for pair in self.of(Change.NEW_FAILURE)],
+            "fixed": [pair.as_dict() for pair in self.of(Change.FIXED)],
+            "still_failing": [pair.as_dict() for pair in self.of(Change.STILL_FAILING)],
+            "nearer": [pair.as_dict() for pair in self.nearer],
+            "rows": [vars(row) for row in self.rows],
+        }
+
+
+def compare(base: Side, new: Side) -> Comparison:
+    """Pair two sides by what the test cases mean; what is invalid on a side (a collision at once) is left out."""
+    a, b = (_by_key(side) for side in (base, new))
+    pairs = tuple(Pair(a[key], b[key]) for key in a if key in b)
+    left, right = ({ran.name for key, ran in one.items() if key not in other} for one, other in ((a, b), (b, a)))
+    edited = left & right
+    return Comparison(
+        base, new, pairs, tuple(sorted(left - edited)), tuple(sorted(right - edited)), tuple(sorted(edited))
+    )
+
+
+def exact_p(one: int, other: int) -> float:
+    """Return the exact two-sided p of a split into two counts, were both equally probable (McNemar's exact test)."""
+    if not one + other:
+        return 1.0
+    from scipy.stats import binomtest
+
+    return float(binomtest(one, one + other).pvalue)
+
+
+def _by_key(side: Side) -> dict[str, Ran]:
+    found: dict[str, Ran] = {}
+    for ran in side.runs:
+        if ran.verdict is not Verdict.INVALID:
+            found.setdefault(ran.key, ran)
+    return found
+
+
+def _failed(ran: Ran) -> bool:
+    return ran.failed
+
+
+def _ended_as(kind: Verdict, ran: Ran) -> bool:
+    return ran.verdict is kind
+
+
+def _verdicts(pair: Pair) -> tuple[Verdict, Verdict]:
+    return pair.base.verdict, pair.new.verdict
+
+
+def _row(label: str, pairs: Iterable[Pair], counts: Callable[[Ran], bool], *, kind: bool = False) -> Row:
+    listed: Sequence[tuple[bool, bool]] = [(counts(pair.base), counts(pair.new)) for pair in pairs]
+    new = sum(now and not was for was, now in listed)
+    fixed = sum(was and not now for was, now in listed)
+    was_failing, now_failing = (sum(one[side] for one in listed) for side in (0, 1))
+    return Row(label, kind, len(listed), was_failing, now_failing, new, fixed, exact_p(new, fixed))
+
+
+def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | None) -> Nearer | None:
+    """Return how a measure came nearer, if it did; a value that is not there is far."""
+    measure, found = MEASURES[name], (new or {}).get(name)
+    before = (base or {}).get(name)
+    if base is None or found is None:
+        return None
+    now = _value(found)
+    was = _value(before) if before is not None else None
+    far = measure.near - measure.sign * measure.step if was is None else was
+    change = (now - far) * measure.sign
+    if (now - measure.near) * measure.sign < 0 or not change >= measure.step:  # `not`: also of inf - inf
+        return None
+    shown = min(now, 99.0) if math.isinf(now) else now
+    return Nearer(name, was, shown, str(found.get("with") or ""), round(min(change / measure.near, 99.0), 3))
+
+
+def _value(found: Mapping[str, Any]) -> float:
+    """The value of a near miss in JSON, where null stands for infinity."""
+    value = found.get("value")
+    return math.inf if value is None else float(value)
