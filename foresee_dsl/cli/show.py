@@ -62,6 +62,19 @@ def show(
     moments: Annotated[int, typer.Option("--moments", min=1, max=12, help="Pictures of the strip, at most.")] = 6,
     png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write the strip to a PNG file.")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="Write the strip to an SVG file.")] = None,
+    step: Annotated[
+        bool,
+        typer.Option(
+            "--step",
+            help="Walk through the run by keys: what the driver saw and answered, and why; printed in a pipe.",
+        ),
+    ] = False,
+    from_s: Annotated[float, typer.Option("--from", min=0, help="--step: seconds, the first step.")] = 0.0,
+    to_s: Annotated[float, typer.Option("--to", min=0, help="--step: seconds, the last step.")] = 1e6,
+    every_s: Annotated[
+        float | None,
+        typer.Option("--every", min=0.05, help="--step: seconds between steps; printed by default 0.5, by keys 0.05."),
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Simulate, even where a campaign has kept the trace of the same run.")
     ] = False,
@@ -69,11 +82,13 @@ def show(
 ) -> None:
     """Show what happens in a run: sentences with times, a timeline, and the important moments from above.
 
-    A mutant is shown beside its parent: from which moment they differ, and how.
+    A mutant is shown beside its parent: from which moment they differ, and how. With --step: step by step, with what
+    the driver saw and why it waited.
 
     [dim]foresee show scenarios/scenario7.foresee::r01
     foresee show out/children/scenario7/red_light_runner_r02_p1_m3.foresee
-    foresee show red_light_runner_r02_p1_m3 --campaign out --svg strip.svg[/dim]
+    foresee show red_light_runner_r02_p1_m3 --campaign out --svg strip.svg
+    foresee show red_light_runner_r02_p1_m3 --step --from 2 --to 3[/dim]
     """
     from foresee_dsl.report.show.sources import Wish, find
 
@@ -85,7 +100,10 @@ def show(
             console.print()
         shown = find(target, wish)
         page = _page(shown, wish, up, moments)
-        _print_page(console, page, picture)
+        if step:
+            _walk(console, page, from_s, to_s, every_s)
+        else:
+            _print_page(console, page, picture)
         for file in (png, svg):
             if file is not None:
                 _write(file, page.strips, page.shown.story.sentence, as_png=file is png)
@@ -124,6 +142,29 @@ def _print_page(console: Console, page: Page, picture: Picture) -> None:
         sys.stdout.write(sent)
         sys.stdout.flush()
         for line in page.foot():
+            console.print(line, soft_wrap=True)
+
+
+def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: float | None) -> None:
+    from foresee_dsl.report.show.steps import step_lines, watched
+    from foresee_dsl.report.show.walk import Walk, walk
+    from foresee_dsl.simulate.trace import STEP_S
+
+    by_keys = console.is_terminal and sys.stdin.isatty() and os.name == "posix"
+    steps, same = watched(page.shown, from_s, to_s, every_s or (STEP_S if by_keys else 0.5))
+    if not same:
+        typer.echo(
+            "this run differs from the kept trace: the driver has changed (`--fresh` takes the new run)", err=True
+        )
+    if by_keys:
+        walk(console, Walk(page, steps))
+        return
+    width = min(console.width, _WIDEST)
+    for line in page.head(width, wrap=False):
+        console.print(line, soft_wrap=True)
+    for one in steps:
+        console.print()
+        for line in step_lines(one, page.shown.trace, page.strips[-1].opponent, width if console.is_terminal else 0):
             console.print(line, soft_wrap=True)
 
 

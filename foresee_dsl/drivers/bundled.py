@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Generic, Protocol, TypeVar
 
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, VehicleLimits
 from foresee_dsl.errors import DriverError
 
 
@@ -15,6 +16,10 @@ class Steps(Protocol):
 
     def step(self, observation: Observation) -> Control:
         """Answer one observation."""
+        ...
+
+    def explain(self) -> Sequence[Reason]:
+        """Say why it gave the last answer."""
         ...
 
 
@@ -42,6 +47,10 @@ class BundledDriver(Generic[S]):
             DriverError: `reset` was not called.
         """
         return self.state.step(observation)
+
+    def explain(self) -> Sequence[Reason]:
+        """Return the reasons for the last answer, the strongest first; they are computed now."""
+        return self.state.explain()
 
     @property
     def state(self) -> S:

@@ -6,6 +6,7 @@ are the centre of the footprint unless stated otherwise.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
@@ -186,6 +187,35 @@ class Driver(Protocol):
 
     def step(self, observation: Observation) -> Control:
         """Answer one observation (20 a second)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One reason for what a driver does at a step.
+
+    Attributes:
+        rule: in a word or two: `signal`, `right of way`, `pedestrian`, `distance`, ...
+        text: in words, without naming the object: `has priority at mill_oak`.
+        track, signal: the object's number in the object list, the key of a signal; None: it is about neither.
+        acceleration_mps2: what this reason alone asks for, m/s^2. distance_m: from the ego's front to the object, or
+            to where it waits; None: not known.
+    """
+
+    rule: str
+    text: str
+    track: int | None = None
+    signal: str | None = None
+    acceleration_mps2: float | None = None
+    distance_m: float | None = None
+
+
+@runtime_checkable
+class Explaining(Protocol):
+    """A driver that can say why it did what it did; optional. A run never asks, `foresee show --step` does."""
+
+    def explain(self) -> Sequence[Reason]:
+        """Return the reasons for the last answer of `step`, the strongest first; it must change no later answer."""
         ...
 
 

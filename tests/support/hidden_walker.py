@@ -34,7 +34,7 @@ scenario hidden_walker {
     path [62 m along in offset -4.5 m, 62 m along in offset 6 m]
     speed 1.8 m/s
   }
-  when distance(ego, walker) < 22 m {
+  when distance(ego, walker) < 32 m {
     walker starts
   }
 

@@ -69,19 +69,19 @@ class Behaviour:
 class Patience:
     """Gives way to pedestrians once they surely want to cross: with noisy headings some only seem to."""
 
-    def __init__(self) -> None:
-        self._times = 0
+    def __init__(self, times: int = 0) -> None:
+        self.times = times
 
     def walker(self, situation: Situation) -> float | None:
         """Return where to stop for a pedestrian, m along the route; to be called once per plan."""
         gap = walkers(situation, read_others(situation))
         if gap is None:
-            self._times = 0
+            self.times = 0
             return None
         room = max(gap - WALKER_AIR_M, 0.0)
         needed = situation.ego.forward**2 / (2 * max(room, 0.1))
-        self._times += 1
-        sure = self._times >= WALKER_TIMES or needed > WALKER_URGENT_MPS2
+        self.times += 1
+        sure = self.times >= WALKER_TIMES or needed > WALKER_URGENT_MPS2
         if situation.ego.forward > pdm_settings.COAST_MPS and not (sure and needed > WALKER_BRAKING_MPS2):
             return None
         return situation.ego.front_s + room

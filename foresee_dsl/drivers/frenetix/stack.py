@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from foresee_dsl.drivers.frenetix import settings as cfg
-from foresee_dsl.drivers.frenetix.behaviour import Behaviour, Patience, State, decide
+from foresee_dsl.drivers.frenetix.behaviour import FOLLOWS_S, Behaviour, Patience, State, decide
 from foresee_dsl.drivers.frenetix.choice import at_frames, choose, is_free, joined
 from foresee_dsl.drivers.frenetix.plan import Frenet, Plan, Pose, angle_between, braking_plan
 from foresee_dsl.drivers.frenetix.planner import Planner, ends
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, to_centre, write_state
-from foresee_dsl.drivers.protocol import Control, EgoState, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker
+from foresee_dsl.drivers.protocol import (
+    Control,
+    EgoState,
+    Mission,
+    Observation,
+    Reason,
+    SignalColour,
+    VehicleLimits,
+)
+from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.decision import pedals
 from foresee_dsl.kernels.pdm.prediction import match, predict
 from foresee_dsl.kernels.pdm.proposals import decay_length
 from foresee_dsl.kernels.pdm.records import Records
 from foresee_dsl.kernels.pdm.route import near_foes
+
+STOPS_MPS2 = 0.3
+"""Asked for by any stop or leader, also of a standing ego, so that it is told from a free road. Ours."""
 
 
 @dataclass
@@ -54,26 +66,59 @@ class Stack:
         self._patience, self._steps = Patience(), 0
         self.state, self.count = State.CRUISE, Count()
         self.plan: Plan | None = None
+        self._last: tuple[Situation, Tracks] | None = None
+        self._waited = 0
 
     def step(self, observation: Observation) -> Control:
         """Replan where it is time to, and track the plan."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         if self.plan is None or self._steps % cfg.REPLAN_STEPS == 0:
-            self.plan = self._replan(read_situation(self._route, self._vehicle, observation, tracks, signals))
+            situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
+            self._last, self._waited = (situation, tracks), self._patience.times
+            self.plan = self._replan(situation)
         self._steps += 1
         return self._controller.follow(self.plan, observation.ego, observation.time_s)
 
+    def explain(self) -> Sequence[Reason]:
+        """Return the behaviour's state, what it did without a free trajectory, and which signals and objects alone
+        make the behaviour layer stop or follow; see `drivers.pdm.reasons`."""
+        from foresee_dsl.drivers.pdm.reasons import (  # here: driving does without
+            FREE_ROAD,
+            Wish,
+            reasons_alone,
+            situation_of,
+        )
+
+        if self._last is None:
+            return ()
+        now, tracks = self._last
+
+        def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
+            return Wish(_asked(self._behaviour(situation_of(now, others, colours), Patience(self._waited))[0], now))
+
+        plan = self.plan
+        emergency = plan is not None and plan.emergency
+        doing = "brakes along its path, as no trajectory is free" if emergency else f"state {self.state.value}"
+        planned = plan.pose(now.observation.time_s).acceleration if plan is not None else None
+        others = (r for r in reasons_alone(now, tracks, decided) if r.rule != FREE_ROAD)
+        return Reason("behaviour", doing, acceleration_mps2=planned), *others
+
     def _replan(self, situation: Situation) -> Plan:
-        route = situation.route
-        foes = near_foes(situation.egos, route.foes, route.junctions)
-        matches = match(situation.actors, foes, route.paths)
-        prediction = predict(situation.egos, situation.actors, foes, route.paths, matches, route.points)
-        behaviour = decide(situation, foes, matches, prediction, self._patience)
+        behaviour, prediction = self._behaviour(situation, self._patience)
         self.state = behaviour.state
         self.count.plans += 1
         frames = at_frames(situation, prediction)
         found = self._sampled(situation, behaviour, frames)
         return self._without(situation, behaviour, frames) if found is None else found
+
+    @staticmethod
+    def _behaviour(situation: Situation, patience: Patience) -> tuple[Behaviour, Records]:
+        """Return what the behaviour layer asks for, and the prediction that it is based on."""
+        route = situation.route
+        foes = near_foes(situation.egos, route.foes, route.junctions)
+        matches = match(situation.actors, foes, route.paths)
+        prediction = predict(situation.egos, situation.actors, foes, route.paths, matches, route.points)
+        return decide(situation, foes, matches, prediction, patience), prediction
 
     def _sampled(self, situation: Situation, behaviour: Behaviour, prediction: Records) -> Plan | None:
         """Return the best of the library's candidates (and, when slow, of plans to a stop); None where none is free."""
@@ -121,6 +166,19 @@ class Stack:
             if is_free(situation, behaviour, prediction, plan):
                 return plan
         return braking_plan(self._route, now, start, strongest, last, emergency=True)
+
+
+def _asked(behaviour: Behaviour, now: Situation) -> float:
+    """Return the braking that a behaviour asks for, as an acceleration: to its stop, or to the speed of its leader."""
+    ego = now.ego
+    asked = 0.0
+    if behaviour.stop_s is not None:
+        asked = -(ego.forward**2) / (2 * max(behaviour.stop_s - ego.front_s, 0.1)) - STOPS_MPS2
+    leader = behaviour.leaders[0, 0]
+    room, closing = float(leader["s"]) - ego.front_s, ego.forward - float(leader["speed"])
+    if room < cfg.MINIMUM_GAP_M + FOLLOWS_S * ego.forward:
+        asked = min(asked, -(max(closing, 0.0) ** 2) / (2 * max(room - cfg.MINIMUM_GAP_M, 0.1)) - STOPS_MPS2)
+    return max(asked, -ego.strongest)
 
 
 def _standing(start: Frenet) -> Frenet:

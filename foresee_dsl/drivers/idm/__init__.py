@@ -11,14 +11,15 @@ are meant to be those of Treiber and Kesting 2013, Traffic Flow Dynamics, table 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 from foresee_dsl.drivers.bundled import BundledDriver
 from foresee_dsl.drivers.idm import traffic
 from foresee_dsl.drivers.idm.traffic import ACCELERATION_MPS2, Leader
 from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import Situation, read_situation
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
+from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
 from foresee_dsl.kernels.pdm.decision import pedals, steer
 
 TIME_GAP_S = 1.0
@@ -42,13 +43,28 @@ class _State:
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
         self._route, self._vehicle = build_route(mission, vehicle), vehicle
         self._tracker, self._signals = Tracker(), SignalMemory()
+        self._last: tuple[Situation, Tracks] | None = None
 
     def step(self, observation: Observation) -> Control:
         """Hold the middle of the lane, and accelerate as the model says."""
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         situation = read_situation(self._route, self._vehicle, observation, tracks, signals)
+        self._last = situation, tracks
         angle = steer(situation.egos, self._route.points, 0.0)
         return Control(*pedals(situation.egos, angle, _acceleration(situation)))
+
+    def explain(self) -> Sequence[Reason]:
+        """Decide once more for each signal and object alone; see `drivers.pdm.reasons`."""
+        from foresee_dsl.drivers.pdm.reasons import Wish, reasons_alone, situation_of  # here: driving does without
+
+        if self._last is None:
+            return ()
+        now, tracks = self._last
+
+        def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
+            return Wish(_acceleration(situation_of(now, others, colours)))
+
+        return reasons_alone(now, tracks, decided)
 
 
 class IdmDriver(BundledDriver[_State]):

@@ -7,15 +7,16 @@ is resumed in the middle continues in the same way as soon as the tracker has se
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from foresee_dsl.drivers.bundled import BundledDriver
 from foresee_dsl.drivers.pdm.route import build_route
-from foresee_dsl.drivers.pdm.situation import ego_record, signal_brakings, write_state
-from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.tracking import SignalMemory, Tracker
+from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
+from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
 from foresee_dsl.kernels.pdm.decision import decide, hold
 
 
@@ -27,6 +28,14 @@ class _Plan(NamedTuple):
     acceleration_mps2: float
 
 
+class _Basis(NamedTuple):
+    """What the last decision was made on."""
+
+    observation: Observation | None = None
+    tracks: Tracks | None = None
+    signals: Mapping[str, SignalColour] | None = None
+
+
 class _State:
     """What lasts from one `reset` to the next: the route, the ego's record [1] and that as floats, tracks, signals."""
 
@@ -35,6 +44,7 @@ class _State:
         self._numbers, self._strongest_mps2 = self._egos.view(np.float64), float(self._egos["strongest"][0])
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan: _Plan | None = None
+        self._vehicle, self._basis = vehicle, _Basis()
 
     def step(self, observation: Observation) -> Control:
         """Decide when the object list is new (the standard sensors make one every second step, and PDM plans at 10 Hz);
@@ -49,7 +59,26 @@ class _State:
         road = route.points, route.coarse, route.foes, route.paths, route.junctions
         offset, acceleration, answer = decide(egos, tracks.table, *road, braking)
         self._plan = _Plan(measured_s, offset, acceleration)
+        self._basis = _Basis(observation, tracks, signals)
         return Control(*answer)
+
+    def explain(self) -> Sequence[Reason]:
+        """Decide once more for each signal and object alone; see `reasons`."""
+        from foresee_dsl.drivers.pdm.reasons import Wish, ego_now, reasons_alone  # here: driving does without
+
+        observation, tracks, signals = self._basis
+        if observation is None or tracks is None:
+            return ()
+        route = self._route
+        now = read_situation(route, self._vehicle, observation, tracks, signals)
+
+        def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
+            road = route.points, route.coarse, route.foes, route.paths, route.junctions
+            braking = signal_brakings(route, self._strongest_mps2, colours)
+            offset, acceleration, _ = decide(ego_now(now), others.table, *road, braking)
+            return Wish(acceleration, offset)
+
+        return reasons_alone(now, tracks, decided)
 
 
 class PdmDriver(BundledDriver[_State]):

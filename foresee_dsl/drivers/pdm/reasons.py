@@ -1,0 +1,135 @@
+"""Why a bundled driver does what it does: what each signal and each object alone would make it do.
+
+Nothing of this is computed while it drives. Asked for its reasons, a driver decides again: with nobody in sight and all
+signals green, then with one signal or one object at a time. What makes it slower, or drive elsewhere in its lane, is a
+reason. Objects that only matter together are not found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, signal_brakings
+from foresee_dsl.drivers.protocol import Reason, SignalColour
+from foresee_dsl.drivers.tracking import Tracks
+from foresee_dsl.kernels.pdm.prediction import match, predict
+from foresee_dsl.kernels.pdm.proposals import FAR_M, find_leaders, find_passable
+from foresee_dsl.kernels.pdm.records import Records
+from foresee_dsl.kernels.pdm.right_of_way import find_wall
+from foresee_dsl.kernels.pdm.route import near_foes
+
+LEAST_MPS2 = 0.2
+"""An object or a signal that changes the acceleration by less is no reason. Ours: a tenth of everyday braking."""
+LEAST_M = 0.3
+"""The same for the place in the lane."""
+
+
+FREE_ROAD = "free road"
+"""The rule where there is no reason to be slower."""
+
+
+class Wish(NamedTuple):
+    """What a driver decides: an acceleration, and the offset from the middle of its lane (left positive), m."""
+
+    acceleration_mps2: float
+    offset_m: float = 0.0
+
+
+Decide = Callable[[Tracks, Mapping[str, SignalColour]], Wish]
+"""A driver's decision at the present step for other tracks and colours; it must remember nothing of it."""
+
+
+def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reason, ...]:
+    """Return the signals and objects that alone make a driver slower or drive elsewhere, the strongest first.
+
+    Args:
+        now: the situation of this step. tracks: what `now` was read from. decide: the driver's decision.
+    """
+    green: dict[str, SignalColour] = {key: "green" for _, key in now.route.signals}
+    nobody = only(tracks, None)
+    free = decide(nobody, green)
+    found = []
+    for index, key in now.route.signals:
+        alone: dict[str, SignalColour] = {name: c for name, c in green.items() if name != key}
+        colour = now.signals.get(key)
+        wish = decide(nobody, alone if colour is None else {**alone, key: colour})
+        if wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2:
+            passage = now.route.passages[index]
+            text = f"{colour or 'not seen, so it is ready to stop'} at {passage.junction}"
+            room = passage.stop_s - now.ego.front_s
+            found.append(Reason("signal", text, None, key, wish.acceleration_mps2, max(room, 0.0)))
+    for k in range(len(tracks.table)):
+        wish = decide(only(tracks, k), green)
+        slower = wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2
+        if not slower and abs(wish.offset_m - free.offset_m) < LEAST_M:
+            continue
+        rule, text = _rule(now, k)
+        if not slower:
+            side = "left" if wish.offset_m > free.offset_m else "right"
+            rule, text = "passing", f"keeps {abs(wish.offset_m - free.offset_m):.1f} m to the {side} of it"
+        gap = _room(now, k)
+        found.append(Reason(rule, text, tracks.numbers[k], None, wish.acceleration_mps2, gap))
+    if not found:
+        text = "nobody and no signal holds it up"
+        found.append(Reason(FREE_ROAD, text, acceleration_mps2=free.acceleration_mps2))
+    return tuple(sorted(found, key=lambda reason: reason.acceleration_mps2 or 0.0))
+
+
+def only(tracks: Tracks, k: int | None) -> Tracks:
+    """Return the tracks of one object, or (None) of none."""
+    rows = slice(0, 0) if k is None else slice(k, k + 1)
+    return Tracks(tracks.table[rows], tracks.numbers[rows], tracks.kinds[rows])
+
+
+def situation_of(now: Situation, tracks: Tracks, signals: Mapping[str, SignalColour]) -> Situation:
+    """Return the same step with other tracks and colours."""
+    return read_situation(now.route, now.vehicle, now.observation, tracks, signals)
+
+
+def _room(now: Situation, k: int) -> float:
+    """Return the way from the ego's front to an object, along the route, m; 0 where it is beside or behind."""
+    return max(float(now.actors["s"][k] - now.actors["half_length"][k]) - now.ego.front_s, 0.0)
+
+
+def _rule(now: Situation, k: int) -> tuple[str, str]:
+    """Return which rule makes the ego mind an object, and what that means here, in words."""
+    route, actors, egos = now.route, now.actors[k : k + 1].copy(), now.egos.copy()
+    foes = near_foes(egos, route.foes, route.junctions)
+    matches = match(actors, foes, route.paths)
+    find_passable(egos, actors, route.points, route.junctions)
+    for name, f in _priorities(now, egos, actors, foes, matches):
+        walking = bool(foes["walking"][f])
+        return "right of way", f"{'walks over the crossing' if walking else 'has priority'} at {name}"
+    free = signal_brakings(route, now.ego.strongest, {key: "green" for _, key in route.signals})
+    if find_wall(egos, actors, foes[:0], matches[:, :0], route.junctions, free, route.points) < np.inf:
+        return "keep clear", "there is no room for the ego behind it beyond the junction"
+    predicted = predict(egos, actors, foes, route.paths, matches, route.points)
+    leaders = find_leaders(egos, actors, predicted, np.zeros(1))["s"][0]
+    ahead = np.flatnonzero(leaders < FAR_M)
+    if ahead.size and ahead[0] == 0:
+        stands = float(actors["speed"][0]) < 0.5
+        return "distance", f"{'stands' if stands else 'drives or walks'} ahead in its lane"
+    if bool(actors["pedestrian"][0]):
+        return "pedestrian", "is about to be in its way"
+    return ("distance", "comes into its lane") if ahead.size else ("collision", "would hit it where both are going")
+
+
+def _priorities(
+    now: Situation, egos: Records, actors: Records, foes: Records, matches: Records
+) -> Iterator[tuple[str, int]]:
+    """Yield the streams in which an actor makes the ego wait: the junction's name, the stream."""
+    free = np.full(len(now.route.passages), -1.0)
+    for f in range(len(foes)):
+        one, with_it = foes[f : f + 1], np.ascontiguousarray(matches[:, f : f + 1])
+        if find_wall(egos, actors, one, with_it, now.route.junctions, free, now.route.points) < np.inf:
+            yield now.route.passages[int(foes["junction"][f])].junction, f
+
+
+def ego_now(now: Situation) -> Records:
+    """Return a copy of the ego's record [1], which a decision may write its place into."""
+    found = ego_record(now.vehicle)
+    found[:] = now.egos
+    return found

@@ -1,0 +1,161 @@
+"""A run step by step: what the driver saw, what it answered, and why, as far as it says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from rich.text import Text
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.drivers.protocol import (
+    Closing,
+    Control,
+    Driver,
+    EgoState,
+    Explaining,
+    Mission,
+    Observation,
+    Reason,
+    SeenActor,
+    SignalColour,
+    VehicleLimits,
+)
+from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.report.safe_text import safe, shortened
+from foresee_dsl.report.show.sources import Shown
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
+
+MOST_SEEN = 8
+"""Objects that are listed; of the others their number. Ours: the nearest matter, and a screen has 24 lines."""
+SAME_M = 4.0
+"""An object of the list is the actor that is nearest to it, if within this. Ours: far beyond the sensors' errors, less
+than the distance between two cars in a queue."""
+_LABEL = 9
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a driver: what it was told, what it answered, and its reasons (none where it says nothing)."""
+
+    time_s: float
+    measured_s: float
+    ego: EgoState
+    actors: tuple[SeenActor, ...]
+    signals: dict[str, SignalColour]
+    control: Control
+    reasons: tuple[Reason, ...]
+
+
+class Watched:
+    """A driver that is written down while it drives; its answers are those of the driver itself."""
+
+    def __init__(self, driver: Driver, from_s: float, to_s: float, every_s: float) -> None:
+        """Prepare to note the steps from one time to another, so far apart."""
+        self.name, self.version = driver.name, driver.version
+        self.steps: list[Step] = []
+        self._driver, self._from_s, self._to_s = driver, from_s, to_s
+        self._every = max(round(every_s / STEP_S), 1)
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Pass on."""
+        self._driver.reset(mission, vehicle, seed)
+        self.version = self._driver.version  # some know it only now
+
+    def step(self, observation: Observation) -> Control:
+        """Pass on, and note what was seen and answered."""
+        control = self._driver.step(observation)
+        now_s = observation.time_s
+        if self._from_s - 1e-6 <= now_s <= self._to_s + 1e-6 and round(now_s / STEP_S) % self._every == 0:
+            reasons = tuple(self._driver.explain()) if isinstance(self._driver, Explaining) else ()
+            measured_s = now_s if observation.measured_s is None else observation.measured_s
+            seen = observation.actors, dict(observation.signals)
+            self.steps.append(Step(now_s, measured_s, observation.ego, *seen, control, reasons))
+        return control
+
+    def close(self) -> None:
+        """Pass on where there is something to close."""
+        if isinstance(self._driver, Closing):
+            self._driver.close()
+
+
+def watched(
+    shown: Shown, from_s: float = 0.0, to_s: float = math.inf, every_s: float = STEP_S
+) -> tuple[tuple[Step, ...], bool]:
+    """Drive a run again; return its steps, and whether it went as the one that is shown."""
+    driver = Watched(load_driver(shown.driver), from_s, to_s, every_s)
+    result = run(compile_test_case(shown.case), driver, seed=shown.seed)
+    return tuple(driver.steps), result.trace.digest == shown.trace.digest
+
+
+def step_lines(step: Step, trace: Trace, opponent: str, width: int) -> Iterator[Text]:
+    """Yield what happens at a step, in lines of a width (0: of any length): answer, reasons, what is seen.
+
+    Args:
+        step: the step. trace: the run, for the names of the objects. width: columns.
+        opponent: its id; it is listed wherever it is in the order of distance, or named as not seen.
+    """
+    ego, names = step.ego, _names(step, trace)
+    head = f"{step.time_s:6.2f} s  ego {ego.speed_mps * 3.6:.0f} km/h, {ego.acceleration_mps2:+.1f} m/s^2"
+    late = f", objects as at {step.measured_s:.2f} s" if step.measured_s < step.time_s - 1e-6 else ""
+    yield Text.assemble((head, "bold"), (late, "dim"))
+    yield _line("answers", _answer(step.control), width)
+    for number, reason in enumerate(step.reasons):
+        yield _line("" if number else "because", _reason(reason, names), width)
+    if not step.reasons:
+        yield _line("because", "this driver does not say why", width, style="dim")
+    nearest = [a for k, a in enumerate(step.actors) if k < MOST_SEEN or names.get(a.track) == opponent]
+    for number, seen in enumerate(nearest):
+        style = "red" if names.get(seen.track) == opponent else ""
+        yield _line("" if number else "sees", _seen(seen, step, names), width, style=style)
+    rest = len(step.actors) - len(nearest)
+    if rest:
+        yield _line("", f"and {rest} farther away", width, style="dim")
+    if opponent and opponent not in names.values():
+        yield _line("not seen", safe(opponent), width, style="red")
+    if step.signals:
+        shown = ", ".join(f"{safe(key.rpartition(':')[0])} {colour}" for key, colour in sorted(step.signals.items()))
+        yield _line("signals", shown, width)
+
+
+def _line(label: str, text: str, width: int, *, style: str = "") -> Text:
+    shown = shortened(text, max(width - _LABEL - 2, 20)) if width else safe(text)
+    return Text.assemble((f"  {label:<{_LABEL}}", "dim"), (shown, style))
+
+
+def _answer(control: Control) -> str:
+    pedal = f"brake {control.brake:.2f}" if control.brake > 0 else f"throttle {control.throttle:.2f}"
+    side = "left" if control.steer > 0 else "right"
+    return f"{pedal}, wheel {abs(control.steer):.2f} to the {side}" if abs(control.steer) >= 0.005 else pedal
+
+
+def _reason(reason: Reason, names: dict[int, str]) -> str:
+    who = names.get(reason.track, f"object {reason.track}") if reason.track is not None else ""
+    wish = f"{reason.acceleration_mps2:+.1f} m/s^2  " if reason.acceleration_mps2 is not None else ""
+    room = f", {reason.distance_m:.1f} m" if reason.distance_m is not None else ""
+    return safe(f"{wish}{reason.rule}: {who}{' ' if who else ''}{reason.text}{room}")
+
+
+def _seen(seen: SeenActor, step: Step, names: dict[int, str]) -> str:
+    dx, dy = seen.x - step.ego.x, seen.y - step.ego.y
+    cos, sin = math.cos(step.ego.heading_rad), math.sin(step.ego.heading_rad)
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    along = f"{abs(ahead):.1f} m {'ahead' if ahead >= 0 else 'behind'}"
+    across = f"{abs(left):.1f} m {'left' if left >= 0 else 'right'}"
+    name = safe(names.get(seen.track, "nobody there"))
+    return f"{name} ({seen.kind}) {along}, {across}, {seen.speed_mps * 3.6:.0f} km/h"
+
+
+def _names(step: Step, trace: Trace) -> dict[int, str]:
+    """Return who each track is: the nearest actor of that class when it was measured."""
+    states = trace.states[trace.frame_at(max(step.measured_s, 0.0))]
+    found: dict[int, str] = {}
+    for seen in step.actors:
+        away = np.hypot(states[:, X] - seen.x, states[:, Y] - seen.y)
+        known = [k for k, info in enumerate(trace.actors) if k and info.kind == seen.kind and away[k] < SAME_M]
+        if known:
+            found[seen.track] = trace.actors[min(known, key=lambda k: float(away[k]))].id
+    return found

@@ -1,0 +1,125 @@
+"""Step by step: what the driver saw, answered and gave as its reasons; asking changes nothing."""
+
+from __future__ import annotations
+
+import math
+import os
+import pty
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.show.page import Page
+from foresee_dsl.report.show.sources import Shown
+from foresee_dsl.report.show.steps import Step, step_lines, watched
+from foresee_dsl.report.show.walk import Walk
+from tests.support.hidden_walker import hidden_walker
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> TestCase:
+    return hidden_walker(tmp_path_factory.mktemp("project"))
+
+
+@pytest.fixture(scope="module")
+def shown(case: TestCase) -> Shown:
+    return Shown("hidden_walker.foresee", case, run_test_case(case, "pdm", 0).trace, "pdm", 0)
+
+
+@pytest.fixture(scope="module")
+def steps(shown: Shown) -> tuple[Step, ...]:
+    found, same = watched(shown)
+    assert same, "asking for reasons must change nothing"
+    return found
+
+
+@pytest.mark.parametrize("driver", ["idm", "frenetix"])
+def test_asking_for_reasons_changes_nothing(case: TestCase, driver: str) -> None:
+    if driver == "frenetix":
+        pytest.importorskip("frenetix")
+    shown = Shown("hidden_walker.foresee", case, run_test_case(case, driver, 0).trace, driver, 0)
+    found, same = watched(shown)
+    assert same
+    assert all(step.reasons for step in found)
+    assert len({reason.rule for step in found for reason in step.reasons}) > (driver == "idm")
+
+
+def test_the_walker_is_why_it_brakes(steps: tuple[Step, ...], shown: Shown) -> None:
+    braking = [step for step in steps if step.control.brake > 0.5 and step.ego.speed_mps > 1]
+    assert braking
+    text = "\n".join(line.plain for line in step_lines(braking[2], shown.trace, "walker", 80))
+    assert "pedestrian: walker is about to be in its way" in text
+    assert "walker (pedestrian)" in text
+
+
+def test_an_unseen_opponent_is_named(steps: tuple[Step, ...], shown: Shown) -> None:
+    hidden = [s for s in steps if 0.5 < s.time_s < 3.0 and all(seen.kind != "pedestrian" for seen in s.actors)]
+    assert hidden
+    lines = [line.plain for line in step_lines(hidden[0], shown.trace, "walker", 80)]
+    assert any(line.split() == ["not", "seen", "walker"] for line in lines)
+    assert max(map(len, lines)) <= 80
+
+
+def test_only_the_steps_that_were_asked_for(shown: Shown) -> None:
+    found, _ = watched(shown, 1.0, 2.0, 0.5)
+    assert [round(step.time_s, 2) for step in found] == [1.0, 1.5, 2.0]
+
+
+def test_a_driver_that_says_nothing_is_shown_too(steps: tuple[Step, ...], shown: Shown) -> None:
+    silent = Step(**{**{n: getattr(steps[0], n) for n in Step.__dataclass_fields__}, "reasons": ()})
+    assert any("does not say why" in line.plain for line in step_lines(silent, shown.trace, "", 80))
+
+
+def test_keys_walk_through_the_run(steps: tuple[Step, ...], shown: Shown) -> None:
+    tour = Walk(Page(shown, None), steps)
+    assert tour.after(0, b"\x1b[C") == 1
+    assert tour.after(1, b"\x1b[D") == 0
+    assert tour.after(0, b"\x1b[D") == 0
+    assert tour.after(5, b"\x1b[B") == 25
+    assert tour.after(5, b"\x1b[F") == len(tour) - 1
+    assert tour.after(5, b"x") == 5
+    assert tour.after(5, b"q") is None
+    for width, height in ((80, 24), (160, 50), (40, 12)):
+        screen = tour.screen(len(tour) - 1, width, height)
+        assert len(screen) <= height
+        assert all(len(line.plain) <= width for line in screen)
+        assert any("▲" in line.plain or "█" in line.plain or "◆" in line.plain for line in screen)
+
+
+def test_on_a_terminal_keys_are_obeyed_and_the_screen_is_given_back(case: TestCase) -> None:
+    """A real pseudo-terminal: forward, back, leave."""
+    ours, theirs = pty.openpty()
+    command = [str(Path(sys.executable).parent / "foresee"), "show", str(case.source), "--driver", "idm", "--step"]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment) as process:
+        os.close(theirs)
+        text = _until(ours, "1/")
+        os.write(ours, b"\x1b[C")
+        text += _until(ours, "2/")
+        os.write(ours, b"q")
+        text += _until(ours, "\x1b[?1049l")
+        assert process.wait(30) == 0
+    os.close(ours)
+    assert "\x1b[?1049h" in text
+    assert "answers" in text
+
+
+def _until(terminal: int, wanted: str) -> str:
+    """Read what is written to a terminal until a text comes."""
+    text, deadline = "", time.monotonic() + 60
+    while wanted not in text and time.monotonic() < deadline:
+        if select.select([terminal], [], [], 1)[0]:
+            text += os.read(terminal, 65536).decode(errors="replace")
+    assert wanted in text
+    return text
+
+
+def test_reasons_have_plain_numbers(steps: tuple[Step, ...]) -> None:
+    wishes = [reason.acceleration_mps2 for step in steps for reason in step.reasons]
+    assert all(wish is None or math.isfinite(wish) for wish in wishes)
