@@ -42,8 +42,8 @@ from tests.support.code_frames import FRAMES
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
-LANGUAGE, METHOD, DRIVERS = (
-    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers")
+LANGUAGE, METHOD, DRIVERS, FINDINGS = (
+    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers", "findings")
 )
 
 
@@ -300,7 +300,7 @@ _SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit 
 def tables() -> list[tuple[tuple[str, ...], dict[str, list[str]]]]:
     """Every table of settings: what it is about, and its rows' cells by their first."""
     found = []
-    for names, rows in _TABLE.findall(METHOD):
+    for names, rows in _TABLE.findall(METHOD + FINDINGS):
         cells = [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows.splitlines()]
         found.append((tuple(re.findall(r"`([\w.]+)`", names)), {row[0].strip(" `"): row[1:] for row in cells}))
     return found
@@ -364,7 +364,7 @@ def test_tables_say_what_the_code_says(names: tuple[str, ...], rows: dict[str, l
 def test_tables_are_complete(names: tuple[str, ...], rows: dict[str, list[str]]) -> None:
     for name in names:
         missing = set(settings_of(resolved(name))) - set(rows)
-        assert not missing, f"docs/method.md says nothing of {sorted(missing)} of {name}"
+        assert not missing, f"no page says nothing of {sorted(missing)} of {name}"
 
 
 def settings_of(owner: Any) -> list[str]:
