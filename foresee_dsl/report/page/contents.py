@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.campaign.findings import case_file_name
@@ -56,13 +56,18 @@ class Found:
 
     @property
     def count(self) -> int:
-        """How many failing runs tell it."""
-        return len(self.runs) + len(self.more)
+        """How many failing runs tell it; one that was made smaller is not counted again."""
+        return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
 
     @property
     def name(self) -> str:
         """The representative's."""
         return self.runs[0].outcome.name
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """The names of the other runs that are shown."""
+        return tuple(run.outcome.name for run in self.runs if run.outcome.name != self.name)
 
     @property
     def mutated(self) -> bool:
@@ -169,7 +174,10 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Foun
         if not names:
             continue
         most = MOST_RUNS if len(reader.playbacks) < MOST_PLAYBACKS else 1
-        runs = tuple(reader.read(failures[name]) for name in names[:most])
+        outcomes = [failures[name] for name in names[:most]]
+        if (small := _made_smaller(source, record, outcomes[0])) is not None:
+            outcomes.insert(0, small)
+        runs = tuple(map(reader.read, outcomes))
         answer = record.preventability or Preventable.UNKNOWN.value
         yield Found(
             anchor=f"{source.campaign.driver}-{record.name}" if several else record.name,
@@ -184,6 +192,22 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Foun
             runs=runs,
             more=tuple(names[most:]),
         )
+
+
+def _made_smaller(source: Source, record: Finding, found: Outcome) -> Outcome | None:
+    """Return the run of a finding's minimised mutant, None where there is none (any more)."""
+    small = record.minimised
+    file = source.folder / small.file if small is not None else None
+    if small is None or file is None or not file.is_file():
+        return None
+    return replace(
+        found,
+        address=file.as_posix(),
+        reason=small.reason,
+        trace=file.with_suffix(".npz"),
+        minimised=small,
+        unreduced=Path(found.address),
+    )
 
 
 def _failures(source: Source) -> dict[str, Outcome]:
@@ -212,7 +236,6 @@ def _failures(source: Source) -> dict[str, Outcome]:
 
 
 def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, seed: int) -> Outcome:
-    small = sorted((source.folder / "findings" / child.mutant).glob("*_m*.foresee"))
     again = child.mutant.rpartition("_m")[0].rpartition("_s")  # a repeated mutation: `case_p1_s3_m2`
     if again[0] == clip.clip and again[2].isdigit():
         seed = int(again[2])
@@ -227,7 +250,6 @@ def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, see
         parent_trace=parent,
         operators=child.operators,
         preventability=child.preventability,
-        minimised=small[0] if small else None,
     )
 
 

@@ -22,8 +22,8 @@ def _lines(found: Found) -> list[str]:
     lines = [f"{safe(found.name)}", f"  {safe(found.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
     lines += [f"  {safe(line, 10_000)}" for line in first.changes]
     lines += [f"  {safe(command, 10_000)}" for _, command in first.commands]
-    if len(found.runs) + len(found.more) > 1:
-        others = [run.outcome.name for run in found.runs[1:]] + list(found.more)
+    if found.count > 1:
+        others = [*found.others, *found.more]
         lines.append(f"  the same story: {safe(', '.join(others), 10_000)}")
     return lines + [f"  {safe(note)}" for note in first.missing]
 

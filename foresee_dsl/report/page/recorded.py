@@ -66,6 +66,32 @@ class CaseRun(_Part):
     trace: str | None = None
 
 
+class Tried(_Part):
+    """A value that was run at the boundary: it passes, fails, or ends otherwise."""
+
+    value: float
+    ended: str
+    reason: str = ""
+
+
+class Boundary(_Part):
+    """Where a changed number begins to fail."""
+
+    change: str
+    unit: str = ""
+    sentence: str = ""
+    tried: tuple[Tried, ...] = ()
+
+
+class Minimised(_Part):
+    """A finding's representative, made smaller; files relative to the campaign's folder."""
+
+    file: str
+    reason: str = ""
+    preventability: str | None = None
+    boundary: tuple[Boundary, ...] = ()
+
+
 class Finding(_Part):
     """Failures that tell one story."""
 
@@ -79,6 +105,7 @@ class Finding(_Part):
     siblings: tuple[str, ...] = ()
     sibling_files: tuple[str, ...] = ()
     preventability: str | None = None
+    minimised: Minimised | None = None
 
 
 class Campaign(_Part):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +21,7 @@ from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.page.playback import Marks, Parent, playback
-from foresee_dsl.report.page.recorded import Preventability
+from foresee_dsl.report.page.recorded import Minimised, Preventability
 from foresee_dsl.report.page.roads import Roads
 from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import impact
@@ -38,7 +39,8 @@ class Outcome:
 
     Attributes:
         address: what `foresee run` takes: the mutant's file, or the test case's address. trace: its file, or None.
-        parent_trace: that of the test case that a child comes from. minimised: a smaller mutant that fails alike.
+        parent_trace: that of the test case that a child comes from.
+        minimised: what made it smaller, of a mutant that was; `unreduced`: the mutant that it was made from.
     """
 
     name: str
@@ -51,7 +53,13 @@ class Outcome:
     parent_trace: Path | None = None
     operators: tuple[str, ...] = ()
     preventability: Preventability | None = None
-    minimised: Path | None = None
+    minimised: Minimised | None = None
+    unreduced: Path | None = None
+
+    @property
+    def label(self) -> str:
+        """The name, and whether it was made smaller."""
+        return f"{self.name}, made smaller" if self.minimised is not None else self.name
 
 
 @dataclass(frozen=True)
@@ -233,18 +241,16 @@ def _contact_place(trace: Trace, touched: Impact) -> tuple[float, float]:
 
 def _changes(outcome: Outcome, case: TestCase | None) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Return what a mutant changes, what it changed before it was minimised, and a note on that."""
-    whole = _statements(case.mutant) if case is not None and case.mutant is not None else ()
-    if outcome.minimised is None:
-        return whole, (), ""
-    try:
-        model = load(outcome.minimised).model
-    except (InputError, OSError):
-        return whole, (), ""
-    if not isinstance(model, Mutant):
-        return whole, (), ""
-    origin = model.origin
-    note = (origin.minimised if origin is not None else None) or ""
-    return _statements(model), whole, note
+    mutant = case.mutant if case is not None else None
+    if mutant is None:
+        return (), (), ""
+    before: tuple[str, ...] = ()
+    if outcome.unreduced is not None:
+        with suppress(InputError, OSError):
+            model = load(outcome.unreduced).model
+            before = _statements(model) if isinstance(model, Mutant) else ()
+    note = (mutant.origin.minimised if mutant.origin is not None else None) or ""
+    return _statements(mutant), before, note
 
 
 def _statements(mutant: Mutant) -> tuple[str, ...]:
@@ -252,12 +258,8 @@ def _statements(mutant: Mutant) -> tuple[str, ...]:
 
 
 def _commands(outcome: Outcome) -> tuple[tuple[str, str], ...]:
-    options: Sequence[str] = ("--driver", outcome.driver, "--seed", str(outcome.seed))
-    commands = [("run it", shlex.join(("foresee", "run", outcome.address, *options)))]
-    if outcome.minimised is not None:
-        file = outcome.minimised.as_posix()
-        commands.insert(0, ("run the minimised one", shlex.join(("foresee", "run", file, *options))))
-    return tuple(commands)
+    options = ("--driver", outcome.driver, "--seed", str(outcome.seed))
+    return (("run it", shlex.join(("foresee", "run", outcome.address, *options))),)
 
 
 def _label(verdict: str) -> str:
