@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +30,9 @@ MOST_PLAYBACKS = 400
 """From so many playbacks on, further findings show their representative only. Ours: of 15 kB and 0.05 s each, they
 are 6 MB and 20 s."""
 
+_NO_ANCHOR = re.compile(r"[^\w.-]+", re.ASCII)
+_LONGEST_ANCHOR = 120
+
 
 @dataclass(frozen=True)
 class Source:
@@ -39,9 +44,12 @@ class Source:
 
 @dataclass(frozen=True)
 class Found:
-    """A finding with its runs; the first is its representative."""
+    """A finding with its runs; the first is its representative.
 
-    anchor: str
+    `key`: what tells it from all others of the report.
+    """
+
+    key: str
     title: str
     class_: str
     verdict: str
@@ -58,6 +66,14 @@ class Found:
     def count(self) -> int:
         """How many failing runs tell it; one that was made smaller is not counted again."""
         return sum(run.outcome.minimised is None for run in self.runs) + len(self.more)
+
+    @property
+    def anchor(self) -> str:
+        """The key, as addresses and file names can hold it."""
+        plain = _NO_ANCHOR.sub("_", self.key)
+        if plain == self.key and len(plain) <= _LONGEST_ANCHOR:
+            return plain
+        return f"{plain[:_LONGEST_ANCHOR]}-{hashlib.sha256(self.key.encode()).hexdigest()[:8]}"
 
     @property
     def name(self) -> str:
@@ -180,7 +196,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Foun
         runs = tuple(map(reader.read, outcomes))
         answer = record.preventability or Preventable.UNKNOWN.value
         yield Found(
-            anchor=f"{source.campaign.driver}-{record.name}" if several else record.name,
+            key=f"{source.campaign.driver}-{record.name}" if several else record.name,
             title=record.sentence,
             class_=record.class_ or runs[0].class_,
             verdict=record.verdict,

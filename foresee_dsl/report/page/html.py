@@ -61,7 +61,6 @@ def rendered(contents: Contents, reader: Reader) -> str:
             style_hash=_hash(style),
             script_hash=_hash(script),
             family_title=family_title,
-            shown=_shown,
             data={name: _data(value) for name, value in {**reader.roads.as_dict(), **reader.playbacks}.items()},
         )
     )

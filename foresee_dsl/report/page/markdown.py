@@ -26,7 +26,6 @@ _LINKS = re.compile(r"(?<=:)(?=//)|(?<=[wW]{3})(?=\.)|(?<=@)|(?<=&#35;)")
 """Where code hosts begin to see an address, a person or an issue."""
 _APART = "<!-- -->"
 """Stands between two signs that would be a link together; nobody sees it."""
-_FILE_NAME = re.compile(r"[^\w.-]+", re.ASCII)
 
 
 class Marked(str):
@@ -48,7 +47,7 @@ def write_markdown(folders: Sequence[Path], file: Path) -> Contents:
     strips: list[str] = []
     for found in contents.findings:
         svg = reader.strip(found.runs[0].outcome)
-        name = f"{_FILE_NAME.sub('_', found.anchor)[:100]}.svg"
+        name = f"{found.anchor}.svg"
         strips.append(f"{quote(pictures.name)}/{quote(name)}" if svg else "")
         if svg:
             write_whole(pictures / name, svg)

@@ -59,7 +59,7 @@ def write_view(
     reader = Reader()
     run = reader.run(outcome, case, trace, _parent(case, driver, seed))
     found = Found(
-        anchor=outcome.name,
+        key=outcome.name,
         title=run.title,
         class_=run.class_,
         verdict=outcome.verdict,

@@ -1,0 +1,318 @@
+"""The report's page, in a real browser, and what it makes of hostile names; one small campaign for all."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.report.page.contents import Contents, Found, Table
+from foresee_dsl.report.page.html import rendered, write_report
+from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
+from foresee_dsl.report.page.recorded import Preventability, campaign_folders
+from foresee_dsl.report.page.runs import Outcome, Reader, Run
+from foresee_dsl.report.page.single import write_view
+from foresee_dsl.story import Moment
+from tests.support.small_campaign import campaign, write_project
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
+
+FOLDERS = ("x<script>window.hacked=1<", "script>`a`|b|&lt;'\u202e*_[c](d)")
+"""Names of folders, which test cases are called by; a slash ends a name, so `</script>` takes two."""
+HOSTILE = (
+    "</script><script>window.hacked=1</script><img src=x onerror=window.hacked=1>'\"`|\x1b[31m\u202e\x00" + "w" * 9_900
+)
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign's folder, of a project in a folder with a hostile name."""
+    folder = tmp_path_factory.mktemp("page")
+    project = write_project(folder.joinpath(*FOLDERS))
+    result, _ = campaign(project, folder / "out")
+    assert any(clip.failing for clip in result.clips)
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def page_file(out: Path) -> Path:
+    write_report([out], out / "report.html")
+    return out / "report.html"
+
+
+@pytest.fixture(scope="module")
+def findings(out: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((out / "campaign.json").read_text())["findings"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield browser
+        browser.close()
+
+
+class Opened:
+    """A page in the browser, and what went wrong in it."""
+
+    def __init__(self, browser: Any, file: Path, width: int = 1440, scheme: str = "light") -> None:
+        self.page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        self.errors: list[str] = []
+        self.page.on("console", lambda message: self.errors.append(message.text) if message.type == "error" else None)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("request", lambda request: self._asked(request.url))
+        self.page.goto(file.absolute().as_uri())
+
+    def _asked(self, url: str) -> None:
+        if not url.startswith(("file:", "data:")):
+            self.errors.append(f"asked for {url}")
+
+    def ask(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def wait_for(self, script: str) -> None:
+        """Wait until it is true; playwright's own way evaluates strings, which the page forbids."""
+        for _ in range(200):
+            if self.ask(script):
+                return
+            self.page.wait_for_timeout(25)
+        pytest.fail(f"never true: {script}")
+
+    def seek(self, time_s: float) -> None:
+        slider = "const s = document.querySelector('.player .time');"
+        self.ask(f"{slider} s.value = {time_s}; s.dispatchEvent(new Event('input', {{bubbles: true}}))")
+
+    def box(self, actor: str) -> tuple[float, ...]:
+        """The centre of an actor's footprint as the page draws it, heading, length and width."""
+        corners = self.ask(f"foresee.box({json.dumps(actor)})")
+        (ax, ay), (bx, by), (cx, cy), _ = corners
+        return ((ax + cx) / 2, (ay + cy) / 2, *_axis(bx, by, ax, ay), ((bx - cx) ** 2 + (by - cy) ** 2) ** 0.5)
+
+    def close(self) -> None:
+        self.page.close()
+        assert self.errors == []
+
+
+def _axis(ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
+    return math.atan2(by - ay, bx - ax), math.hypot(bx - ax, by - ay)
+
+
+@pytest.fixture
+def opened(browser: Any, page_file: Path) -> Iterator[Opened]:
+    one = Opened(browser, page_file)
+    yield one
+    one.close()
+
+
+# ---- in the browser -------------------------------------------------------------------------------------------------
+
+
+@needs_chromium
+def test_slider_moves_the_vehicles_and_at_the_contact_the_boxes_overlap(opened: Opened) -> None:
+    run = opened.ask("foresee.player.run.raw")
+    assert run["contact"] is not None
+    opened.seek(0.0)
+    begin = opened.box("ego")
+    opened.seek(run["contact"][0])
+    ego, other = opened.box("ego"), opened.box(run["opponent"])
+    assert abs(ego[0] - begin[0]) + abs(ego[1] - begin[1]) > 3.0
+    # positions are rounded to a centimetre
+    grown = (*ego[:3], ego[3] + 0.03, ego[4] + 0.03)
+    assert box_overlap(np.array(grown), np.array(other))
+    opened.seek(max(run["contact"][0] - 1.0, 0.0))
+    assert not box_overlap(np.array(opened.box("ego")), np.array(opened.box(run["opponent"])))
+
+
+@needs_chromium
+def test_keys_play_step_and_go_through_the_findings(opened: Opened, findings: list[dict[str, Any]]) -> None:
+    press, ask = opened.page.keyboard.press, opened.ask
+    press("Home")
+    assert ask("foresee.player.time") == 0
+    press("ArrowRight")
+    assert ask("foresee.player.time") == pytest.approx(ask("foresee.player.run.step"))
+    press("End")
+    assert ask("foresee.player.time") == ask("foresee.player.run.end")
+    press("Home")
+    press(" ")
+    assert ask("foresee.player.playing")
+    opened.wait_for("foresee.player.time > 0.1")
+    press(" ")
+    assert not ask("foresee.player.playing")
+    press("f")
+    assert ask("foresee.player.show.follow")
+    first = ask("foresee.current")
+    press("j")
+    opened.wait_for("location.hash !== ''")
+    assert (ask("foresee.current") != first) == (len(findings) > 1)
+    press("k")
+    opened.wait_for(f"foresee.current === {json.dumps(first)}")
+    press("/")
+    assert ask("document.activeElement.id") == "search"
+
+
+@needs_chromium
+def test_filters_filter(opened: Opened, findings: list[dict[str, Any]]) -> None:
+    shown = "[...document.querySelectorAll('.items li')].filter((node) => !node.hidden).length"
+    assert opened.ask(shown) == len(findings)
+    opened.page.fill("#search", findings[-1]["name"])
+    assert 1 <= opened.ask(shown) <= len(findings)
+    opened.page.fill("#search", "nobody-has-this-name")
+    assert opened.ask(shown) == 0
+    assert opened.page.is_visible(".list .none")
+    opened.page.click("#clear")
+    assert opened.ask(shown) == len(findings)
+    for name in ("class", "verdict", "preventability"):
+        select = opened.page.query_selector(f"[data-filter={name}]")
+        if select is None:  # all findings have the same
+            continue
+        opened.page.select_option(f"[data-filter={name}]", findings[0][name])
+        assert opened.ask(shown) == sum(found[name] == findings[0][name] for found in findings)
+        opened.page.click("#clear")
+
+
+@needs_chromium
+def test_another_run_of_the_story_and_a_moment_are_chosen(opened: Opened) -> None:
+    before = opened.ask("foresee.player.run.raw.end")
+    if opened.page.query_selector(".finding.current .runs") is not None:
+        opened.page.select_option(".finding.current .runs", "1")
+        assert opened.ask("foresee.player.section.dataset.run") == "run-1"
+    opened.page.click(".finding.current .run:not([hidden]) .moments button >> nth=0")
+    assert opened.ask("foresee.player.time") <= before
+    assert opened.ask("document.querySelectorAll('.moments button.at').length") >= 1
+
+
+@needs_chromium
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_phone_scrolls_one_way_only(browser: Any, page_file: Path, scheme: str) -> None:
+    one = Opened(browser, page_file, width=390, scheme=scheme)
+    anchor = one.ask("document.querySelector('.items a').getAttribute('href')")
+    for part in ("", anchor, "#overview", "#numbers"):
+        one.ask(f"location.hash = {json.dumps(part)}")
+        one.page.wait_for_timeout(50)
+        assert one.ask("document.documentElement.scrollWidth") <= 390, part
+    before = one.ask("getComputedStyle(document.body).backgroundColor")
+    one.page.click("#theme")
+    assert one.ask("getComputedStyle(document.body).backgroundColor") != before
+    one.close()
+
+
+@needs_chromium
+def test_hostile_names_run_nothing(browser: Any, opened: Opened, tmp_path: Path) -> None:
+    assert opened.ask("window.hacked") is None
+    direct = tmp_path / "direct.html"
+    direct.write_text(rendered(hostile_contents(), Reader()))
+    one = Opened(browser, direct)
+    assert one.ask("window.hacked") is None
+    assert "<script>window.hacked" in one.ask("document.querySelector('h2').textContent")
+    assert one.ask("document.documentElement.scrollWidth") <= 1440
+    one.close()
+
+
+@needs_chromium
+def test_one_file_has_a_page(browser: Any, out: Path, findings: list[dict[str, Any]], tmp_path: Path) -> None:
+    child = next(found["file"] for found in findings if found["clip"])
+    file = write_view(str(out / child), tmp_path / "view.html", driver="idm", allow_outside=True)
+    one = Opened(browser, file)
+    assert one.ask("foresee.player.run.raw.contact") is not None
+    assert one.ask("foresee.player.run.ghosts.length") > 0  # the clip, unmutated
+    one.close()
+    trace = next(iter(sorted((out / "traces").glob("*.npz"))))
+    assert write_view(str(trace), tmp_path / "trace.html").stat().st_size > 10_000
+
+
+# ---- without a browser ----------------------------------------------------------------------------------------------
+
+
+def test_page_needs_nothing_else_and_says_every_finding(page_file: Path, findings: list[dict[str, Any]]) -> None:
+    text = page_file.read_text()
+    assert "Content-Security-Policy" in text
+    assert not re.search(r"<(?:link|script|img)[^>]+(?:src|href)=[\"'](?!data:)", text)
+    for found in findings:
+        assert f'id="finding-{found["name"]}"' in text
+        for name in found["siblings"]:
+            assert name in text
+    assert page_file.stat().st_size < 1_000_000
+
+
+def test_writing_it_again_gives_the_same_bytes(out: Path, page_file: Path, tmp_path: Path) -> None:
+    write_report([out], tmp_path / "again.html")
+    assert (tmp_path / "again.html").read_bytes() == page_file.read_bytes()
+
+
+def test_markdown_is_short_and_harmless(out: Path, tmp_path: Path, findings: list[dict[str, Any]]) -> None:
+    write_markdown([out], tmp_path / "report.md")
+    text = (tmp_path / "report.md").read_text()
+    assert len(text.encode()) < LONGEST_BYTES
+    assert text.count("\n### ") == len(findings)
+    pictures = re.findall(r"\]\((report_files/[^)]+\.svg)\)", text)
+    assert len(pictures) == len(findings)
+    assert all((tmp_path / picture).is_file() for picture in pictures)
+    outside_code = re.sub(r"(`+).*?\1", "", text, flags=re.DOTALL)
+    assert "<script" not in outside_code
+    assert "\u202e" not in text
+
+
+def test_markdown_leaves_out_what_has_no_room() -> None:
+    contents = hostile_contents()
+    many = tuple(replace(contents.findings[0], key=f"f{k}") for k in range(60))
+    text = as_markdown(replace(contents, findings=many), [""] * 60)
+    assert len(text.encode()) < LONGEST_BYTES
+    assert "more, which have no room here" in text
+
+
+@pytest.mark.parametrize(
+    "sign", ["<b>", "|", "`", "[a](b)", "@someone", "#12", "https://a.example", "&lt;", "*x*", "\x1b[1m"]
+)
+def test_markdown_shows_signs_as_they_are(sign: str) -> None:
+    shown = escaped(f"a{sign}b")
+    assert sign not in shown
+    assert "\n" not in code(f"a{sign}\nb")
+    assert re.fullmatch(r"(`{3,})\n[^\n]*\n\1", block(f"a{sign}```b", ""))
+
+
+def test_what_is_missing_or_was_edited_is_said(out: Path, findings: list[dict[str, Any]], tmp_path: Path) -> None:
+    copy = tmp_path / "one" / "copy"
+    shutil.copytree(out, copy, ignore=shutil.ignore_patterns("store"))
+    shutil.rmtree(copy / "findings", ignore_errors=True)
+    shutil.rmtree(copy / "traces")
+    for found in findings:
+        if found["clip"]:
+            (copy / found["clip"]).unlink()
+    contents = write_report([copy], copy / "report.html")
+    assert [found.name for found in contents.findings] == [found["name"] for found in findings]
+    for found in contents.findings:
+        assert found.runs[0].missing
+        assert found.runs[0].id == ""
+    assert campaign_folders(copy.parent) == (copy,)
+
+
+def hostile_contents() -> Contents:
+    """A report of which every text is hostile."""
+    outcome = Outcome(
+        name=HOSTILE, address=HOSTILE, verdict=HOSTILE, reason=HOSTILE, driver=HOSTILE, seed=0, trace=None,
+        preventability=Preventability(verdict=HOSTILE, why=HOSTILE),
+    )  # fmt: skip
+    run = Run(
+        outcome=outcome, id="", title=HOSTILE, moments=(Moment(1.0, HOSTILE, HOSTILE, HOSTILE),), label=HOSTILE,
+        class_=HOSTILE, forecast=HOSTILE, changes=(HOSTILE,), unreduced=(HOSTILE,), note=HOSTILE,
+        commands=((HOSTILE, HOSTILE),), missing=(HOSTILE,),
+    )  # fmt: skip
+    found = Found(
+        key=HOSTILE, title=HOSTILE, class_=HOSTILE, verdict=HOSTILE, label=HOSTILE, family=HOSTILE, driver=HOSTILE,
+        preventability=HOSTILE, test_case=HOSTILE, runs=(run, run), more=(HOSTILE,),
+    )  # fmt: skip
+    table = Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), (HOSTILE, HOSTILE))
+    return Contents(HOSTILE, HOSTILE, HOSTILE, (found,), (HOSTILE,), (table,), (table,))
