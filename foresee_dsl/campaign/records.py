@@ -176,7 +176,9 @@ class Minimised:
         return {
             "file": f"{self.folder}/{self.child.name}.foresee",
             "clip": f"{self.folder}/{self.clip}.foresee",
+            "changed": changes_in(self.child.text),
             "reason": self.child.reason,
+            "sentence": self.child.story.sentence if self.child.story else None,
             "preventability": self.child.preventable.value if self.child.preventable else None,
             "dropped": asdict(self.dropped),
             **before_and_now,
@@ -185,6 +187,12 @@ class Minimised:
             "complete": self.complete,
             "note": self.note,
         }
+
+
+def changes_in(text: str) -> list[str]:
+    """Return what a mutant changes, as its file says it (parsing 1,200 mutants for the same words takes seconds)."""
+    lines = (line.strip() for line in text.splitlines())
+    return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
 
 
 Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | Minimised

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from foresee_dsl.campaign.findings import findings_of
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome, changes_in
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventable
@@ -217,6 +217,7 @@ def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
                 "mutant": child.name,
                 "meaning": child.meaning,
                 "operators": list(child.operators),
+                "changes": changes_in(child.text),
                 "verdict": child.verdict.value,
                 "with": child.with_,
                 "reason": child.reason,

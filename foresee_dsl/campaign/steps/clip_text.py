@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,6 +17,12 @@ from foresee_dsl.language.project.expand import expand_clip
 def clip_case(text: str, parent: CaseRef, file: Path) -> TestCase:
     """Return the test case of a clip's text; a process keeps the last few, as many children share them."""
     return expand_clip(clip_of(text), load_case(parent), source=file)
+
+
+def risk_hash(clip: Clip) -> str:
+    """Return a hash of a clip's `risk` line, by which it is mutated and minimised."""
+    risk = clip.risk.model_dump_json() if clip.risk is not None else ""
+    return hashlib.sha256(risk.encode()).hexdigest()[:12]
 
 
 def clip_of(text: str) -> Clip:

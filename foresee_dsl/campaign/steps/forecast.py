@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
+from foresee_dsl.campaign.steps.clip_text import risk_hash
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.derive.clipping.clip import clip as make_clip
 from foresee_dsl.forecast.registry import load_ranker
@@ -94,7 +94,6 @@ def clip_around(
 
 
 def _draft(clip: Clip, rank: int) -> Draft:
-    risk = clip.risk.model_dump_json() if clip.risk is not None else ""
     return Draft(
         rank=rank,
         text=print_model(clip),
@@ -102,5 +101,5 @@ def _draft(clip: Clip, rank: int) -> Draft:
         parent=clip.parent,
         case=clip.case or "",
         pin=clip_pin(clip, clip.pin),
-        risk=hashlib.sha256(risk.encode()).hexdigest()[:12],
+        risk=risk_hash(clip),
     )

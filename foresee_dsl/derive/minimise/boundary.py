@@ -107,6 +107,8 @@ def _boundaries(trials: Trials, whole: Candidate, found: Candidate) -> Iterator[
         failing = [value for value in nearer if runs[value].failed]
         worst = failing[0] if failing else now
         passing = [value for value in nearer if not runs[value].failed and abs(value - was) < abs(worst - was)]
+        if not passing and len(found.changes) > 1:
+            continue  # without this change the others may fail by themselves, in another way
         offset = _offset(trials, found, index, grid)
         first = _grid(as_mutated)
         yield Boundary(

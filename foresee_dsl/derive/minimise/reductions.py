@@ -38,7 +38,7 @@ triggers, 5 for the boundary."""
 def reduce(trials: Trials, whole: Candidate) -> Candidate:
     """Return the smallest candidate found."""
     found = without_changes(trials, whole)
-    trials.reserve = _RESERVE
+    trials.reserve = min(_RESERVE, trials.left // 2)
     found = without_bystanders(trials, found)
     trials.reserve = 0
     found = nearer(trials, found)

@@ -69,6 +69,11 @@ class Trials:
         self._answers: dict[Candidate, str] = {}
         self._wanted: tuple[str, ...] | None = None
 
+    @property
+    def left(self) -> int:
+        """How many runs are left."""
+        return self._budget - self.runs
+
     def first(self, candidate: Candidate) -> Trial:
         """Run the unreduced mutant: its failure is what has to stay."""
         trial = self.trial(candidate)

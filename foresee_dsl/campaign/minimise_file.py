@@ -1,0 +1,149 @@
+"""A mutant's file, minimised: what `foresee minimise` does. What a campaign or the same command did is looked up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from foresee_dsl.campaign.asked import Asked
+from foresee_dsl.campaign.assembly import with_header
+from foresee_dsl.campaign.driving import relative_path, run_test_case
+from foresee_dsl.campaign.keys import driver_identity, key
+from foresee_dsl.campaign.records import Minimised, decode, encode
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.clip_text import risk_hash
+from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised, minimising_key
+from foresee_dsl.campaign.storage.store import Row, Store
+from foresee_dsl.derive.minimise.candidate import Subject
+from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
+from foresee_dsl.drivers.registry import recorded_address
+from foresee_dsl.errors import DriverError, ForeseeError
+from foresee_dsl.files import cache_folder, write_whole
+from foresee_dsl.language.model import Clip, Mutant, Origin
+from foresee_dsl.language.project.addresses import absolute, kind_of
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+
+
+def minimise_file(
+    wanted: Asked, store_folder: Path | None = None, *, driver: str = "", budget: int, run_programs: bool = False,
+    allow_outside: bool = True,
+) -> tuple[Minimised, TestCase, int]:  # fmt: skip
+    """Minimise a mutant's file, with the driver and the seed that it records.
+
+    Args:
+        store_folder: where results are stored; by default its campaign's store, else one in the user's cache.
+        driver: another driver than the recorded one. run_programs: start a program that the file records as its driver.
+
+    Returns:
+        What was found, the test case that the clip was cut from, and how many runs it took now: 0 where it was known.
+
+    Raises:
+        DriverError: the file records a program, which was not allowed.
+        InputError: the file has mistakes or is stale. CannotMinimiseError: the mutant does not fail.
+        StoreError: the store cannot be written.
+    """
+    case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
+    origin, settings = mutant.origin or Origin(), wanted.data.get("settings", {})
+    address, seed = driver or recorded_address(origin.driver or "pdm"), int(origin.seed.value) if origin.seed else 0
+    if ":" in address and not (driver or run_programs):
+        raise DriverError(f"{wanted.file} records a program as its driver: {address}. --run-programs starts it, "
+                          "--driver names another driver")  # fmt: skip
+    folder = store_folder or wanted.store
+    limit_m = float(settings.get("fidelity_limit_m", CampaignSettings.fidelity_limit_m))
+    run_seed = int(settings.get("seed", seed))
+    child = key(ChildStep, clip=mutant.pin, meaning=case.meaning, driver=driver_identity(address), seed=seed)
+    its = minimising_key(MinimiseStep, key, child=child, risk=risk_hash(clip), run_seed=run_seed, limit_m=limit_m,
+                         budget=budget)  # fmt: skip
+    parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
+    if (known := _known(folder, its)) is not None:
+        return _checked(known), parent, 0
+    with Store(folder or cache_folder("minimised")) as store:
+        row = store.get(its)
+        if row is not None and not row.broken:
+            record = decode(row.record, Minimised)
+            assert isinstance(record, Minimised)  # noqa: S101  (it was asked for)
+            return _checked(record), parent, 0
+        trace = run_test_case(parent, address, run_seed).trace
+        subject = Subject(parent, clip, mutant, trace, absolute(wanted.file).parent)
+        found, last = minimised(subject, driver=address, seed=seed, limit_m=limit_m, budget=budget)
+        if found.runs:
+            row = Row(key=its, kind=MinimiseStep.kind, name=mutant.name, record=encode(found), driver=address,
+                      verdict=found.child.verdict.value, reason=found.child.reason)  # fmt: skip
+            store.drop(its)
+            store.add(row, last.packed() if last is not None else None)
+        return _checked(found), parent, found.runs
+
+
+@dataclass(frozen=True)
+class Texts:
+    """A mutant and its clip as texts, with their names, and the test case that the clip was cut from."""
+
+    mutant: str
+    mutant_text: str
+    clip: str
+    clip_text: str
+    parent: TestCase
+
+    @classmethod
+    def of(cls, found: Minimised, parent: TestCase) -> Self:
+        """Return those of a minimised mutant."""
+        return cls(found.child.name, found.child.text, found.clip, found.clip_text, parent)
+
+    @classmethod
+    def unreduced(cls, wanted: Asked, *, allow_outside: bool = True) -> Self:
+        """Return those of the mutant as it was found.
+
+        Raises:
+            InputError: the file has mistakes or is stale.
+        """
+        _, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
+        parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
+        texts = [file.read_text(encoding="utf-8") for file in (wanted.file, wanted.file.parent / mutant.parent)]
+        return cls(mutant.name, texts[0], clip.name, texts[1], parent)
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """Write both into a folder; return their files, the mutant's first."""
+        mutant, clip = folder / f"{self.mutant}.foresee", folder / f"{self.clip}.foresee"
+        above, case = relative_path(self.parent.source, folder), self.parent.id.partition("::")[2]
+        write_whole(clip, with_header(self.clip_text, "clip", self.clip, above, case))
+        write_whole(mutant, with_header(self.mutant_text, "mutant", self.mutant, clip.name))
+        return mutant, clip
+
+
+def _checked(found: Minimised) -> Minimised:
+    if not found.child.verdict.is_failure:
+        raise CannotMinimiseError(
+            f"{found.child.name} does not fail with this driver: {found.child.reason}. There is no failure that could "
+            "stay, so nothing is minimised"
+        )
+    return found
+
+
+def _known(folder: Path | None, its: str) -> Minimised | None:
+    """Return what the campaign's store has; reading it needs no lock, so that it works while a campaign runs."""
+    if folder is None or not (folder / "runs.sqlite").is_file():
+        return None
+    with Store(folder, write=False) as store:
+        row = store.get(its)
+    record = decode(row.record, Minimised) if row is not None and not row.broken else None
+    return record if isinstance(record, Minimised) else None
+
+
+def _loaded(file: Path, *, allow_outside: bool) -> tuple[TestCase, Clip, Mutant]:
+    case = load_test_case(str(file), allow_outside=allow_outside)
+    if case.mutant is None or case.clip is None:
+        raise ForeseeError(f"{file} holds no mutant, so that there is nothing to minimise")
+    above = file.parent / case.mutant.parent
+    if kind_of(above) != "clip":
+        raise ForeseeError(f"{file} is a mutant of a mutant: write its changes and those of {above} into one mutant of "
+                           "the clip, and minimise that")  # fmt: skip
+    return case, case.clip, case.mutant
+
+
+def _parent_of(file: Path, clip: Clip, mutant: Mutant, *, allow_outside: bool) -> TestCase:
+    above = absolute(absolute(file.parent / mutant.parent).parent / clip.parent)
+    address = f"{above}::{clip.case}" if clip.case else str(above)
+    return load_test_case(address, allow_outside=allow_outside)

@@ -1,0 +1,111 @@
+"""A finding as a reviewer needs it: what happens, what was changed, where that begins to fail, what did not fail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.campaign.asked import Asked
+from foresee_dsl.errors import ForeseeError
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One mutation of the finding's clip. `margins`: its near misses, by measure, as in `campaign.json`."""
+
+    name: str
+    changes: tuple[str, ...]
+    verdict: str
+    reason: str
+    margins: Mapping[str, Mapping[str, Any] | None]
+
+
+@dataclass(frozen=True)
+class Review:
+    """A finding.
+
+    Attributes:
+        finding: as in `campaign.json`. asked: the name that was asked for, which may be a sibling's.
+        others: the other mutations of its clip. driver, seed: of the campaign. campaign: its folder.
+    """
+
+    finding: Mapping[str, Any]
+    asked: str
+    others: tuple[Mutation, ...]
+    driver: str
+    seed: int
+    campaign: Path
+
+    @property
+    def minimised(self) -> Mapping[str, Any] | None:
+        """The representative made smaller; None of a test case, or where that was not done yet."""
+        found: Mapping[str, Any] | None = self.finding.get("minimised")
+        return found
+
+    @property
+    def withstood(self) -> tuple[Mutation, ...]:
+        """The mutations that the driver passed."""
+        return tuple(one for one in self.others if one.verdict == "pass")
+
+    @property
+    def file(self) -> str:
+        """The file to look at: minimised where there is one."""
+        if self.finding.get("clip") is None:
+            return str(self.finding["file"])
+        return (self.campaign / str((self.minimised or self.finding)["file"])).as_posix()
+
+    @property
+    def commands(self) -> tuple[tuple[str, str], ...]:
+        """What to do next, in words, and its command."""
+        mutant = self.finding.get("clip") is not None
+        driver = f" --driver {self.driver}" if self.driver != "pdm" else ""
+        seed = f" --seed {self.seed}" if self.seed else ""
+        found = [("watch it", f"foresee show {self.file}"), ("drive it", f"foresee run {self.file}{driver}{seed}")]
+        if mutant:
+            out = f" --campaign {self.campaign}" if self.campaign != Path("out") else ""
+            found.append(("check that it still fails", f"foresee verify {self.file}"))
+            found.append(("get it unreduced", f"foresee minimise {self.finding['name']}{out} --full --out unreduced"))
+        return tuple(found)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "schema": 1,
+            "finding": dict(self.finding),
+            "asked": self.asked,
+            "others": [{**vars(one), "changes": list(one.changes)} for one in self.others],
+            "withstood": [one.name for one in self.withstood],
+            "files": {"as_found": self.finding["file"], "to_look_at": self.file},
+            "commands": [command for _, command in self.commands],
+        }
+
+
+def review_of(wanted: Asked) -> Review:
+    """Return the review of a finding.
+
+    Raises:
+        ForeseeError: no campaign has such a finding.
+    """
+    finding = wanted.finding
+    if wanted.campaign is None or finding is None:
+        raise ForeseeError(
+            f"{wanted.file} is of no campaign's findings: `foresee minimise` says where it begins to fail"
+        )
+    settings = wanted.data.get("settings", {})
+    clip = Path(str(finding["clip"])).stem if finding.get("clip") else ""
+    runs = (run["children"] for run in wanted.data.get("clip_runs", ()) if run["clip"] == clip)
+    others = (child for children in runs for child in children if child["mutant"] != finding["name"])
+    return Review(
+        finding=finding,
+        asked=wanted.name,
+        others=tuple(
+            Mutation(child["mutant"], tuple(child.get("changes", ())), child["verdict"], child["reason"],
+                     child.get("near_misses") or {})
+            for child in others
+        ),
+        driver=str(settings.get("driver", "pdm")),
+        seed=int(settings.get("seed", 0)),
+        campaign=wanted.campaign,
+    )  # fmt: skip

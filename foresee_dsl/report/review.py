@@ -1,0 +1,132 @@
+"""A finding's review as text of 80 columns, and the boundary as a scale."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from foresee_dsl.campaign.review import Mutation, Review
+
+WIDTH = 80
+_SCALE = 50
+"""Columns of a scale: one for each hundredth of the usual half a unit."""
+_MARKS = {"passes": "o", "otherwise": "x", "fails": "X"}
+_MARGINS = {
+    "distance_m": "{:.2f} m to {}",
+    "ttc_s": "time to collision {:.2f} s with {}",
+    "pet_s": "{:.2f} s between the ego and {}",
+    "drac_mps2": "{:.1f} m/s^2 of braking for {}",
+}
+
+
+def review_text(review: Review) -> str:
+    """Return a review for people."""
+    return "\n".join(_lines(review)) + "\n"
+
+
+def _lines(review: Review) -> Iterator[str]:
+    finding, small = review.finding, review.minimised
+    answer = finding.get("preventability")
+    yield str(finding["name"])
+    yield from _wrapped(f"{finding['verdict']}, {finding['class']}" + (f", {answer}" if answer else ""))
+    yield ""
+    yield from _wrapped(_sentence(str((small or {}).get("sentence") or finding["sentence"])))
+    if review.asked != finding["name"]:
+        yield from _wrapped(f"{review.asked} is one of the {finding['count']} failures of this finding.")
+    elif finding["count"] > 1:
+        yield from _wrapped(f"It stands for {finding['count']} failures: {', '.join(finding['siblings'])} as well.")
+    if finding.get("clip"):
+        yield from _difference(small)
+        yield from _boundary(small)
+        yield from _others(review.others)
+    if answer:
+        yield from ("", "Would a careful driver have avoided it?", *_wrapped(f"{answer}: {finding['why']}", "  "))
+    yield from ("", "Files")
+    yield from _files(review)
+    yield from ("", "Commands")
+    for words, command in review.commands:
+        yield from (f"  {words}:", f"    {command}")
+
+
+def _difference(small: Mapping[str, Any] | None) -> Iterator[str]:
+    yield from ("", "Difference")
+    if small is None:
+        yield from _wrapped("not minimised yet: the campaign's command, once more, does that", "  ")
+        return
+    for change in small["changed"]:
+        yield from _wrapped(f"change {change}", "  ")
+    counts = (("changes", "changes"), ("actors", "actors"), ("clip_lines", "lines of the clip"))
+    parts = [f"{words} {small[key]['before']} -> {small[key]['now']}" for key, words in counts]
+    shorter = small["dropped"]["seconds"]
+    yield from _wrapped("minimised: " + ", ".join([*parts, *([f"{shorter:.2f} s shorter"] if shorter else [])]), "  ")
+    if small["note"]:
+        yield from _wrapped(small["note"], "  ")
+
+
+def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
+    edges = small["boundary"] if small else []
+    if not edges:
+        return
+    yield from ("", "Boundary (o passes, X this failure, x another failure)")
+    for edge in edges:
+        yield f"  {edge['change']}"
+        yield f"  {_value(edge, edge['was']):>9} {scale(edge)} {_value(edge, edge['first'])}"
+        yield from _wrapped(edge["sentence"].removeprefix(f"{edge['change']} "), " " * 12)
+
+
+def scale(edge: Mapping[str, Any]) -> str:
+    """Return the values that were run, from `was` to the value as it was mutated, as marks on a line."""
+    marks, span = ["-"] * _SCALE, edge["first"] - edge["was"]
+    order = list(_MARKS)
+    for tried in sorted(edge["tried"], key=lambda one: order.index(one["ended"])):  # failures over what passes
+        place = (tried["value"] - edge["was"]) / span if span else 0.0
+        if 0 <= place <= 1:
+            marks[round(place * (_SCALE - 1))] = _MARKS[tried["ended"]]
+    return "".join(marks)
+
+
+def _value(edge: Mapping[str, Any], value: float) -> str:
+    return f"{value:.2f}{' ' + edge['unit'] if edge['unit'] else ''}"
+
+
+def _others(others: Iterable[Mutation]) -> Iterator[str]:
+    all_others = list(others)
+    passed = [one for one in all_others if one.verdict == "pass"]
+    yield from ("", f"Other mutations of the same clip: {len(passed)} of {len(all_others)} withstood")
+    for one in all_others:
+        changes = "; ".join(one.changes) or "?"
+        yield from _wrapped(f"{one.name.rpartition('_')[2]}: {changes}", "  ")
+        yield from _wrapped(_margins(one) if one.verdict == "pass" else one.reason, "      ")
+
+
+def _margins(one: Mutation) -> str:
+    found = ((words, one.margins.get(name)) for name, words in _MARGINS.items())
+    texts = [words.format(near["value"], near["with"]) for words, near in found if near and near["value"] is not None]
+    return "passed: " + (", ".join(texts) if texts else "nobody came near")
+
+
+def _files(review: Review) -> Iterator[str]:
+    if review.finding.get("clip") is None:
+        yield f"  {review.finding['file']}"
+        return
+    small = review.minimised
+    for words, file in (
+        ("minimised", small["file"] if small else None),
+        ("its clip", small["clip"] if small else None),
+        ("as found", review.finding["file"]),
+    ):
+        if file is not None:
+            yield f"  {words + ':':<11}{(review.campaign / str(file)).as_posix()}"
+    yield f"  {'test case:':<11}{review.finding['test_case']}"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def _wrapped(text: str, indent: str = "") -> list[str]:
+    return textwrap.wrap(
+        " ".join(text.split()), WIDTH, initial_indent=indent, subsequent_indent=indent, break_long_words=False,
+        break_on_hyphens=False,
+    ) or [indent]  # fmt: skip
