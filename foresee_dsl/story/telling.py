@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import assert_never
 
+from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import Trace
@@ -23,13 +24,13 @@ SEEN_SHORTLY_S = 3.0
 """For how long the ego saw the other is said where it is less than this. Ours: three times what a driver needs."""
 
 
-def tell(trace: Trace, case: TestCase) -> Story:
-    """Tell what happened in a run of a test case.
+def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Story:
+    """Tell what happened in a run of a test case; `bundle`: it, where it is compiled already.
 
     Raises:
         InputError, CompileError: the test case cannot be compiled.
     """
-    facts = Facts.of(trace, case)
+    facts = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
     contact, found = contact_class(facts), facts.impact
     at = contact_point(facts, found) if found else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)

@@ -27,7 +27,7 @@ from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import impact
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-from foresee_dsl.story import Moment, tell
+from foresee_dsl.story import Moment, Story, tell
 
 _CACHED_PARENTS = 4
 """Traces of test cases that are kept while their children are read; children come in the order of their test cases."""
@@ -119,15 +119,10 @@ class Reader:
     ) -> Run:
         """Return a run, with its story and its playback where there is enough for them."""
         notes = list(missing)
-        story = tell(trace, case) if trace is not None and case is not None else None
-        bundle = self._bundle(case, trace, notes) if self.plays else None
-        made = ""
-        if trace is not None and bundle is not None and case is not None and story is not None:
-            made = f"run-{len(self.playbacks)}"
-            played = playback(trace, bundle, _marks(trace, case, story.opponent), parent)
-            played["roads"] = self.roads.add(bundle.network, trace.states[:, 0, [X, Y]])
-            played["moments"] = [[round(m.time_s, 3), m.text] for m in story.moments]
-            self.playbacks[made] = played
+        story, made = None, ""
+        if trace is not None and case is not None and (bundle := self._bundle(case, trace, notes)) is not None:
+            story = tell(trace, case, bundle)
+            made = self._played(trace, case, bundle, story, parent) if self.plays else ""
         risk = case.clip.risk if case is not None and case.clip is not None else None
         small, large, note = _changes(outcome, case)
         return Run(
@@ -144,6 +139,15 @@ class Reader:
             commands=_commands(outcome),
             missing=tuple(notes),
         )
+
+    def _played(self, trace: Trace, case: TestCase, bundle: SumoBundle, story: Story, parent: Parent | None) -> str:
+        """Keep the playback of a run, and return its id."""
+        name = f"run-{len(self.playbacks)}"
+        played = playback(trace, bundle, _marks(trace, case, story.opponent), parent)
+        played["roads"] = self.roads.add(bundle.network, trace.states[:, 0, [X, Y]])
+        played["moments"] = [[round(m.time_s, 3), m.text] for m in story.moments]
+        self.playbacks[name] = played
+        return name
 
     def strip(self, outcome: Outcome) -> str:
         """Return the picture of a run as SVG; "" where its files are not there."""
@@ -172,9 +176,7 @@ class Reader:
             missing.append(f"the trace {file} is missing or damaged: run the campaign again to see the run")
         return None
 
-    def _bundle(self, case: TestCase | None, trace: Trace | None, missing: list[str]) -> SumoBundle | None:
-        if case is None or trace is None:
-            return None
+    def _bundle(self, case: TestCase, trace: Trace, missing: list[str]) -> SumoBundle | None:
         recorded = trace.meta.get("meaning")
         if recorded is not None and recorded != case.meaning:
             missing.append("edited since it was run: the playback shows the recorded run")
