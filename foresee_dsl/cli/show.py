@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from foresee_dsl.report.show.panels import Strip
     from foresee_dsl.report.show.sources import Shown, Wish
 
+_BOTH_WIDE = 110
+"""Columns from which on two moments of a mutant and its parent fit side by side."""
 _WIDEST = 160
 """Columns that are used at most: more do not make a strip easier to read."""
 
@@ -59,7 +61,12 @@ def show(
         Picture, typer.Option("--picture", help="Show the strip as a picture where the terminal can; none: characters.")
     ] = Picture.AUTO,
     up: Annotated[UpSide, typer.Option("--up", help="What is up in the strip: the ego's way, or north.")] = UpSide.EGO,
-    moments: Annotated[int, typer.Option("--moments", min=1, max=12, help="Pictures of the strip, at most.")] = 6,
+    moments: Annotated[
+        int | None,
+        typer.Option(
+            "--moments", min=1, max=12, help="Pictures of the strip, at most: 6; of a mutant on a narrow terminal 4."
+        ),
+    ] = None,
     png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write the strip to a PNG file.")] = None,
     svg: Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="Write the strip to an SVG file.")] = None,
     step: Annotated[
@@ -99,7 +106,7 @@ def show(
         if number:
             console.print()
         shown = find(target, wish)
-        page = _page(shown, wish, up, moments)
+        page = _page(shown, wish, up, moments, console.width)
         if step:
             _walk(console, page, from_s, to_s, every_s)
         else:
@@ -122,11 +129,14 @@ def _console() -> Console:
     return Console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
-def _page(shown: Shown, wish: Wish, up: UpSide, moments: int) -> Page:
+def _page(shown: Shown, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
+    from foresee_dsl.report.show.moments import LEAST, MOST
     from foresee_dsl.report.show.page import Page
     from foresee_dsl.report.show.sources import parent_of
 
-    return Page(shown, parent_of(shown, wish), "ego" if up is UpSide.EGO else "north", moments)
+    parent = parent_of(shown, wish)
+    most = LEAST if parent is not None and width < _BOTH_WIDE else MOST
+    return Page(shown, parent, "ego" if up is UpSide.EGO else "north", moments or most)
 
 
 def _print_page(console: Console, page: Page, picture: Picture) -> None:

@@ -27,7 +27,7 @@ BoolArray = NDArray[np.bool_]
 
 WIDEST, NARROWEST = 40, 26
 """Columns of a panel with its frame. Ours: a road of two lanes is six dots wide in a window of 24 m."""
-PAIR_WIDEST = 34
+PAIR_WIDEST = 32
 """Columns of a panel beside that of the parent's run. Ours: with wider ones two moments do not fit on a screen."""
 _GAP = 1
 """Columns between panels; they have frames."""
