@@ -2,7 +2,7 @@
 
 Nothing of this is computed while it drives. Asked for its reasons, a driver decides again: with nobody in sight and all
 signals green, then with one signal or one object at a time. What makes it slower, or drive elsewhere in its lane, is a
-reason. Objects that only matter together are not found.
+reason. Where it brakes harder than for any of them alone, each object is left out in turn.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from foresee_dsl.kernels.pdm.route import near_foes
 
 LEAST_MPS2 = 0.2
 """An object or a signal that changes the acceleration by less is no reason. Ours: a tenth of everyday braking."""
+STANDS_MPS = 0.5
 LEAST_M = 0.3
 """The same for the place in the lane."""
 
@@ -50,8 +51,20 @@ def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reaso
     """
     green: dict[str, SignalColour] = {key: "green" for _, key in now.route.signals}
     nobody = only(tracks, None)
-    free = decide(nobody, green)
-    found = []
+    free, real = decide(nobody, green), decide(tracks, now.signals)
+    found = [*_signals(now, nobody, green, free, decide), *_objects(now, tracks, green, free, decide)]
+    strongest = min([free.acceleration_mps2, *(reason.acceleration_mps2 or 0.0 for reason in found)])
+    if real.acceleration_mps2 < strongest - LEAST_MPS2:
+        found += _together(now, tracks, real, decide)
+    if not found:
+        found.append(_free(now, free))
+    return tuple(sorted(found, key=lambda reason: reason.acceleration_mps2 or 0.0))
+
+
+def _signals(
+    now: Situation, nobody: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
+) -> Iterator[Reason]:
+    """Yield the signals that alone make it slower."""
     for index, key in now.route.signals:
         alone: dict[str, SignalColour] = {name: c for name, c in green.items() if name != key}
         colour = now.signals.get(key)
@@ -59,29 +72,59 @@ def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reaso
         if wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2:
             passage = now.route.passages[index]
             text = f"{colour or 'not seen, so it is ready to stop'} at {passage.junction}"
-            room = passage.stop_s - now.ego.front_s
-            found.append(Reason("signal", text, None, key, wish.acceleration_mps2, max(room, 0.0)))
+            yield Reason("signal", text, None, key, wish.acceleration_mps2, max(passage.stop_s - now.ego.front_s, 0.0))
+
+
+def _objects(
+    now: Situation, tracks: Tracks, green: Mapping[str, SignalColour], free: Wish, decide: Decide
+) -> Iterator[Reason]:
+    """Yield the objects that alone make it slower, or drive elsewhere in its lane."""
     for k in range(len(tracks.table)):
         wish = decide(only(tracks, k), green)
         slower = wish.acceleration_mps2 < free.acceleration_mps2 - LEAST_MPS2
-        if not slower and abs(wish.offset_m - free.offset_m) < LEAST_M:
+        aside = wish.offset_m - free.offset_m
+        if slower:
+            rule, text = _rule(now, k)
+        elif abs(aside) >= LEAST_M:
+            rule, text = "passing", f"keeps {abs(aside):.1f} m to the {'left' if aside > 0 else 'right'} of it"
+        else:
             continue
-        rule, text = _rule(now, k)
-        if not slower:
-            side = "left" if wish.offset_m > free.offset_m else "right"
-            rule, text = "passing", f"keeps {abs(wish.offset_m - free.offset_m):.1f} m to the {side} of it"
-        gap = _room(now, k)
-        found.append(Reason(rule, text, tracks.numbers[k], None, wish.acceleration_mps2, gap))
-    if not found:
-        text = "nobody and no signal holds it up"
-        found.append(Reason(FREE_ROAD, text, acceleration_mps2=free.acceleration_mps2))
-    return tuple(sorted(found, key=lambda reason: reason.acceleration_mps2 or 0.0))
+        yield Reason(rule, text, tracks.numbers[k], None, wish.acceleration_mps2, _room(now, k))
+
+
+def _together(now: Situation, tracks: Tracks, real: Wish, decide: Decide) -> list[Reason]:
+    """Return the objects without which it would be faster; they matter with others only."""
+    found = []
+    for k in range(len(tracks.table)):
+        wish = decide(_without(tracks, k), now.signals)
+        if wish.acceleration_mps2 > real.acceleration_mps2 + LEAST_MPS2:
+            rule, text = _rule(now, k)
+            text = f"{text}, together with others"
+            found.append(Reason(rule, text, tracks.numbers[k], None, real.acceleration_mps2, _room(now, k)))
+    text = "several objects or signals together; none of them alone, and no single one could be left out"
+    return found or [Reason("several", text, acceleration_mps2=real.acceleration_mps2)]
+
+
+def _free(now: Situation, free: Wish) -> Reason:
+    """Return the reason where nobody and no signal holds it up."""
+    if free.acceleration_mps2 >= -LEAST_MPS2:
+        return Reason(FREE_ROAD, "nobody and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
+    stands = now.ego.speed < STANDS_MPS
+    text = "none of its own proposals may set off" if stands else "for its route: a bend, a limit, or its own lanes"
+    return Reason("own plan", f"{text}; nobody and no signal holds it up", acceleration_mps2=free.acceleration_mps2)
 
 
 def only(tracks: Tracks, k: int | None) -> Tracks:
     """Return the tracks of one object, or (None) of none."""
     rows = slice(0, 0) if k is None else slice(k, k + 1)
     return Tracks(tracks.table[rows], tracks.numbers[rows], tracks.kinds[rows])
+
+
+def _without(tracks: Tracks, k: int) -> Tracks:
+    """Return the tracks of all objects but one."""
+    rest = [row for row in range(len(tracks.table)) if row != k]
+    numbers, kinds = (tuple(values[row] for row in rest) for values in (tracks.numbers, tracks.kinds))
+    return Tracks(tracks.table[rest], numbers, kinds)  # type: ignore[arg-type]
 
 
 def situation_of(now: Situation, tracks: Tracks, signals: Mapping[str, SignalColour]) -> Situation:
@@ -110,8 +153,8 @@ def _rule(now: Situation, k: int) -> tuple[str, str]:
     leaders = find_leaders(egos, actors, predicted, np.zeros(1))["s"][0]
     ahead = np.flatnonzero(leaders < FAR_M)
     if ahead.size and ahead[0] == 0:
-        stands = float(actors["speed"][0]) < 0.5
-        return "distance", f"{'stands' if stands else 'drives or walks'} ahead in its lane"
+        moves = "walks" if bool(actors["pedestrian"][0]) else "drives"
+        return "distance", f"{moves if float(actors['speed'][0]) >= STANDS_MPS else 'stands'} ahead in its lane"
     if bool(actors["pedestrian"][0]):
         return "pedestrian", "is about to be in its way"
     return ("distance", "comes into its lane") if ahead.size else ("collision", "would hit it where both are going")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,14 +11,22 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
 from foresee_dsl.kernels.boxes import pairwise_box_distance
+from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.near_misses import times_to_collision
 from foresee_dsl.simulate.sensing.settings import STANDARD
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import Air
 from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, Trace, X, Y
+from foresee_dsl.story.facts import Facts
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+
+SIGNAL_AHEAD_M = 60.0
+"""A signal farther ahead is not shown. Ours: from 50 km/h one brakes for it from here on."""
+SIGNAL_BEHIND_M = 3.0
+"""An ego that stands a little over the line still waits for it."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +70,22 @@ def measure(trace: Trace, bundle: SumoBundle, opponent: str) -> Measures:
         ego_sees=_sees(trace, bundle, 0, k),
         other_sees=_sees(trace, bundle, k, 0),
     )
+
+
+def signal_ahead(trace: Trace, case: TestCase) -> list[str]:
+    """Return for each frame what the next signal on the ego's way shows (`red`, `amber`, `green`), "" for none near."""
+    facts = Facts.of(trace, case)
+    line, info = facts.bundle.scene.ego.line, trace.actors[0]
+    if line is None or not trace.signals:
+        return [""] * trace.frames
+    signalled = [passage for passage in line.passages if passage.movement.tls is not None]
+    found = []
+    for frame, (x, y, heading) in enumerate(trace.states[:, 0][:, [X, Y, HEADING]].tolist()):
+        here = line.project(x + info.front_m * math.cos(heading), y + info.front_m * math.sin(heading))[0]
+        ahead = (p for p in signalled if -SIGNAL_BEHIND_M <= p.entry_s - here <= SIGNAL_AHEAD_M)
+        passage = next(ahead, None)
+        found.append(facts.colour(passage.movement, frame) if passage is not None else "")
+    return found
 
 
 def boxes(trace: Trace, actor: int) -> FloatArray:

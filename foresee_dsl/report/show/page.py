@@ -17,7 +17,7 @@ from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.show.characters import legend_line, pair_lines, strip_lines
 from foresee_dsl.report.show.differences import Departure, departures, in_words, parts_from
-from foresee_dsl.report.show.measures import Measures, measure
+from foresee_dsl.report.show.measures import Measures, measure, signal_ahead
 from foresee_dsl.report.show.panels import Strip, Up
 from foresee_dsl.report.show.sources import Shown
 from foresee_dsl.report.show.timeline import timeline
@@ -93,7 +93,8 @@ class Page:
         """Yield the timeline, with the moments of the strip marked."""
         strip = self.strips[-1]
         before = _measured(self.parent, self.strips[0].opponent) if self.parent is not None else None
-        yield from timeline(_measured(self.shown, strip.opponent), strip.moments, strip.opponent, width, parent=before)
+        found, signals = _measured(self.shown, strip.opponent), signal_ahead(self.shown.trace, self.shown.case)
+        yield from timeline(found, strip.moments, strip.opponent, width, parent=before, signals=signals)
 
     def pictures(self, width: int) -> Iterator[Text]:
         """Yield the strip; from where it differs from the parent's, both side by side."""

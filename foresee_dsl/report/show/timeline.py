@@ -13,7 +13,7 @@ from rich.text import Text
 
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.measures import BoolArray, FloatArray, Measures
-from foresee_dsl.report.show.moments import Snapshot
+from foresee_dsl.report.show.moments import STANDS_MPS, Snapshot
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _LABEL, _FIGURES = 18, 17
@@ -38,11 +38,20 @@ class Line:
 
 
 def timeline(
-    found: Measures, moments: Sequence[Snapshot], opponent: str, width: int, *, parent: Measures | None = None
+    found: Measures,
+    moments: Sequence[Snapshot],
+    opponent: str,
+    width: int,
+    *,
+    parent: Measures | None = None,
+    signals: Sequence[str] = (),
 ) -> Iterator[Text]:
     """Yield the lines of a timeline in a width: the moments' letters above, the seconds below.
 
-    `parent`: of the parent's run; its speeds and gap are shown below those of this run, to the same scale.
+    Args:
+        found: what was measured. moments: those of the strip. opponent: its id, "" for none. width: columns.
+        parent: of the parent's run; its speeds and gap are shown below those of this run, to the same scale.
+        signals: what the signal ahead of the ego shows at each frame, "" for none.
     """
     columns = min(max(width - _LABEL - _FIGURES - 2, _LEAST_COLUMNS), _MOST_COLUMNS)
     scale = _Scale(found.time_s, columns)
@@ -50,7 +59,21 @@ def timeline(
     for line in _lines(found, opponent, scale, None if parent is None else _as_long(parent, len(found.time_s))):
         name = shortened(line.name, _LABEL)
         yield Text.assemble(f"{name:<{_LABEL}} ", (f"{line.signs:<{columns}}", line.style), f" {line.figures}")
+    if any(signals):
+        yield _signal_line(scale.middle(signals), columns)
     yield Text(f"{'':<{_LABEL}} {scale.seconds()}", style="dim")
+
+
+_LAMPS = {"red": ("r", "red"), "amber": ("a", "yellow"), "green": ("g", "green"), "": ("·", "dim")}
+
+
+def _signal_line(colours: Sequence[str], columns: int) -> Text:
+    """Return the line of the signal ahead: a letter a column."""
+    line = Text(f"{'signal ahead':<{_LABEL}} ")
+    for colour in colours:
+        line.append(*_LAMPS[colour])
+    last = next((colour for colour in reversed(colours) if colour), "")
+    return line.append(" " * (columns - len(colours)) + (f" {last} at the end" if colours[-1] else ""))
 
 
 def _as_long(found: Measures, frames: int) -> Measures:
@@ -89,6 +112,10 @@ class _Scale:
         """Return for each column whether something holds in most of its frames."""
         return [bool(holds[span].mean() >= 0.5) for span in self._spans]
 
+    def middle(self, values: Sequence[str]) -> list[str]:
+        """Return for each column the value at the middle of its frames."""
+        return [values[(span.start + span.stop - 1) // 2] for span in self._spans]
+
     def column(self, time_s: float) -> int:
         """Return the column of a time."""
         return min(int(time_s / self._step_s), self._columns - 1)
@@ -123,7 +150,9 @@ def _lines(found: Measures, opponent: str, scale: _Scale, parent: Measures | Non
     yield from _motion("ego", found.ego_mps, found.ego_mps2, scale, _EGO, was[0])
     if not opponent:
         return
-    yield from _motion(opponent, found.other_mps, found.other_mps2, scale, _OTHER, was[1])
+    stands = not _most(found.other_mps) > STANDS_MPS  # a static object: its speed, and what it sees, say nothing
+    if not stands:
+        yield from _motion(opponent, found.other_mps, found.other_mps2, scale, _OTHER, was[1])
     most = min(_most(found.gap_m), GAP_MOST_M)
     yield Line("gap", _bars(scale.of(found.gap_m, np.min), most), f"least {_least(found.gap_m):.2f} m")
     if was[2] is not None and np.isfinite(was[2]).any():
@@ -133,7 +162,8 @@ def _lines(found: Measures, opponent: str, scale: _Scale, parent: Measures | Non
         signs = "".join("·" if not math.isfinite(value) else str(min(int(value), 9)) for value in worst)
         yield Line("time to collision", signs, f"least {_least(found.ttc_s):.2f} s")
     yield from _sight("ego sees", found.ego_sees, found, scale, _EGO)
-    yield from _sight("seen by", found.other_sees, found, scale, _OTHER)
+    if not stands:
+        yield from _sight("seen by", found.other_sees, found, scale, _OTHER)
 
 
 def _motion(
