@@ -357,7 +357,7 @@ Finding = TypedDict(
     {
         "name": str, "sentence": str, "class": ContactClass, "verdict": Verdict, "test_case": str, "family": str,
         "file": str, "clip": str | None, "count": int, "siblings": list[str], "sibling_files": list[str],
-        "preventability": Preventable | None, "why": str | None, "story": Story,
+        "preventability": Preventable | None, "why": str | None,
     },
 )  # fmt: skip
 """Failures that tell the same story, by the simplest of them."""

@@ -38,7 +38,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         foresee("fmt", "--check", ".")
         foresee("check", "--strict", ".")
         found = foresee(
-            "campaign", "campaign.foresee", "--jobs", "2", "--quiet", "--format", "github", "--junit", "junit.xml",
+            "campaign", "campaign.foresee", "--jobs", "2", "--quiet", "--format", "github", "--junit", "campaign.xml",
             expect=None,
         )  # fmt: skip
         Path("annotations.txt").write_text(found.stdout)
@@ -106,7 +106,7 @@ def junit(text: str, root: Path) -> etree._Element:
 
 
 def test_junit_of_a_campaign_has_every_test_case_and_child(root: Path) -> None:
-    tree = junit(Path("junit.xml").read_text(), root)
+    tree = junit(Path("campaign.xml").read_text(), root)
     failed = {
         case.get("name"): case.find("failure").text for case in tree.iter("testcase") if len(case.findall("failure"))
     }
@@ -171,34 +171,28 @@ def run_pytest(*arguments: str | Path, cwd: Path | None = None) -> subprocess.Co
     return ran(sys.executable, "-m", "pytest", *plugin, "-p", "no:cacheprovider", *arguments, cwd=cwd)
 
 
-def test_pytest_says_what_a_failure_is_and_keeps_its_trace(root: Path, tmp_path: Path) -> None:
-    child = tmp_path / "fails.foresee"
-    text = Path("scenarios/main_street.foresee").read_text()
-    shutil.copytree("networks", tmp_path / "networks")
-    # Where the file says nothing of the driver, the run has to pass.
-    quicker = text.replace("notice = 2.2 s }", "pace = 2.2 m/s; notice = 2 s }")
-    child.write_text(quicker.replace('"../networks/', '"networks/'))
-    options = ("--foresee-driver", "pdm", "-k", "steps_out", "--foresee-traces", "traces", "--junit-xml", "j.xml")
-    done = run_pytest(".", *options, cwd=tmp_path)
+def test_pytest_says_what_a_failure_is_and_keeps_its_trace(project: Path, tmp_path: Path) -> None:
+    found = CHILDREN / f"main_street_{FOUND[2]}.foresee"
+    file = found.with_name("kept.foresee")
+    file.write_text(found.read_text().replace("  origin {", "  expected pdm passes\n\n  origin {"))
+    options = ("--foresee-driver", "pdm", "-k", "kept", "--foresee-traces", tmp_path, "--junit-xml", tmp_path / "j.xml")
+    done = run_pytest(file.parent, *options)
+    file.unlink()
     assert done.returncode == 1, done.stdout + done.stderr
-    assert "1 failed, 2 deselected" in done.stdout
+    assert "1 failed, 6 deselected" in done.stdout
     for said in (
-        "F2 collision with passenger (pedestrian)",
-        "fails.foresee:",
-        "case steps_out {",
-        "reproduce: foresee run fails.foresee::steps_out --driver pdm",
-        "does not hold: expect never collision(ego)",
+        "came back: F2 collision with passenger (pedestrian)",
+        "expected: pdm passes",
+        "passenger (pedestrian) steps onto the road",
+        f"{file}:5: change passenger.timing: 1.00 => 1.36",
+        f"reproduce: foresee run {file} --driver pdm",
         "what happened",
-        "contact",
     ):
         assert said in done.stdout, said
-    trace = tmp_path / "traces" / "main_street_steps_out.npz"
+    trace = tmp_path / "main_street_steps_out_p1_m1.npz"
     assert trace.is_file()
-    tree = etree.parse(tmp_path / "j.xml")
-    assert {one.get("name"): one.get("value") for one in tree.iter("property")} == {
-        "verdict": "F2",
-        "trace": str(trace),
-    }
+    kept = {one.get("name"): one.get("value") for one in etree.parse(tmp_path / "j.xml").iter("property")}
+    assert kept == {"verdict": "came_back", "trace": str(trace)}
 
 
 def test_pytest_takes_what_files_record_and_spreads_over_processes() -> None:
