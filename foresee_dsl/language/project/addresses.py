@@ -17,6 +17,8 @@ FOREIGN_NETWORKS = (".net.xml", ".xodr")
 
 _MARKERS = (".git", ".hg", "pyproject.toml")
 """What lies in the topmost folder of a project."""
+_WITHOUT_GIT = ".gitattributes"
+"""What `foresee init` writes there, before there is a repository; in one it may lie in any folder."""
 _FIRST_WORD = re.compile(r"(scenario|clip|mutant|network|models|campaign)\b")
 _HEADER = re.compile(r"foresee\s+\d+$")
 _SNIFFED_BYTES = 65_536
@@ -117,8 +119,11 @@ def project_folder(folder: Path) -> Path:
 
     `folder` is absolute.
     """
-    marked = (above for above in (folder, *folder.parents) if any((above / name).exists() for name in _MARKERS))
-    return next(marked, folder)
+    for names in (_MARKERS, (_WITHOUT_GIT,)):
+        for above in (folder, *folder.parents):
+            if any((above / name).exists() for name in names):
+                return above
+    return folder
 
 
 def is_inside(path: Path, folders: Iterable[Path]) -> bool:
