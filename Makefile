@@ -41,7 +41,7 @@ bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="lang
 	@$(BIN)/python -m benchmarks.run $(ARGS)
 
 docs: $(VENV)/.installed-dev  ## build the documentation as a site, build/site/index.html
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 	@echo "build/site/index.html"
 
 format: $(VENV)/.installed-dev  ## format the Python and the scenario files
