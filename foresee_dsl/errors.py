@@ -65,6 +65,18 @@ class DriverError(ForeseeError):
     """A driver is unknown, cannot be loaded, or broke its protocol."""
 
 
+class DriverLateError(DriverError):
+    """A driver did not answer in time.
+
+    Attributes:
+        deadline_s: the wall time that it had.
+    """
+
+    def __init__(self, message: str, deadline_s: float = 0.0) -> None:
+        super().__init__(message)
+        self.deadline_s = deadline_s
+
+
 def _one_line(diagnostic: Diagnostic) -> str:
     place = diagnostic.path
     if diagnostic.span is not None:

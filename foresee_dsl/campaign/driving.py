@@ -8,17 +8,56 @@ from pathlib import Path
 from foresee_dsl import __version__
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
-from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
+from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
+from foresee_dsl.drivers.registry import DRIVERS, load_driver
+from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model import End, Quantity
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import RunResult
+from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
 
 
-def run_test_case(case: TestCase, driver: str, seed: int) -> RunResult:
+def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
     """Compile a test case and simulate it with a fresh driver."""
     meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    return run(compile_test_case(case), load_driver(driver), seed=seed, meta=meta)
+    return run(compile_test_case(case), made(driver, deadlines), seed=seed, meta=meta, deadlines=deadlines)
+
+
+def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
+    """Make a driver for a run; one whose code raises while it is made raises the same in its `reset`.
+
+    Raises:
+        DriverError: there is none of this name.
+    """
+    DRIVERS.find(driver.partition(":")[0])
+    try:
+        found = load_driver(driver)
+    except DriverError as err:
+        if err.__cause__ is None:
+            raise
+        return _NotMade(driver, err.__cause__)
+    if deadlines is not None and deadlines.step_s is not None and isinstance(found, OwnDeadline):
+        found.step_deadline_s = deadlines.step_s
+    return found
+
+
+class _NotMade:
+    """Stands for a driver that could not be made."""
+
+    def __init__(self, name: str, why: BaseException) -> None:
+        self.name, self.version, self._why = name, "", why
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002 - the protocol's
+        raise self._why
+
+    def step(self, observation: Observation) -> Control:
+        raise NotImplementedError
+
+
+def notes_of(result: RunResult) -> DriverNotes | None:
+    """Return what is stored of a run's notes: none of a run that passed."""
+    return result.notes if result.verdict is not Verdict.PASS and result.notes != DriverNotes() else None
 
 
 def case_name(case: TestCase) -> str:

@@ -13,13 +13,13 @@ from pydantic import TypeAdapter
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.simulate.results.near_misses import NearMisses
-from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Impact, Verdict
 from foresee_dsl.story import Story
 
 
 @dataclass(frozen=True)
 class SeedOutcome:
-    """One test case as it was run, unmutated. `preventability` and `story`: of a failure."""
+    """One test case as it was run, unmutated. `preventability` and `story`: of a failure. `notes`: if there are any."""
 
     id: str
     family: str
@@ -36,6 +36,7 @@ class SeedOutcome:
     near: NearMisses | None = None
     preventability: Preventability | None = None
     story: Story | None = None
+    notes: DriverNotes | None = None
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,8 @@ class ChildOutcome:
     impact: Impact | None = None
     near: NearMisses | None = None
     story: Story | None = None
+    notes: DriverNotes | None = None
+    """Of a run that did not pass, if there are any."""
 
     @property
     def preventable(self) -> Preventable | None:
@@ -131,6 +134,8 @@ class ClipOutcome:
     children: tuple[ChildOutcome, ...] = ()
     others_m: tuple[float, ...] = ()
     ego_m: float = 0.0
+    notes: DriverNotes | None = None
+    """As of a `ChildOutcome`."""
 
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from foresee_dsl.drivers.deadlines import Deadlines
+
 
 @dataclass(frozen=True)
 class CampaignSettings:
@@ -69,7 +71,8 @@ class Limits:
     """What a run may take; a run that takes more is a result of its own (`timeout`, `crash`) and stops nothing else.
 
     Attributes:
-        deadline_s: wall time; None: `STEADY_S` and `SLOWEST` times what is simulated.
+        deadline_s: wall time of a run; None: `drivers.deadlines.STEADY_S` and `SLOWEST` times what is simulated.
+        step_s: wall time of a driver's step; None: `drivers.deadlines.STEP_S`.
         memory_mb: memory of a worker.
         budget_s: wall time of the campaign, after which nothing more is begun; None: as long as it takes.
     """
@@ -77,14 +80,13 @@ class Limits:
     deadline_s: float | None = None
     memory_mb: float = 4096
     budget_s: float | None = None
+    step_s: float | None = None
+
+    @property
+    def deadlines(self) -> Deadlines:
+        """Those of a driver."""
+        return Deadlines(self.step_s, self.deadline_s)
 
     def for_run(self, simulated_s: float) -> float:
         """Return the wall time that a run of so many simulated seconds may take."""
-        return self.deadline_s if self.deadline_s is not None else STEADY_S + SLOWEST * simulated_s
-
-
-STEADY_S = 60.0
-"""Ours: a worker starts, builds its network and imports a framework for learned models in far less."""
-SLOWEST = 20.0
-"""So much slower than real time may a driver be. Ours: a second of wall time for a step, as the driver `external` has
-it; a run that takes longer hangs."""
+        return self.deadlines.for_run_s(simulated_s)

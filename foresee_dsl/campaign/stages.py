@@ -23,7 +23,7 @@ from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Step, Work, run_
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 AnyStep = Step[Any, Any]
 
@@ -115,7 +115,14 @@ class Stages:
 
     def has_more_time(self, node: Node, row: Row, limits: Limits) -> bool:
         """Return whether a run was ended because it took too long, and would now be given more time."""
-        return row.broken and row.verdict == Verdict.TIMEOUT and row.wall_s < self._deadline_s(node, limits)
+        if not (row.broken and row.verdict == Verdict.TIMEOUT):
+            return False
+        notes = getattr(decode(row.record, node.step.record), "notes", None)
+        hang = notes.hang if isinstance(notes, DriverNotes) else None
+        if hang is None:  # its process was ended
+            return row.wall_s < self._deadline_s(node, limits)
+        now = {"reset": limits.deadlines.for_reset_s, "step": limits.deadlines.for_step_s}
+        return hang.limit_s < now.get(hang.call, self._deadline_s(node, limits))
 
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
@@ -169,7 +176,9 @@ class Stages:
     def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
         """Return what a worker has to do for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None
-        work = Work(self.task_steps(node), files.ref(node.case), self.settings, self.out / node.folder, trace)
+        work = Work(
+            self.task_steps(node), files.ref(node.case), self.settings, self.out / node.folder, trace, limits.deadlines
+        )
         name = node.step.name if isinstance(node.step, ClipPart) else node.case.id
         return Task(name, run_steps, work, self._deadline_s(node, limits), node.step.key)
 

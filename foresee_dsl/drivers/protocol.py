@@ -220,6 +220,13 @@ class Explaining(Protocol):
 
 
 @runtime_checkable
+class OwnDeadline(Protocol):
+    """A driver that waits for something else, such as a process, and has a deadline of its own for each answer."""
+
+    step_deadline_s: float
+
+
+@runtime_checkable
 class Closing(Protocol):
     """A driver with a resource of its own, such as a process, which it must release after each run."""
 

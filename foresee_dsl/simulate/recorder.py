@@ -41,6 +41,11 @@ class Recorder:
         """Note something that changed how an actor behaves."""
         self.events.append(Event(round(time_s, 6), actor, what, detail or {}))
 
+    @property
+    def frames(self) -> int:
+        """How many were recorded."""
+        return len(self._rows)
+
     def frame(self, signals: Signals) -> FloatArray:
         """Record where all actors are, and what the signals show.
 

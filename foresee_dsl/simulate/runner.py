@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.drivers.deadlines import DEADLINES, RESET_VARIABLE, STEP_VARIABLE, Deadlines
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
-from foresee_dsl.errors import DriverError, SimulationError
+from foresee_dsl.errors import DriverLateError, SimulationError
 from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
+from foresee_dsl.simulate.driver_faults import Fault, fault_of, one_line, place_of
+from foresee_dsl.simulate.driver_watch import DriverHangs, Watch
 from foresee_dsl.simulate.mission import mission_of
+from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.results.drivable_area import squares_of
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
-from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.condition_history import Expectations
@@ -36,8 +41,6 @@ CLOSE_AHEAD_M = 15.0
 SIGNAL_AHEAD_M = 30.0
 """A signal that is not green and this near is something to wait for. Ours: the first four cars of a queue; those
 behind have another in front."""
-_LONGEST_REASON = 1000
-"""Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
 
 
 def run(
@@ -47,6 +50,7 @@ def run(
     seed: int = 0,
     meta: Mapping[str, Any] | None = None,
     sensors: SensorSettings = STANDARD,
+    deadlines: Deadlines | None = DEADLINES,
 ) -> RunResult:
     """Run a test case. The same arguments give the same trace, in any process.
 
@@ -57,24 +61,50 @@ def run(
         seed: given to the driver, and what the sensors' noise and track numbers are drawn from.
         meta: goes into the trace's `meta`, over what is there by itself.
         sensors: what the driver's sensors can do.
+        deadlines: a driver that takes longer is interrupted, which is a result as well (`timeout`, with the `hang` in
+            its notes). None: it takes as long as it takes.
 
     Raises:
         SimulationError: the scene cannot be set up in SUMO.
     """
+    files = printed_here()
+    if files is not None:
+        files.begin()
+    with Watch(deadlines, bundle.scene.end_s) as watch:
+        try:
+            result = _Run(bundle, driver, seed, dict(meta or {}), sensors, watch).go()
+        finally:
+            fault = _closed(driver, watch)
+    printed = files.text() if files is not None else ""
+    if fault is None and not printed:
+        return result
+    trace = result.notes.traceback or (fault.traceback if fault is not None else "")
+    return replace(result, notes=replace(result.notes, output=printed, traceback=trace))
+
+
+def _closed(driver: Driver, watch: Watch) -> Fault | None:
+    """Close a driver that can be closed; what it raises then changes no verdict."""
+    if not isinstance(driver, Closing):
+        return None
     try:
-        return _Run(bundle, driver, seed, dict(meta or {}), sensors).go()
-    finally:
-        if isinstance(driver, Closing):
-            driver.close()
+        watch.calls = (watch.calls | 1) + 2  # a call like any other
+        driver.close()
+        watch.calls = 0
+    except (Exception, SystemExit, DriverHangs) as err:
+        return fault_of(err)
+    return None
 
 
 class _Run:
     """One run's state."""
 
     def __init__(
-        self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings
-    ) -> None:
+        self, bundle: SumoBundle, driver: Driver, seed: int, meta: dict[str, Any], sensors: SensorSettings,
+        watch: Watch,
+    ) -> None:  # fmt: skip
         self._bundle, self._driver, self._seed, self._meta = bundle, driver, seed, meta
+        self._watch = watch
+        self._notes = DriverNotes()
         self._world = World.shared(bundle)
         self._simulation = Simulation(bundle, self._world)
         self._recorder = Recorder(bundle.scene.actors, self._simulation.state_table, bundle.signals)
@@ -102,11 +132,16 @@ class _Run:
         )
 
     def go(self) -> RunResult:
+        watch, steps = self._watch, 0
         try:
+            watch.calls += 1
             self._driver.reset(self._mission, self._simulation.ego.limits, self._seed)
-        except Exception as err:  # whatever it raises is a result
-            return self._finish(self._broken(err), steps=0)
-        steps = 0
+            watch.calls += 1
+        except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
+            failed = self._broken(err)
+            self._director.step()
+            self._recorder.frame(self._world.signals)  # a trace has a frame at least
+            return self._finish(failed, steps)
         while True:
             self._director.step()
             states = self._recorder.frame(self._world.signals)
@@ -115,8 +150,11 @@ class _Run:
             if decision is not None:
                 return self._finish(decision, steps)
             try:
-                control = Control(*checked(self._driver.step(observation)))
-            except Exception as err:  # whatever it raises is a result
+                watch.calls += 1
+                answer = self._driver.step(observation)
+                watch.calls += 1
+                control = Control(*checked(answer))
+            except (Exception, SystemExit, DriverHangs) as err:  # whatever it raises is a result
                 return self._finish(self._broken(err), steps)
             try:
                 left = self._simulation.step(control)
@@ -181,11 +219,21 @@ class _Run:
             for other in simulation.others(simulation.ego)
         )
 
-    def _broken(self, err: Exception) -> Decision:
-        what = "the driver broke" if isinstance(err, DriverError) else f"the driver raised {type(err).__name__}"
-        # A reason is one line, and goes into texts between double quotes.
-        text = " ".join(str(err).split()).replace('"', "'")[:_LONGEST_REASON]
-        return Decision(Verdict.CRASH, self._simulation.time_s, "", f"{what}: {text}")
+    def _broken(self, err: BaseException) -> Decision:
+        self._watch.calls = 0  # the driver is not called any more
+        time_s, fault = self._simulation.time_s, fault_of(err)
+        self._notes = DriverNotes(traceback=fault.traceback)
+        if isinstance(err, DriverHangs):
+            self._notes = replace(self._notes, hang=err.hang)
+            at = f", at {place}" if (place := place_of(err)) else ""
+            return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: {err.what}{at}; {err.allows} allows more")
+        if isinstance(err, DriverLateError):
+            starting = self._recorder.frames == 0
+            self._notes = replace(self._notes, hang=Hang("reset" if starting else "step", err.deadline_s))
+            allows = RESET_VARIABLE if starting else f"--step-deadline or {STEP_VARIABLE}"
+            reason = f"timeout: the driver hangs: {one_line(err)}; {allows} allows more"
+            return Decision(Verdict.TIMEOUT, time_s, "", reason)
+        return Decision(Verdict.CRASH, time_s, "", fault.text)
 
     def _finish(self, decision: Decision, steps: int) -> RunResult:
         if decision.verdict is Verdict.PASS and self._conditions.arrived("ego"):
@@ -213,6 +261,7 @@ class _Run:
             trace=trace,
             expectations=self._expectations.results(),
             impact=decision.impact,
+            notes=self._notes,
         )
 
 

@@ -10,10 +10,12 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, RunOptions, Update
+from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.folder import CampaignFolder
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome, encode
 from foresee_dsl.campaign.representatives import choose_representatives
@@ -25,10 +27,7 @@ from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import Verdict
-
-_LONGEST_REASON = 1000
-"""Characters of the reason of a run that broke: as of a driver that raises (`simulate.runner`)."""
+from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 
 
 class Listener:
@@ -196,6 +195,7 @@ class _Run:
 def _row(made: Made, *, broken: bool = False) -> Row:
     record = made.record.child if isinstance(made.record, Minimised) else made.record
     run = record if isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome) else None
+    hangs = run is not None and run.notes is not None and run.notes.hang is not None
     return Row(
         key=made.key,
         kind=made.kind,
@@ -204,7 +204,7 @@ def _row(made: Made, *, broken: bool = False) -> Row:
         driver=made.driver,
         verdict=run.verdict.value if run else "",
         reason=run.reason if run else "",
-        broken=broken,
+        broken=broken or hangs,
         simulated_s=run.duration_s if run else 0.0,
         wall_s=made.wall_s,
     )
@@ -212,12 +212,11 @@ def _row(made: Made, *, broken: bool = False) -> Row:
 
 def _broken_row(node: Node, broken: Broken) -> Row | None:
     """Return the row of a run that gave no result; None where no run broke, but a forecast or a mutation."""
-    verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
-    how = {"raised": "the run raised ", "crash": ""}.get(broken.how, "the run ") + broken.reason
-    # A reason is one line, and goes into texts between double quotes.
-    reason = " ".join(how.split()).replace('"', "'")[:_LONGEST_REASON]
+    verdict, reason = broken_verdict(broken)
     record = node.step.broken(node.case, node.file, verdict, reason)
     if record is None:
         return None
+    if broken.output and isinstance(record, SeedOutcome | ChildOutcome):
+        record = replace(record, notes=DriverNotes(output=broken.output))
     wall_s = (broken.task.deadline_s or 0.0) if verdict is Verdict.TIMEOUT else 0.0
     return _row(Made(node.step.key, node.step.kind, node.step.name, record, wall_s=wall_s), broken=True)

@@ -13,22 +13,32 @@ import os
 import pickle
 import select
 import signal
+import sys
+import tempfile
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from inspect import isgenerator
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import DupFd
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
+
+from foresee_dsl.simulate.driver_faults import place_in_dump
+from foresee_dsl.simulate.printed import keep_prints, read_all, shortened
 
 PRELOAD = ("foresee_dsl.campaign.execution.preloading",)
 """Imported once in the fork server, so that a new worker starts warm."""
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
 
+_GRACE_S = 10.0
+"""A run looks at its deadline itself, and then says where the driver was. Ours: it does so once a second, and what
+comes before and after the run takes under a second; of a short deadline as much again."""
 _REPORTED_S = 2.0
 """How long the fork server may take to report how a process ended. Ours: a hundred times what it takes."""
 
@@ -58,17 +68,21 @@ Message = tuple[str, int, Any]
 class Worker:
     """A worker process, seen from the one that started it."""
 
-    def __init__(self) -> None:
-        """Start a process.
+    def __init__(self, *, once: bool = False) -> None:
+        """Start a process; `once`: as a fork of this one, where that is safe.
 
         Raises:
             OSError, EOFError: the fork server was killed at this moment; another try starts a new one.
         """
-        context = forkserver()
+        forked = once and "libsumo" not in sys.modules and threading.active_count() == 1
+        context = multiprocessing.get_context("fork") if forked else forkserver()
         self.connection, theirs = context.Pipe()
         """For `multiprocessing.connection.wait`: ready when there is a message, or when the process is gone."""
         line, self._lifeline = context.Pipe(duplex=False)
-        self._process: BaseProcess = context.Process(target=_serve, args=(theirs, line), daemon=True)
+        self._output, self._stacks = SharedFile.new(), SharedFile.new()
+        files = self._output, self._stacks
+        ours = (self.connection, self._lifeline) if forked else ()
+        self._process: BaseProcess = context.Process(target=_serve, args=(theirs, line, *files, *ours), daemon=True)
         try:
             self._process.start()
         except BaseException:
@@ -125,9 +139,9 @@ class Worker:
             yield message
 
     def overdue(self) -> bool:
-        """Whether what it does now has taken longer than it may."""
+        """Whether what it does now has taken longer than it may, by so much that it does not end it itself."""
         limit_s = self.current[1].deadline_s if self.current else None
-        return limit_s is not None and time.monotonic() - self.since_s > limit_s
+        return limit_s is not None and time.monotonic() - self.since_s > limit_s + min(limit_s, _GRACE_S)
 
     def memory_mb(self) -> float:
         """Return how much memory the process has in use; 0 where the system does not tell (no Linux)."""
@@ -136,6 +150,12 @@ class Worker:
         except (OSError, IndexError):
             return 0.0
         return int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def left_behind(self) -> LeftBehind:
+        """Return what a process that broke has left: what was printed, and whether and where it hung or crashed."""
+        stack = read_all(self._stacks.descriptor).decode("utf-8", "replace")
+        printed = shortened(read_all(self._output.descriptor))
+        return LeftBehind(printed, stack.startswith("Timeout "), place_in_dump(stack), stack)
 
     def kill(self, *, gone: bool = False) -> str:
         """End the process now, or one that is `gone`, and return how it had ended."""
@@ -150,6 +170,44 @@ class Worker:
         self.connection.close()
         self._process.join(5)
         return _ending(code)
+
+
+class LeftBehind(NamedTuple):
+    """What a process that broke has left.
+
+    Attributes:
+        output: what was printed. hung: it was ended because it did not come back. place: in a driver's code, or "".
+        stack: as `faulthandler` writes it.
+    """
+
+    output: str
+    hung: bool
+    place: str
+    stack: str
+
+
+class SharedFile:
+    """A file without a name, which a worker writes and its starter reads; it is gone with both."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        self._close = weakref.finalize(self, os.close, descriptor)
+
+    @classmethod
+    def new(cls) -> Self:
+        """Make one that is always appended to."""
+        with tempfile.TemporaryFile(buffering=0) as file:
+            descriptor = os.dup(file.fileno())
+        fcntl.fcntl(descriptor, fcntl.F_SETFL, fcntl.fcntl(descriptor, fcntl.F_GETFL) | os.O_APPEND)
+        return cls(descriptor)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Go to another process as `multiprocessing` sends its pipes."""
+        return _received, (DupFd(self.descriptor),)
+
+
+def _received(sent: Any) -> SharedFile:  # noqa: ANN401 - a type that multiprocessing keeps to itself
+    return SharedFile(sent.detach())
 
 
 def forkserver() -> ForkServerContext:
@@ -175,9 +233,12 @@ def _ending(code: int | None) -> str:
     return f"its process died of {name}{meaning}"
 
 
-def _serve(pipe: Connection, lifeline: Connection) -> None:
-    """Work until the starter has nothing more, or is gone."""
+def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: SharedFile, *others: Connection) -> None:
+    """Work until the starter has nothing more, or is gone; `others` are the starter's ends, which a fork has too."""
+    for other in others:
+        other.close()
     end_with(lifeline.fileno())
+    keep_prints(output.descriptor, stacks.descriptor)
     # Ctrl-C reaches the whole group; only the starter decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -202,7 +263,7 @@ def _run_task(pipe: Connection, number: int, packed: bytes) -> None:
                 pipe.send(("part", number, part))
             outcome = None
         pipe.send(("done", number, outcome))
-    except Exception as err:  # an exception is this task's outcome, not this process's end
+    except (Exception, SystemExit) as err:  # an exception is this task's outcome, not this process's end
         pipe.send(("raised", number, f"{type(err).__name__}: {err}"))
 
 

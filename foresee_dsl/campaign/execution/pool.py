@@ -39,6 +39,8 @@ class Broken:
     task: Task
     reason: str
     how: Literal["crash", "timeout", "memory", "raised"] = "crash"
+    output: str = ""
+    """What its process had printed."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +99,19 @@ class WorkerPool(Executor):
     others.
     """
 
-    def __init__(self, jobs: int, *, memory_mb: float = Limits.memory_mb) -> None:
-        """Start nothing yet; each process may take `memory_mb`."""
+    def __init__(
+        self, jobs: int, *, memory_mb: float = Limits.memory_mb, deaths: int = DEATHS, once: bool = False
+    ) -> None:
+        """Start nothing yet.
+
+        Args:
+            memory_mb: what each process may take. deaths: after so many a task is to blame.
+            once: there is one task, for whose process alone no fork server is started where that is safe.
+        """
         super().__init__()
         self._jobs = max(1, jobs)
         self._memory_mb = memory_mb
+        self._most_deaths, self._once = deaths, once
         self._deaths: Counter[int] = Counter()
         self._workers: list[Worker] = []
         self._failed_starts = 0
@@ -167,7 +177,7 @@ class WorkerPool(Executor):
         """Start a worker; when the fork server is killed at that very moment, with a new one."""
         while True:
             try:
-                return Worker()
+                return Worker(once=self._once)
             except (OSError, EOFError) as err:
                 self._note_failed_start(f"{type(err).__name__} {err}")
                 time.sleep(_TICK_S)  # until the system knows that the old one is gone
@@ -221,11 +231,18 @@ class WorkerPool(Executor):
                 self._note_failed_start(how)
             return
         number, task = culprit
+        left = worker.left_behind()
+        at = f", at {left.place}" if left.place else ""
+        if left.hung:
+            reason = f"did not come back from a library in time{at}; --step-deadline allows more (with --retry)"
+            yield self._ended(number, Broken(task, reason, "timeout", left.output))
+            return
         self._deaths[number] += 1
-        if self._deaths[number] < DEATHS:
+        if self._deaths[number] < self._most_deaths:
             self._requeue([number])
         else:
-            yield self._ended(number, Broken(task, f"{how}, {DEATHS} times"))
+            times = f", {self._most_deaths} times" if self._most_deaths > 1 else ""
+            yield self._ended(number, Broken(task, f"{how}{at}{times}", output=left.output))
 
     def _drop(self, worker: Worker, *, gone: bool = False) -> str:
         """End a worker; what it had not begun goes back into the queue. Return how it ended."""
@@ -244,14 +261,14 @@ class WorkerPool(Executor):
         number, task = worker.current
         if worker.overdue():
             self._drop(worker)
-            reason = f"took longer than {task.deadline_s:g} s of wall time and was ended"
-            yield self._ended(number, Broken(task, reason, "timeout"))
+            reason = f"took longer than {task.deadline_s:g} s of wall time and was ended; --deadline allows more"
+            yield self._ended(number, Broken(task, reason, "timeout", worker.left_behind().output))
         elif worker.memory_mb() > self._memory_mb:
             alone = not worker.finished
             self._drop(worker)
             if alone:
                 reason = f"took more than {self._memory_mb:g} MB of memory and was ended"
-                yield self._ended(number, Broken(task, reason, "memory"))
+                yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
             else:  # what earlier tasks left behind may be to blame
                 self._deaths[number] += 1
                 self._requeue([number])

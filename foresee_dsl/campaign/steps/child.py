@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.derive.preventability import Preventability, assess
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
@@ -62,7 +63,9 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         if not isinstance(mutant, Mutant):
             raise TypeError(f"{mutant.name} was printed from a mutant and is now a {mutant.kind}")
         mutant = mutant.model_copy(update={"name": self.name})
-        outcome, result = run_child(mutant, parent, file, driver=work.settings.driver, seed=self.seed)
+        outcome, result = run_child(
+            mutant, parent, file, driver=work.settings.driver, seed=self.seed, deadlines=work.deadlines
+        )
         return outcome, result.trace if result.verdict.is_failure else None
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
@@ -72,11 +75,17 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
 
 
 def run_child(
-    mutant: Mutant, clip_case: TestCase, file: Path, *, driver: str, seed: int
+    mutant: Mutant,
+    clip_case: TestCase,
+    file: Path,
+    *,
+    driver: str,
+    seed: int,
+    deadlines: Deadlines = DEADLINES,
 ) -> tuple[ChildOutcome, RunResult]:
     """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it."""
     case = expand_mutant(mutant, clip_case, source=file)
-    result = run_test_case(case, driver, seed)
+    result = run_test_case(case, driver, seed, deadlines=deadlines)
     avoided = assess(case, result) if result.verdict.is_failure else None
     mutant = with_found(mutant, result.reason, avoided)
     story = tell(result.trace, case) if result.verdict.is_failure else None
@@ -96,6 +105,7 @@ def run_child(
         impact=result.impact,
         near=result.near_misses,
         story=story,
+        notes=notes_of(result),
     )
     return outcome, result
 

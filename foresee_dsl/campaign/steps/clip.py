@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
 from foresee_dsl.campaign.steps.clip_text import clip_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -56,7 +57,13 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
         started = time.perf_counter()
         file = work.folder / f"{self.draft.name}.foresee"
         model, _, result, found = measure_clip(
-            clip_of(self.draft.text), case, trace, file, driver=work.settings.driver, seed=self.seed
+            clip_of(self.draft.text),
+            case,
+            trace,
+            file,
+            driver=work.settings.driver,
+            seed=self.seed,
+            deadlines=work.deadlines,
         )
         outcome = ClipOutcome(
             seed=case.id,
@@ -74,6 +81,7 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             within=found.share_others_within,
             others_m=found.others_m,
             ego_m=found.ego_m,
+            notes=notes_of(result),
         )
         return outcome, result.trace
 
@@ -86,7 +94,14 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
 
 
 def measure_clip(
-    model: Clip, parent: TestCase, parent_trace: Trace, file: Path, *, driver: str, seed: int
+    model: Clip,
+    parent: TestCase,
+    parent_trace: Trace,
+    file: Path,
+    *,
+    driver: str,
+    seed: int,
+    deadlines: Deadlines = DEADLINES,
 ) -> tuple[Clip, TestCase, RunResult, Deviation]:
     """Run a clip unmutated and write into it how far it strays from its parent.
 
@@ -94,6 +109,6 @@ def measure_clip(
         The clip with its `fidelity` line, its test case, the run, and the deviation.
     """
     clip_case = expand_clip(model, parent, source=file)
-    result = run_test_case(clip_case, driver, seed)
+    result = run_test_case(clip_case, driver, seed, deadlines=deadlines)
     found = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
     return with_fidelity(model, found), clip_case, result, found

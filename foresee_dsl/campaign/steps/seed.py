@@ -13,7 +13,7 @@ from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.derive.preventability import assess
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
 
@@ -55,7 +55,7 @@ class SeedStep(Step[None, None]):
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[SeedOutcome, Trace]:  # noqa: ARG002
         """Run the test case."""
         started = time.perf_counter()
-        result = run_test_case(case, work.settings.driver, self.seed)
+        result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
         avoided = assess(case, result) if result.verdict.is_failure else None
         outcome = SeedOutcome(
             id=case.id,
@@ -69,6 +69,7 @@ class SeedStep(Step[None, None]):
             near=result.near_misses,
             preventability=avoided,
             story=tell(result.trace, case) if result.verdict.is_failure else None,
+            notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace
 

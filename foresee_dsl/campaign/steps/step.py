@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 from foresee_dsl.campaign.driving import longest_s
 from foresee_dsl.campaign.records import Draft, Record
 from foresee_dsl.campaign.steps.inputs import CaseRef, Ref, load_case, load_trace
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
@@ -48,7 +49,7 @@ class Work:
     Attributes:
         steps: the first is run; the others all follow from its result and are run in the same process.
         case: the test case that all began with. folder: where the clips' and children's files will be, absolute.
-        trace: of the run that the first step begins with (`Step.reads`), if any.
+        trace: of the run that the first step begins with (`Step.reads`), if any. deadlines: of each run.
     """
 
     steps: tuple[Step[Any, Any], ...]
@@ -56,6 +57,7 @@ class Work:
     settings: CampaignSettings
     folder: Path
     trace: Ref | None = None
+    deadlines: Deadlines = DEADLINES
 
 
 @dataclass(frozen=True)

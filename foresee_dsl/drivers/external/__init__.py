@@ -22,9 +22,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from foresee_dsl.drivers.deadlines import RESET_VARIABLE, STEP_VARIABLE, seconds_of
 from foresee_dsl.drivers.external.process import Program
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
-from foresee_dsl.errors import DriverError
+from foresee_dsl.errors import DriverError, DriverLateError
 
 STEP_DEADLINE_S = 1.0
 """Wall time for an answer, unless FORESEE_STEP_DEADLINE_S is set. Ours: twenty times real time, so that a busy machine
@@ -59,8 +60,8 @@ class ExternalDriver:
         if os.name != "posix":
             raise DriverError("external drivers need process groups, which this system has not")
         self._command = _split(command_line)
-        self._step_s = _seconds("FORESEE_STEP_DEADLINE_S", STEP_DEADLINE_S)
-        self._reset_s = _seconds("FORESEE_RESET_DEADLINE_S", RESET_DEADLINE_S)
+        self.step_deadline_s = seconds_of(STEP_VARIABLE, STEP_DEADLINE_S)
+        self._reset_s = seconds_of(RESET_VARIABLE, RESET_DEADLINE_S)
         self._program: Program | None = None
         self._last_resort: weakref.finalize[[], ExternalDriver] | None = None
         self.name = f"external:{command_line}"
@@ -88,7 +89,7 @@ class ExternalDriver:
         Raises:
             DriverError: `reset` was not called, or the program does not answer as it must.
         """
-        return self._exchange(step_line(observation), self._step_s, read_control)
+        return self._exchange(step_line(observation), self.step_deadline_s, read_control)
 
     def close(self) -> None:
         """Tell the program that the run is over, and end it."""
@@ -105,6 +106,8 @@ class ExternalDriver:
         except BaseException as err:  # Ctrl-C too: the program may still answer the last line, so it can take no other
             self._program.kill()
             self._forget()
+            if isinstance(err, DriverLateError):
+                raise DriverLateError(f"{shlex.join(self._command)}: {err}", err.deadline_s) from err
             if isinstance(err, DriverError):
                 raise DriverError(f"{shlex.join(self._command)}: {err}") from err
             raise
@@ -125,19 +128,6 @@ def _split(command_line: str) -> list[str]:
     if shutil.which(command[0]) is None:
         raise DriverError(f"external:{command_line}: there is no program {command[0]!r} (seen from {Path.cwd()})")
     return command
-
-
-def _seconds(variable: str, default: float) -> float:
-    text = os.environ.get(variable)
-    if not text:
-        return default
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0 < seconds <= 3600:
-        raise DriverError(f"{variable} is {text!r}, not a time in seconds above 0 and up to 3600")
-    return seconds
 
 
 # --- messages -----------------------------------------------------------------------------------------------------

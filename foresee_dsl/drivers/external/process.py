@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from typing import IO
 
-from foresee_dsl.errors import DriverError
+from foresee_dsl.errors import DriverError, DriverLateError
 
 LONGEST_LINE = 65_536
 """Bytes of a line from the program. Ours: an answer needs under 100."""
@@ -103,7 +103,7 @@ class Program:
         if len(self._received) > LONGEST_LINE:
             raise DriverError(f"it wrote {len(self._received)} bytes that nobody asked for{self._last_words()}")
         doing = "read its line" if unsent else "answer"
-        raise DriverError(f"it did not {doing} within {deadline_s:g} s{self._last_words()}")
+        raise DriverLateError(f"it did not {doing} within {deadline_s:g} s{self._last_words()}", deadline_s)
 
     def end(self, farewell: bytes) -> None:
         """Send a last line, wait up to `FAREWELL_S` for the program to end, then kill what is left. Never raises."""

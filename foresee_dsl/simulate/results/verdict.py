@@ -135,6 +135,33 @@ class Impact:
 
 
 @dataclass(frozen=True)
+class Hang:
+    """What a driver took too much wall time for: such a `timeout` may be none on another machine."""
+
+    call: Literal["reset", "step", "run"]
+    limit_s: float
+
+
+@dataclass(frozen=True)
+class DriverNotes:
+    """What the developer of a driver wants to know about a run.
+
+    Attributes:
+        output: what it printed, where its process keeps that (`simulate.printed`).
+        traceback: of its exception, the frames of its own code. hang: what it was ended in.
+    """
+
+    output: str = ""
+    traceback: str = ""
+    hang: Hang | None = None
+
+    def as_dict(self) -> dict[str, object]:
+        """Return it for JSON."""
+        hang = {"call": self.hang.call, "limit_s": self.hang.limit_s} if self.hang else None
+        return {"output": self.output, "traceback": self.traceback, "hang": hang}
+
+
+@dataclass(frozen=True)
 class RunResult:
     """What a run gives back.
 
@@ -156,6 +183,8 @@ class RunResult:
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
     """Of a contact, the `invalid` one of the first frame too; None without a contact (off the road as well)."""
+    notes: DriverNotes = DriverNotes()
+    """What the driver printed, raised, or hung at."""
 
     @cached_property
     def near_misses(self) -> NearMisses:

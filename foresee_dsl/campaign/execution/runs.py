@@ -1,0 +1,85 @@
+"""Plain runs of test cases in processes of their own: whatever a driver does, there is a verdict for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.drivers.deadlines import Deadlines
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
+
+
+@dataclass(frozen=True)
+class CaseRun:
+    """One test case as it was run.
+
+    Attributes:
+        result: what the run gave; None where its process died or was ended.
+        reason: how the run ended, in words. notes: what the driver printed and raised.
+    """
+
+    case: TestCase
+    verdict: Verdict
+    reason: str
+    notes: DriverNotes
+    result: RunResult | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed, expectations aside."""
+        return self.verdict is Verdict.PASS
+
+    @property
+    def expectations_held(self) -> bool:
+        """Whether every expectation held."""
+        return self.result is not None and all(expectation.held for expectation in self.result.expectations)
+
+
+def run_cases(
+    cases: Sequence[TestCase], driver: str, *, seed: int = 0, jobs: int = 1, deadlines: Deadlines
+) -> Iterator[CaseRun]:
+    """Run test cases; yield each as soon as it is done."""
+    # A single run needs no fork server, whose start would take as long as the run.
+    with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
+        tasks = {case.id: case for case in cases}
+        pool.add(
+            Task(case.id, partial(_run_case, driver=driver, seed=seed, deadlines=deadlines),
+                 replace(case, document=None), deadlines.for_run_s(longest_s(case)))
+            for case in cases
+        )  # fmt: skip
+        for task, outcome in pool.results():
+            yield case_run(tasks[task.name], outcome)
+
+
+def run_here(case: TestCase, driver: str, *, seed: int = 0) -> CaseRun:
+    """Run a test case in this process, for a debugger: no deadlines, and prints go where they always go."""
+    return case_run(case, run_test_case(case, driver, seed, deadlines=None))
+
+
+def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
+    """Return what became of a test case's task."""
+    if isinstance(outcome, RunResult):
+        return CaseRun(case, outcome.verdict, outcome.reason, outcome.notes, outcome)
+    verdict, reason = broken_verdict(outcome)
+    return CaseRun(case, verdict, reason, DriverNotes(output=outcome.output))
+
+
+def broken_verdict(broken: Broken) -> tuple[Verdict, str]:
+    """Return the verdict of a run that gave no result, and its reason as one line."""
+    verdict = Verdict.TIMEOUT if broken.how == "timeout" else Verdict.CRASH
+    begins = {"raised": "the run raised ", "crash": "", "timeout": "timeout: the run "}.get(broken.how, "the run ")
+    return verdict, " ".join((begins + broken.reason).split()).replace('"', "'")[:LONGEST_REASON]
+
+
+LONGEST_REASON = 1000
+"""Characters of the reason of a run that broke: as of a driver that raises (`simulate.driver_faults`)."""
+
+
+def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines) -> RunResult:
+    result = run_test_case(case, driver, seed, deadlines=deadlines)
+    _ = result.near_misses  # computed here: what imports the kernels is this process
+    return result

@@ -1,0 +1,132 @@
+"""What goes wrong in a driver's code, in words: the exception, the place in its own code, its own traceback."""
+
+from __future__ import annotations
+
+import re
+import traceback
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from foresee_dsl.errors import DriverError
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_DRIVERS = _PACKAGE / "drivers"
+LONGEST_REASON = 1000
+"""Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
+LONGEST_TRACEBACK = 8000
+"""Characters. Ours: a hundred lines."""
+_DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.M)
+
+
+class Fault(NamedTuple):
+    """An exception of a driver.
+
+    Attributes:
+        text: one line, such as `the driver raised ValueError: no idea, at mine.py:12 (step)`.
+        traceback: the frames of the driver's code, as Python prints them; "" where there are none.
+    """
+
+    text: str
+    traceback: str
+
+
+def fault_of(err: BaseException) -> Fault:
+    """Return what a driver's exception says."""
+    if isinstance(err, DriverError):
+        return Fault(f"the driver broke: {one_line(err)}", "")
+    at = f", at {place}" if (place := place_of(err)) else ""
+    if isinstance(err, SystemExit):
+        return Fault(f"the driver called sys.exit({err.code!r:.80}){at}", traceback_of(err))
+    text = one_line(err)
+    return Fault(f"the driver raised {type(err).__name__}{f': {text}' if text else ''}{at}", traceback_of(err))
+
+
+def one_line(err: BaseException) -> str:
+    """Return an exception's text as one line that may stand between double quotes."""
+    try:
+        text = str(err)
+    except Exception:  # its own __str__ may be broken as well
+        text = "(its text cannot be had)"
+    return " ".join(text.split()).replace('"', "'")[:LONGEST_REASON]
+
+
+def place_of(err: BaseException) -> str:
+    """Return the innermost place in the driver's own code, as `mine.py:12 (Mine.step)`; "" where there is none."""
+    frames = _own(err.__traceback__)
+    if not frames:
+        return ""
+    # Its own code is the package that was called first; numpy or another library below it is not.
+    top = _package(frames[0])
+    frame = [frame for frame in frames if _package(frame) == top][-1]
+    code = frame.tb_frame.f_code
+    return f"{Path(code.co_filename).name}:{frame.tb_lineno} ({code.co_qualname.replace('<locals>.', '')})"
+
+
+def traceback_of(err: BaseException) -> str:
+    """Return the traceback from where the driver's code begins, with the exceptions that it follows from."""
+    frames = _own(err.__traceback__)
+    if not frames:
+        return ""
+    told = traceback.TracebackException(type(err), err, err.__traceback__)
+    inner = [frame.tb_frame.f_code for frame in frames]
+    stack = told.stack[-len(inner) - _watching(err.__traceback__) :][: len(inner)]
+    told.stack = traceback.StackSummary.from_list(stack)
+    text = "".join(told.format()).rstrip()
+    half = LONGEST_TRACEBACK // 2
+    return text if len(text) <= LONGEST_TRACEBACK else f"{text[:half]}\n  ...\n{text[-half:]}"
+
+
+def place_in_dump(dump: str) -> str:
+    """Return the place in the driver's code in what `faulthandler` wrote, innermost frame first; "" where none is."""
+    frames = [(Path(found["file"]), found["line"], found["name"]) for found in _DUMPED.finditer(_current(dump))]
+    theirs = []
+    for file, line, name in frames:
+        if _is_ours(file):
+            break
+        theirs.append((file, line, name))
+    if not theirs or len(theirs) == len(frames):
+        return ""
+    outermost = theirs[-1][0]
+    file, line, name = next(frame for frame in theirs if frame[0] == outermost)
+    return f"{file.name}:{line} ({name})"
+
+
+def _current(dump: str) -> str:
+    """Of all threads the main one, which runs drivers: the last that is written."""
+    return re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]
+
+
+def _own(trace: TracebackType | None) -> list[TracebackType]:
+    """Return the entries of a traceback from the first in a driver's code on, without the watch's at the end."""
+    entries = []
+    while trace is not None:
+        entries.append(trace)
+        trace = trace.tb_next
+    while entries and _is_ours(_file(entries[0])):
+        entries.pop(0)
+    while entries and _is_ours(_file(entries[-1])):
+        entries.pop()
+    return entries
+
+
+def _watching(trace: TracebackType | None) -> int:
+    """Count our entries at a traceback's end."""
+    count = 0
+    while trace is not None:
+        count = count + 1 if _is_ours(_file(trace)) else 0
+        trace = trace.tb_next
+    return count
+
+
+def _file(entry: TracebackType) -> Path:
+    return Path(entry.tb_frame.f_code.co_filename)
+
+
+def _package(entry: TracebackType) -> str:
+    return str(entry.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+
+
+def _is_ours(file: Path) -> bool:
+    """Whether a file belongs to the simulator; the bundled drivers are drivers like others."""
+    return file.is_relative_to(_PACKAGE) and not file.is_relative_to(_DRIVERS)
