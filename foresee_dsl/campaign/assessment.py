@@ -11,14 +11,16 @@ from itertools import groupby
 
 import numpy as np
 
+from foresee_dsl.campaign.driving import longest_s, made
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.compile import compile_test_case, placement_mistakes
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
-from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import NO_NOTES, DriverNotes, Verdict
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, Trace
 
@@ -35,7 +37,8 @@ class DriverRun:
 
     Attributes:
         driver: its address. version: its own. way_m: how far the ego came. hard_brakings: events.
-        step_ms: mean wall time of the driver's own answer. digest: the trace's; equal for equal runs.
+        step_ms: mean wall time of the driver's own answer. digest: the trace's; equal for equal runs; "" of a process
+            that died or was ended. notes: what the driver printed and raised.
     """
 
     case: str
@@ -49,6 +52,12 @@ class DriverRun:
     hard_brakings: int
     step_ms: float
     digest: str
+    notes: DriverNotes = NO_NOTES
+
+    @property
+    def passed(self) -> bool:
+        """Whether it arrived."""
+        return self.verdict is Verdict.PASS
 
 
 @dataclass(frozen=True)
@@ -91,13 +100,16 @@ def assess_drivers(
     jobs: int,
     seed: int = 0,
     on_run: Callable[[DriverRun], None] = lambda _: None,
-) -> tuple[tuple[DriverRun, ...], tuple[str, ...]]:
+    deadlines: Deadlines = DEADLINES,
+    fail_fast: bool = False,
+) -> tuple[DriverRun, ...]:
     """Run every case with every driver.
 
-    `on_run` is called with each run when it is done; the result does not depend on `jobs`.
+    `on_run` is called with each run when it is done; the result does not depend on `jobs`, unless it ends at the first
+    run that does not arrive (`fail_fast`).
 
     Returns:
-        The runs, by driver (in the order given) and case; and what could not be run, with why.
+        The runs, by driver (in the order given) and case.
 
     Raises:
         InputError: a test case is impossible on its network; nothing was run.
@@ -105,27 +117,34 @@ def assess_drivers(
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
     runs: list[DriverRun] = []
-    broken: list[str] = []
+    asked = [(case, driver) for case in cases for driver in drivers]
     with WorkerPool(jobs) as pool:
         pool.add(
-            Task(f"{case.id} with {driver}", partial(run_one, case.id, driver), seed)
-            for case in cases
-            for driver in drivers
-        )
+            Task(f"{case.id} with {driver}", partial(run_one, case.id, driver, deadlines=deadlines), seed,
+                 deadlines.for_run_s(longest_s(case)), key=str(k))
+            for k, (case, driver) in enumerate(asked)
+        )  # fmt: skip
         for task, outcome in pool.results():
-            if isinstance(outcome, Broken):
-                broken.append(f"{task.name}: {outcome.reason}")
-                continue
-            runs.append(outcome)
-            on_run(outcome)
+            found = _broken(*asked[int(task.key)], outcome) if isinstance(outcome, Broken) else outcome
+            runs.append(found)
+            on_run(found)
+            if fail_fast and not found.passed:
+                break
     runs.sort(key=lambda one: (list(drivers).index(one.driver), one.case))
-    return tuple(runs), tuple(sorted(broken))
+    return tuple(runs)
 
 
-def run_one(address: str, driver: str, seed: int) -> DriverRun:
+def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
+    """Return a run whose process died or was ended."""
+    verdict, reason = broken_verdict(broken)
+    return DriverRun(case.id, case.family, driver, "", verdict, reason, 0.0, 0.0, 0, 0.0, "",
+                     DriverNotes(output=broken.output))  # fmt: skip
+
+
+def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES) -> DriverRun:
     """Run one case with one driver."""
-    case, timed = load_test_case(address), _Timed(load_driver(driver))
-    result = run(compile_test_case(case), timed, seed=seed, meta={"driver": driver})
+    case, timed = load_test_case(address), _Timed(made(driver, deadlines))
+    result = run(compile_test_case(case), timed, seed=seed, meta={"driver": driver}, deadlines=deadlines)
     return DriverRun(
         case=case.id,
         family=case.family,
@@ -138,6 +157,7 @@ def run_one(address: str, driver: str, seed: int) -> DriverRun:
         hard_brakings=hard_brakings(result.trace),
         step_ms=timed.spent_s / max(timed.steps, 1) * 1000,
         digest=result.trace.digest,
+        notes=result.notes,
     )
 
 

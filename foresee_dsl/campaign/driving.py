@@ -10,7 +10,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
-from foresee_dsl.drivers.registry import DRIVERS, load_driver
+from foresee_dsl.drivers.registry import find_driver, load_driver
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model import End, Quantity
 from foresee_dsl.language.project.document import TestCase
@@ -30,7 +30,7 @@ def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:
     Raises:
         DriverError: there is none of this name.
     """
-    DRIVERS.find(driver.partition(":")[0])
+    find_driver(driver)
     try:
         found = load_driver(driver)
     except DriverError as err:

@@ -14,7 +14,7 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, S
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventable
-from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
+from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,15 @@ class CampaignResult:
         )
 
     @property
+    def failed(self) -> bool:
+        """Whether anything failed: a test case, a child, or a run that broke."""
+        return (
+            any(seed.verdict is not Verdict.PASS for seed in self.seeds)
+            or any(is_problem(clip.verdict, clip.notes) for clip in self.clips)
+            or any(is_problem(child.verdict, child.notes) for clip in self.clips for child in clip.children)
+        )
+
+    @property
     def fidelity(self) -> FidelityFigures:
         """Return how true the unmutated clips were to their parents' runs, the ego apart."""
         others = [far for clip in self.clips for far in clip.others_m]
@@ -179,6 +188,14 @@ class CampaignResult:
 
     def _minimised(self, name: str) -> dict[str, Any] | None:
         return next((small.as_dict() for small in self.minimised if small.child.name == name), None)
+
+
+def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
+    """Whether the run of a clip or a child is one that people have to look at: the driver failed, broke or hangs.
+
+    A child that begins in a contact is none, nor one that does not arrive in a clip's few seconds.
+    """
+    return verdict.is_failure or verdict is Verdict.CRASH or (notes is not None and notes.hang is not None)
 
 
 def _avoidable(child: ChildOutcome) -> int:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from foresee_dsl.cli import common
+from foresee_dsl.cli.case_selection import FirstOption, OnlyOption
 from foresee_dsl.cli.completion import case_addresses
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ class Flags:
     store: Annotated[
         Path | None, typer.Option("--store", help="Folder in which results are stored; by default OUT/store.")
     ] = None
+    first: FirstOption = None
+    only: OnlyOption = None
     shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = ""
     allow_outside: common.AllowOutsideOption = False
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from foresee_dsl.cli import common
 from foresee_dsl.cli.campaign_options import (
     CPUS,
     Flags,
@@ -22,9 +23,9 @@ from foresee_dsl.cli.campaign_options import (
     shard_of,
     with_flags,
 )
+from foresee_dsl.cli.case_selection import FailFastOption, FirstOption, OnlyOption, selected
 from foresee_dsl.cli.common import (
     FAILED,
-    OK,
     AllowOutsideOption,
     JsonOption,
     SeedOption,
@@ -51,9 +52,8 @@ def campaign(
     scheduler: Annotated[
         str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
     ] = "",
-    deadline: Annotated[
-        float | None, typer.Option(min=0.1, help="Wall time in seconds that a run may take; it ends as `timeout`.")
-    ] = None,
+    step_deadline: common.StepDeadlineOption = None,
+    deadline: common.DeadlineOption = None,
     memory: Annotated[float, typer.Option(min=100, help="Memory in MB that a worker may take.")] = 4096,
     budget: Annotated[float | None, typer.Option(min=0, help="Minutes after which no new run begins.")] = None,
     retry: Annotated[
@@ -62,6 +62,9 @@ def campaign(
     report: Annotated[
         Path | None, typer.Option(help="Also save the report to this file: .svg, .html or .txt by its name.")
     ] = None,
+    raw: Annotated[bool, typer.Option("--raw", help="Report the raw numbers as well, by family and kind.")] = False,
+    fail_fast: FailFastOption = False,
+    exit_zero: common.ExitZeroOption = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     log_json: Annotated[Path | None, typer.Option(help="Write every event to this file, a JSON object a line.")] = None,
     format_: FormatOption = ReportFormat.text,
@@ -71,6 +74,7 @@ def campaign(
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
     Results that are in the store are not computed again, so a campaign that was stopped continues where it was.
+    Exit code 1 when a test case or a child failed.
 
     [dim]foresee campaign scenarios --jobs 2 --out out
     foresee campaign scenarios/scenario7.foresee::r02
@@ -86,26 +90,27 @@ def campaign(
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.report.live import progress
+    from foresee_dsl.report.live import FirstFailure, progress
 
     if report is not None and report.suffix not in (".svg", ".html", ".txt"):
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
     request = requested(ctx, paths, flags, budget)
-    stop = StopSignal()
+    stop, first_failure = StopSignal(), FirstFailure()
     options = RunOptions(
         jobs=flags.jobs,
-        limits=Limits(deadline, memory, None if request.budget_min is None else request.budget_min * 60),
+        limits=Limits(deadline, memory, None if request.budget_min is None else request.budget_min * 60, step_deadline),
         shard=shard_of(flags.shard),
         retry=retry,
         executor=executor_of(executor, scheduler),
-        stop=stop,
+        stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )
-    cases = load_test_cases(request.paths, allow_outside=flags.allow_outside)
+    cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)  # before there is a store
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
+        listeners.append(first_failure)
         stack.enter_context(stop.listening())
         results = []
         for settings in request.settings:
@@ -122,20 +127,30 @@ def campaign(
                 break
         others = store.of_other_versions()
     form = ReportFormat.json if json else format_
-    _report(results, report, form, junit)
+    _report(results, report, form, junit, raw=raw)
     screen = console(error=form is not ReportFormat.text)
     _pages([folder for folder, _ in results], flags.out, screen)
     if others:
         screen.print(of_other_versions(flags.store_folder, others))
     if results[-1][1].interrupted:
-        screen.print(f"{'' if stop() else 'The time is up. '}The same command continues from there.")
-        raise typer.Exit(stop.exit_code if stop() else OK)
+        why = (
+            ""
+            if stop()
+            else "Stopped at the first failure. "
+            if first_failure.name and fail_fast
+            else "The time is up. "
+        )
+        screen.print(f"{why}The same command continues from there.")
+        if stop():
+            raise typer.Exit(stop.exit_code)
     if any(result.broken for _, result in results):
+        raise typer.Exit(FAILED)
+    if not exit_zero and any(result.failed for _, result in results):
         raise typer.Exit(FAILED)
 
 
 def _report(
-    results: list[tuple[Path, CampaignResult]], file: Path | None, form: ReportFormat, junit: Path | None
+    results: list[tuple[Path, CampaignResult]], file: Path | None, form: ReportFormat, junit: Path | None, *, raw: bool
 ) -> None:
     """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file."""
     from foresee_dsl.campaign.folder import as_text
@@ -144,7 +159,7 @@ def _report(
 
     def people(screen: Console) -> None:
         for folder, result in results:
-            print_campaign(screen, result, folder)
+            print_campaign(screen, result, folder, raw=raw)
 
     def found() -> list[CaseResult]:
         return [one for folder, result in results for one in of_campaign(result, folder)]
@@ -230,7 +245,7 @@ def plan(
     if format not in ("text", "dot", "json"):
         raise typer.BadParameter(f"{format!r} is not one of: text, dot, json", param_hint="--format")
     request = requested(ctx, paths, flags)
-    cases = load_test_cases(request.paths, allow_outside=flags.allow_outside)
+    cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
     folder, part = flags.store_folder, shard_of(flags.shard)
     stored = (folder / "runs.sqlite").is_file()
     with Store(folder, write=False) if stored else nullcontext() as store:
@@ -281,36 +296,49 @@ def assess(
     driver: Annotated[list[str] | None, typer.Option("--driver", help="A driver; may be given several times.")] = None,
     jobs: Jobs = CPUS,
     seed: SeedOption = 0,
+    first: FirstOption = None,
+    only: OnlyOption = None,
+    fail_fast: FailFastOption = False,
+    step_deadline: common.StepDeadlineOption = None,
+    deadline: common.DeadlineOption = None,
     show: Annotated[bool, typer.Option("--failures", help="Also list the runs that did not arrive.")] = False,
     format_: FormatOption = ReportFormat.text,
     junit: JunitOption = None,
+    exit_zero: common.ExitZeroOption = False,
     json: JsonOption = False,
     allow_outside: AllowOutsideOption = False,
 ) -> None:
     """Run test cases with one or several drivers and compare: who arrives, who fails and how, how they drive.
 
+    Exit code 1 when a run did not arrive.
+
     [dim]foresee assess scenarios --driver pdm --driver idm[/dim]
     """
     from foresee_dsl.campaign.assessment import assess_drivers
-    from foresee_dsl.drivers.registry import load_driver
+    from foresee_dsl.drivers.deadlines import Deadlines
+    from foresee_dsl.drivers.registry import find_driver
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.case_results import of_assessment
     from foresee_dsl.report.drivers import as_dict, print_assessment, runs_progress
 
     drivers = list(dict.fromkeys(driver or ["pdm"]))
     for name in drivers:
-        load_driver(name)  # an unknown name is reported before anything runs
-    cases = load_test_cases(paths, allow_outside=allow_outside)
+        find_driver(name)  # an unknown name is reported before anything runs
+    cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
     form = ReportFormat.json if json else format_
-    with runs_progress(console(error=form is not ReportFormat.text), len(cases) * len(drivers)) as done:
-        runs, broken = assess_drivers(cases, drivers, jobs=jobs, seed=seed, on_run=done)
+    total = len(cases) * len(drivers)
+    with runs_progress(console(error=form is not ReportFormat.text), total) as done:
+        runs = assess_drivers(
+            cases, drivers, jobs=jobs, seed=seed, on_run=done, deadlines=Deadlines(step_deadline, deadline),
+            fail_fast=fail_fast,
+        )  # fmt: skip
     report_results(
         form,
-        results=lambda: of_assessment(runs, broken, seed),
-        data=lambda: json_document(as_dict(runs, broken, seed)),
-        people=lambda screen: print_assessment(screen, runs, broken, failures=show),
+        results=lambda: of_assessment(runs, seed),
+        data=lambda: json_document(as_dict(runs, seed)),
+        people=lambda screen: print_assessment(screen, runs, failures=show, of=total),
         junit=junit,
         properties=[("driver", name) for name in drivers],
     )
-    if broken:
+    if not exit_zero and not all(one.passed for one in runs):
         raise typer.Exit(FAILED)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 OK, FAILED, USAGE, BUG = 0, 1, 2, 3
-"""Exit codes: done; the input has errors or the check failed; wrong usage; our own fault."""
+"""Exit codes: nothing failed; failures were found, or the input has errors; wrong usage; our own fault."""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 DriverOption = Annotated[
@@ -47,6 +47,26 @@ AllowOutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of all random choices.")]
+ExitZeroOption = Annotated[
+    bool, typer.Option("--exit-zero", help="Exit code 0 also when failures are found; errors keep theirs.")
+]
+StepDeadlineOption = Annotated[
+    float | None,
+    typer.Option(
+        "--step-deadline",
+        min=0.05,
+        max=3600,
+        help="Wall time in seconds that the driver may take for a step; by default 10 (external drivers: 1).",
+    ),
+]
+DeadlineOption = Annotated[
+    float | None,
+    typer.Option(
+        "--deadline",
+        min=0.1,
+        help="Wall time in seconds that a run may take; by default 60 and 20 for each simulated second.",
+    ),
+]
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
 PresetOption = Annotated[
     str, typer.Option("--preset", help="How clips are mutated: focused (ours), or paper (exactly as in the paper).")

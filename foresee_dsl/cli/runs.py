@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from foresee_dsl.cli import common
+from foresee_dsl.cli.case_selection import FailFastOption, FirstOption, OnlyOption, selected
+from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from foresee_dsl.campaign.execution.runs import CaseRun
     from foresee_dsl.forecast.protocol import RiskyPoint
-    from foresee_dsl.simulate.results.verdict import RunResult
     from foresee_dsl.simulate.trace import Trace
 
 TraceArgument = Annotated[Path, typer.Argument(metavar="TRACE", help="A trace (.npz) that `foresee run` wrote.")]
@@ -21,66 +26,132 @@ After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after it.")
 
 
 def run(
-    address: common.AddressArgument,
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE[::CASE]",
+            help="A scenario (all its cases), a test case, a clip, a mutant, ...",
+            autocompletion=case_addresses,
+        ),
+    ],
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
-    out: Annotated[Path | None, typer.Option("--out", help="Keep the trace in this folder.")] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 1 unless it passes and every expectation holds.")
+    out: Annotated[Path | None, typer.Option("--out", help="Keep the traces in this folder.")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes for several cases.")] = 1,
+    first: FirstOption = None,
+    only: OnlyOption = None,
+    fail_fast: FailFastOption = False,
+    step_deadline: common.StepDeadlineOption = None,
+    deadline: common.DeadlineOption = None,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Run in this process: breakpoint() works, no deadlines, nothing captured.")
     ] = False,
     format_: FormatOption = ReportFormat.text,
     junit: JunitOption = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="An expectation that does not hold counts as a failure.")
+    ] = False,
+    exit_zero: common.ExitZeroOption = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
-    """Drive through one test case and say how it ended.
+    """Drive through a test case, or through all cases of a file, and say how each ended.
 
-    [dim]foresee run scenarios/scenario7.foresee::r01 --out runs[/dim]
+    Exit code 1 when one did not pass; what the driver printed is shown with its run.
+
+    [dim]foresee run scenarios/scenario7.foresee::r01 --out runs
+    foresee run scenarios/scenario7.foresee --fail-fast[/dim]
     """
-    from foresee_dsl.campaign.driving import case_name, run_test_case
-    from foresee_dsl.language.project.loading import load_test_case
-    from foresee_dsl.report.case_results import of_run
-    from foresee_dsl.report.terminal import print_run
-    from foresee_dsl.simulate.results.verdict import Verdict
+    from foresee_dsl.campaign.execution.runs import run_cases, run_here
+    from foresee_dsl.compile import placement_mistakes
+    from foresee_dsl.drivers.deadlines import Deadlines
+    from foresee_dsl.drivers.registry import find_driver
+    from foresee_dsl.errors import InputError
+    from foresee_dsl.language.project.loading import load_test_cases
+    from foresee_dsl.report.case_results import of_case_run
+    from foresee_dsl.report.runs import print_case_run, print_case_runs
 
-    case = load_test_case(address, allow_outside=allow_outside)
-    result = run_test_case(case, driver, seed)
-    trace = None
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        trace = out / f"{case_name(case)}.npz"
-        result.trace.save(trace)
+    find_driver(driver)  # an unknown name is reported before anything runs
+    cases = selected(load_test_cases(paths, allow_outside=allow_outside), first, only)
+    if mistakes := placement_mistakes(cases):
+        raise InputError(mistakes)
+    deadlines = Deadlines(step_deadline, deadline)
+    runs = (
+        (run_here(case, driver, seed=seed) for case in cases)
+        if debug
+        else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines)
+    )
+    done = []
+    for one in runs:
+        done.append(one)
+        if fail_fast and not (one.passed and (one.expectations_held or not strict)):
+            break
+    order = {case.id: k for k, case in enumerate(cases)}
+    done.sort(key=lambda one: order[one.case.id])
+    single = len(paths) == len(cases) == 1
+    traces = _saved(done, out)
+    found = [of_case_run(one, driver, seed, traces.get(one.case.id)) for one in done]
+
+    def people(screen: Console) -> None:
+        if single:
+            print_case_run(screen, done[0], traces.get(done[0].case.id))
+        else:
+            print_case_runs(screen, done, len(cases), traces)
+
+    def data() -> str:
+        every = _documents(done, driver, seed, traces)
+        return common.json_document({"schema": 1, **(every[0] if single else {"runs": every})})
+
     report_results(
         ReportFormat.json if json else format_,
-        results=lambda: (of_run(case.id, driver, seed, result, (str(trace),) if trace else ()),),
-        data=lambda: common.json_document(_run_document(case.id, driver, seed, result, trace)),
-        people=lambda screen: print_run(screen, case.id, result, trace),
+        results=lambda: found,
+        data=data,
+        people=people,
         junit=junit,
         properties=(("driver", driver), ("seed", str(seed))),
     )
-    if strict and (result.verdict is not Verdict.PASS or not all(e.held for e in result.expectations)):
+    if not exit_zero and not all(one.passed and (one.expectations_held or not strict) for one in done):
         raise typer.Exit(common.FAILED)
 
 
-def _run_document(address: str, driver: str, seed: int, result: RunResult, trace: Path | None) -> dict[str, Any]:
+def _saved(runs: Sequence[CaseRun], out: Path | None) -> dict[str, Path]:
+    """Write the traces, if a folder is named; return the file of each test case that has one."""
+    from foresee_dsl.campaign.driving import case_name
+
+    files = {}
+    for one in runs if out is not None else ():
+        if out is not None and one.result is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            files[one.case.id] = out / f"{case_name(one.case)}.npz"
+            one.result.trace.save(files[one.case.id])
+    return files
+
+
+def _documents(runs: Sequence[CaseRun], driver: str, seed: int, traces: Mapping[str, Path]) -> list[dict[str, Any]]:
+    return [
+        {"test_case": one.case.id, "driver": driver, "seed": seed, **_run_dict(one, traces.get(one.case.id))}
+        for one in runs
+    ]
+
+
+def _run_dict(one: CaseRun, trace: Path | None) -> dict[str, object]:
+    """Return a run for JSON; what only a run that gave a result has is null elsewhere."""
     from dataclasses import asdict
 
+    result = one.result
     return {
-        "schema": 1,
-        "test_case": address,
-        "driver": driver,
-        "seed": seed,
-        "verdict": result.verdict.value,
-        "time_s": round(result.time_s, 2),
-        "with": result.with_,
-        "reason": result.reason,
-        "impact": result.impact.as_dict() if result.impact else None,
-        "near_misses": result.near_misses.as_dict(),
-        "duration_s": round(result.duration_s, 2),
-        "steps": result.steps,
-        "expectations": [asdict(expectation) for expectation in result.expectations],
+        "verdict": one.verdict.value,
+        "time_s": round(result.time_s, 2) if result else None,
+        "with": result.with_ if result else "",
+        "reason": one.reason,
+        "impact": result.impact.as_dict() if result and result.impact else None,
+        "near_misses": result.near_misses.as_dict() if result else None,
+        "duration_s": round(result.duration_s, 2) if result else None,
+        "steps": result.steps if result else None,
+        "expectations": [asdict(expectation) for expectation in result.expectations] if result else [],
+        **one.notes.as_dict(),
         "trace": str(trace) if trace else None,
-        "digest": result.trace.digest,
+        "digest": result.trace.digest if result else None,
     }
 
 
@@ -160,15 +231,19 @@ def mutate(
     children: Annotated[int, typer.Option(min=1, max=1000, help="How many.")] = 4,
     driver: common.DriverOption = "pdm",
     seed: common.SeedOption = 0,
+    exit_zero: common.ExitZeroOption = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Mutate a clip, run the children, and write each beside the clip, with what it found.
 
+    Exit code 1 when a child failed.
+
     [dim]foresee mutate clips/red_light_runner_r01_p1.foresee --children 8[/dim]
     """
     from foresee_dsl.campaign.mutate_file import mutate_file
     from foresee_dsl.files import write_whole
+    from foresee_dsl.simulate.results.verdict import Verdict
 
     outcomes = mutate_file(file, preset=preset, count=children, driver=driver, seed=seed, allow_outside=allow_outside)
     for child in outcomes:
@@ -186,11 +261,15 @@ def mutate(
                 ],
             }
         )  # fmt: skip
-        return
-    for child in outcomes:
-        typer.echo(f"{child.file}\n  {child.reason} ({', '.join(child.operators)})")
-    if not outcomes:
+    elif outcomes:
+        from foresee_dsl.report.safe_text import safe
+
+        for child in outcomes:
+            typer.echo(f"{child.file}\n  {safe(child.reason)} ({', '.join(child.operators)})")
+    else:
         typer.echo("nothing to mutate: no operator can act on an actor of this clip")
+    if not exit_zero and any(child.verdict is not Verdict.PASS for child in outcomes):
+        raise typer.Exit(common.FAILED)
 
 
 def _load_trace(path: Path) -> Trace:

@@ -37,6 +37,15 @@ def driver_names() -> tuple[str, ...]:
     return DRIVERS.names()
 
 
+def find_driver(address: str) -> None:
+    """Check that there is a driver of this name; nothing is imported.
+
+    Raises:
+        DriverError: there is none (the message has close names and the list).
+    """
+    DRIVERS.find(address.partition(":")[0])
+
+
 def load_driver(address: str) -> Driver:
     """Import and create a driver.
 

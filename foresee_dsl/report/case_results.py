@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
@@ -13,10 +13,11 @@ from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
-from foresee_dsl.simulate.results.verdict import ExpectationResult, RunResult, Verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, RunResult, Verdict
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
+    from foresee_dsl.campaign.execution.runs import CaseRun
     from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
     from foresee_dsl.campaign.results import CampaignResult
     from foresee_dsl.campaign.verify import Recheck
@@ -99,8 +100,24 @@ def of_run(address: str, driver: str, seed: int, result: RunResult, attachments:
     )
 
 
-def of_assessment(runs: Iterable[DriverRun], broken: Iterable[str], seed: int) -> tuple[CaseResult, ...]:
-    """Return a result for each run of `foresee assess`, and for what could not be run."""
+def of_case_run(one: CaseRun, driver: str, seed: int, trace: Path | None = None) -> CaseResult:
+    """Return the result of a run in a process of its own, which may have died; with what the driver raised, printed."""
+    address, noted = one.case.id, _notes(one.notes)
+    if one.result is not None:
+        found = of_run(address, driver, seed, one.result, (str(trace),) if trace else ())
+        return replace(found, details=(*found.details, *noted))
+    suite, _, name = address.partition("::")
+    return CaseResult(suite, name or Path(suite).stem, outcome_of(one.verdict), one.verdict.value, one.reason,
+                      place_of(address), noted, reproduce(address, driver, seed))  # fmt: skip
+
+
+def _notes(notes: DriverNotes) -> tuple[str, ...]:
+    printed = ("the driver printed:", *notes.output.rstrip().splitlines()) if notes.output.strip() else ()
+    return (*notes.traceback.splitlines(), *printed)
+
+
+def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...]:
+    """Return a result for each run of `foresee assess`."""
     listed = tuple(runs)
     several = len({one.driver for one in listed}) > 1
     found = [
@@ -111,12 +128,13 @@ def of_assessment(runs: Iterable[DriverRun], broken: Iterable[str], seed: int) -
             rule=one.verdict.value,
             message=one.reason or one.verdict.label,
             place=place_of(one.case),
+            details=_notes(one.notes),
             reproduce=reproduce(one.case, one.driver, seed),
             time_s=one.duration_s,
         )
         for one in listed
     ]
-    return (*found, *map(_could_not_run, broken))
+    return tuple(found)
 
 
 def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:

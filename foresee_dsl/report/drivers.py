@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import groupby
 from typing import Any
 
 from rich.console import Console
@@ -14,6 +15,8 @@ from rich.text import Text
 
 from foresee_dsl.campaign.assessment import DriverRow, DriverRun, rows_of
 from foresee_dsl.report.live import bars
+from foresee_dsl.report.runs import WHOLE, print_notes, verdicts_line, without_verdict
+from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal import plain_table
 from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
 
@@ -26,10 +29,19 @@ def runs_progress(console: Console, total: int) -> Iterator[Callable[[DriverRun]
         yield lambda _: progress.advance(task)
 
 
-def print_assessment(
-    console: Console, runs: Sequence[DriverRun], broken: Sequence[str], *, failures: bool = False
-) -> None:
-    """Print the drivers' rows, their rows by family, and what could not be run; it fits 80 columns."""
+def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: bool = False, of: int = 0) -> None:
+    """Print how many runs of each driver failed and how, the drivers' rows, and their rows by family.
+
+    It fits 80 columns. `of`: how many runs were asked for, where it ended at the first failure.
+    """
+    for driver, mine in groupby(runs, key=lambda one: one.driver):
+        listed = list(mine)
+        line = verdicts_line([one.verdict for one in listed], [one.reason for one in listed if not one.passed])
+        console.print(Text.assemble((f"{safe(driver)}: ", "bold"), line), soft_wrap=True)
+    if len(runs) < of:
+        left = f"stopped at the first failure (--fail-fast): {of - len(runs)} were not run"
+        console.print(Text(left, style="yellow"))
+    console.print()
     console.print(_table("Drivers on plain test cases", "driver", [(row.driver, row) for row in rows_of(runs)]))
     by_family = rows_of(runs, families=True)
     if len({row.family for row in by_family}) > 1:
@@ -43,21 +55,28 @@ def print_assessment(
         )
     )
     if failures:
-        for run in (run for run in runs if run.verdict is not Verdict.PASS):
-            console.print(Text(f"{run.driver}  {run.case}\n    {run.verdict.value}: {run.reason}"))
-    for what in broken:
-        console.print(Text(f"could not be run: {what}", style="red"))
+        for run in (run for run in runs if not run.passed):
+            how = safe(without_verdict(run.verdict, run.reason), WHOLE)
+            text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {run.verdict.value}: {how}"
+            console.print(Text(text), soft_wrap=True)
+            print_notes(console, run.notes)
 
 
-def as_dict(runs: Sequence[DriverRun], broken: Sequence[str], seed: int) -> dict[str, Any]:
+def as_dict(runs: Sequence[DriverRun], seed: int) -> dict[str, Any]:
     """Return everything for JSON; what is measured on the clock (`step_ms`) differs from run to run."""
     return {
         "schema": 1,
         "seed": seed,
         "drivers": [_row_dict(row) for row in rows_of(runs)],
         "families": [_row_dict(row) for row in rows_of(runs, families=True)],
-        "runs": [{**asdict(one), "verdict": one.verdict.value} for one in runs],
-        "broken": list(broken),
+        "runs": [
+            {
+                **{k: v for k, v in asdict(one).items() if k != "notes"},
+                "verdict": one.verdict.value,
+                **one.notes.as_dict(),
+            }
+            for one in runs
+        ],
     }
 
 

@@ -25,6 +25,7 @@ from rich.progress import Task as Bar
 from rich.text import Text
 
 from foresee_dsl.campaign.execution.engine import Listener
+from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.terminal import duration
@@ -78,6 +79,20 @@ class Figures(Listener):
             left = sum(self.total[kind] - self.finished[kind] for kind in TITLES)
             parts.append(f"about {duration(left / rate)} left of what is known")
         return "; ".join(parts)
+
+
+class FirstFailure(Listener):
+    """Remembers the name of the first run that failed."""
+
+    def __init__(self) -> None:
+        self.name = ""
+
+    def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is called
+        """Look at it."""
+        verdict = Verdict(row.verdict) if row.verdict else Verdict.PASS
+        problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
+        if problem and not self.name:
+            self.name = row.name
 
 
 class PlainProgress(Figures):

@@ -15,6 +15,7 @@ from foresee_dsl.campaign.results import CampaignResult, FamilyRow
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.files import write_whole
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.report.safe_text import safe
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, ExpectationResult, Impact, RunResult, Verdict
 
@@ -57,7 +58,7 @@ def plain_table(
     return table
 
 
-def print_campaign(console: Console, result: CampaignResult, out: Path) -> None:
+def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: bool = False) -> None:  # noqa: ARG001
     """Print the report of a campaign: headline, tables by family, fidelity, and the files to open first.
 
     It fits 80 columns.
@@ -187,16 +188,17 @@ def duration(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
-def print_run(console: Console, name: str, result: RunResult, trace: Path | None) -> None:
-    """Print how one run ended, and which expectations held."""
-    how = f", {result.reason} ({result.duration_s:.1f} s, {result.steps} steps)"
-    console.print(Text.assemble(f"{name}: ", (result.verdict.value, result.verdict.style), how))
+def counted(number: int, noun: str) -> str:
+    """Return `1 file` or `3 files`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def print_run_details(console: Console, result: RunResult) -> None:
+    """Print the contact that a run ended with, how near it came to others, and which expectations held."""
     for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
-        console.print(detail, style="dim", highlight=False)
+        console.print(Text(safe(detail), style="dim"), soft_wrap=True)
     for expectation in result.expectations:
-        console.print(_expectation_line(expectation))
-    if trace is not None:
-        console.print(f"  trace {trace}", style="dim")
+        console.print(_expectation_line(expectation), soft_wrap=True)
 
 
 def _impact_lines(impact: Impact | None) -> list[str]:
@@ -235,7 +237,7 @@ def _near_lines(near: NearMisses) -> list[str]:
 def _expectation_line(expectation: ExpectationResult) -> Text:
     """Return whether it held, as written (its label is part of that), by how much, and what decided."""
     mark = Text("  held    ", style="green") if expectation.held else Text("  BROKEN  ", style="red")
-    mark.append(expectation.text, style="default")
+    mark.append(safe(expectation.text), style="default")
     if expectation.margin is not None:
         margin = f"{expectation.margin:.2f} {expectation.unit}".rstrip()
         alone = expectation.text.endswith(f" {expectation.decides}")  # then it need not be written twice

@@ -9,14 +9,28 @@ from types import TracebackType
 from typing import NamedTuple
 
 from foresee_dsl.errors import DriverError
+from foresee_dsl.simulate.results.verdict import Hang
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _DRIVERS = _PACKAGE / "drivers"
+_LOADING = _DRIVERS / "registry.py"
 LONGEST_REASON = 1000
 """Characters of an exception's text that go into the reason. Ours: half of what a text in a file may have."""
 LONGEST_TRACEBACK = 8000
 """Characters. Ours: a hundred lines."""
 _DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+) in (?P<name>.*)$', re.M)
+
+
+class DriverHangs(BaseException):
+    """A driver took too long.
+
+    Attributes:
+        what: which call, and how long it may take. allows: what allows more. hang: the same for programs.
+    """
+
+    def __init__(self, what: str, allows: str, hang: Hang) -> None:
+        super().__init__(f"{what}; {allows} allows more")
+        self.what, self.allows, self.hang = what, allows, hang
 
 
 class Fault(NamedTuple):
@@ -72,7 +86,8 @@ def traceback_of(err: BaseException) -> str:
     inner = [frame.tb_frame.f_code for frame in frames]
     stack = told.stack[-len(inner) - _watching(err.__traceback__) :][: len(inner)]
     told.stack = traceback.StackSummary.from_list(stack)
-    text = "".join(told.format()).rstrip()
+    lines = list(told.format())
+    text = "".join(lines[:-1] if isinstance(err, DriverHangs) else lines).rstrip()
     half = LONGEST_TRACEBACK // 2
     return text if len(text) <= LONGEST_TRACEBACK else f"{text[:half]}\n  ...\n{text[-half:]}"
 
@@ -129,4 +144,4 @@ def _package(entry: TracebackType) -> str:
 
 def _is_ours(file: Path) -> bool:
     """Whether a file belongs to the simulator; the bundled drivers are drivers like others."""
-    return file.is_relative_to(_PACKAGE) and not file.is_relative_to(_DRIVERS)
+    return file.is_relative_to(_PACKAGE) and (not file.is_relative_to(_DRIVERS) or file == _LOADING)

@@ -16,6 +16,7 @@ from types import FrameType
 from typing import Self
 
 from foresee_dsl.drivers.deadlines import RESET_VARIABLE, Deadlines
+from foresee_dsl.simulate.driver_faults import DriverHangs
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.results.verdict import Hang
 
@@ -23,18 +24,6 @@ _TICK_S = 1.0
 """Between two looks. Ours: a tenth of the deadline of a step; a look takes a few microseconds."""
 _GRACE_S = 2.0
 """How much longer a process may take to come back from a library. Ours: two looks."""
-
-
-class DriverHangs(BaseException):
-    """A driver took too long.
-
-    Attributes:
-        what: which call, and how long it may take. allows: what allows more. hang: the same for programs.
-    """
-
-    def __init__(self, what: str, allows: str, hang: Hang) -> None:
-        super().__init__(f"{what}; {allows} allows more")
-        self.what, self.allows, self.hang = what, allows, hang
 
 
 class Watch:

@@ -17,8 +17,8 @@ from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.driver_faults import Fault, fault_of, one_line, place_of
-from foresee_dsl.simulate.driver_watch import DriverHangs, Watch
+from foresee_dsl.simulate.driver_faults import DriverHangs, Fault, fault_of, one_line, place_of
+from foresee_dsl.simulate.driver_watch import Watch
 from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.printed import printed_here
 from foresee_dsl.simulate.recorder import Recorder

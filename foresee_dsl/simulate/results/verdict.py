@@ -161,6 +161,9 @@ class DriverNotes:
         return {"output": self.output, "traceback": self.traceback, "hang": hang}
 
 
+NO_NOTES = DriverNotes()
+
+
 @dataclass(frozen=True)
 class RunResult:
     """What a run gives back.
@@ -183,7 +186,7 @@ class RunResult:
     expectations: tuple[ExpectationResult, ...] = ()
     impact: Impact | None = None
     """Of a contact, the `invalid` one of the first frame too; None without a contact (off the road as well)."""
-    notes: DriverNotes = DriverNotes()
+    notes: DriverNotes = NO_NOTES
     """What the driver printed, raised, or hung at."""
 
     @cached_property

@@ -1,0 +1,106 @@
+"""The terminal: single runs of test cases, with what their driver printed and raised."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from foresee_dsl.campaign.execution.runs import CaseRun
+from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.terminal import counted, plain_table, print_run_details
+from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
+
+WHOLE = 100_000
+"""Characters of a line that is shown whole: a path, a line that a driver printed."""
+
+
+_LINES = 30
+"""Lines of a driver's output that are printed. Ours: the verdict above stays on the screen."""
+
+
+def print_case_run(console: Console, one: CaseRun, trace: Path | None) -> None:
+    """Print how one run ended: verdict and reason, what happened, what the driver raised and printed."""
+    text = Text.assemble(f"{safe(one.case.id, WHOLE)}: ", (one.verdict.value, one.verdict.style))
+    text.append(f", {safe(without_verdict(one.verdict, one.reason), WHOLE)}")
+    if one.result is not None:
+        text.append(f" ({one.result.duration_s:.1f} s, {one.result.steps} steps)")
+    console.print(text, soft_wrap=True)
+    if one.result is not None:
+        print_run_details(console, one.result)
+    print_notes(console, one.notes)
+    if trace is not None:
+        console.print(Text(f"  trace {safe(trace, WHOLE)}", style="dim"), soft_wrap=True)
+
+
+def print_notes(console: Console, notes: DriverNotes) -> None:
+    """Print a driver's traceback and what it printed."""
+    for line in notes.traceback.splitlines():
+        console.print(Text(f"  {safe(line, WHOLE)}", style="red" if line[:1].strip() else "default"), soft_wrap=True)
+    if notes.output.strip():
+        console.print(Text("  the driver printed:", style="dim"))
+        lines = notes.output.rstrip().splitlines()
+        cut = len(lines) - _LINES
+        if cut > 0:
+            more = f"... ({counted(cut, 'line')} more; --json has them)"
+            lines = [*lines[: _LINES // 2], more, *lines[-_LINES // 2 :]]
+        for line in lines:
+            console.print(Text(f"  | {safe(line, WHOLE)}"), soft_wrap=True)
+
+
+def without_verdict(verdict: Verdict, reason: str) -> str:
+    """Return a reason that stands behind its verdict."""
+    return reason.removeprefix(f"{verdict.value}: ").removeprefix(f"{verdict.value} ")
+
+
+def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: Mapping[str, Path]) -> None:
+    """Print several runs: how many failed and how, those that did with all that is known, and a table of all."""
+    failed = [one for one in runs if not one.passed]
+    console.print(verdicts_line([one.verdict for one in runs], [one.reason for one in failed]), soft_wrap=True)
+    for one in failed:
+        console.print()
+        print_case_run(console, one, traces.get(one.case.id))
+    console.print()
+    rows = [
+        (safe(one.case.id, WHOLE), one.verdict.value, f"{one.result.time_s:.2f} s" if one.result else "", _held(one),
+         "yes" if one.notes.output.strip() else "")
+        for one in runs
+    ]  # fmt: skip
+    headings = ("test case", "verdict", "at", "expectations", "printed")
+    table = plain_table(headings, rows, align="<<>><")
+    table.columns[0].overflow = "fold"
+    console.print(table)
+    if len(runs) < of:
+        console.print(
+            Text(f"stopped at the first failure (--fail-fast): {of - len(runs)} were not run", style="yellow")
+        )
+
+
+def _held(one: CaseRun) -> str:
+    expectations = one.result.expectations if one.result is not None else ()
+    broken = sum(not expectation.held for expectation in expectations)
+    return f"{broken} BROKEN" if broken else f"{len(expectations)} held" if expectations else ""
+
+
+def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case") -> Text:
+    """Return the headline of runs: how many failed, by kind; where all of these broke the driver, how."""
+    counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
+    total = len(verdicts)
+    if not counts:
+        return Text(f"{counted(total, noun)} passed", style="bold green")
+    crashed = counts[Verdict.CRASH]
+    if crashed == total:
+        often, times = Counter(reasons).most_common(1)[0]
+        begins = f"the driver crashed in {crashed} of {counted(total, noun)}: "
+        more = "" if times == total else f" (in {times} of them)"
+        return Text(begins + safe(short_crash(often), WHOLE) + more, style="bold red")
+    kinds = ", ".join(f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind])
+    return Text(f"{sum(counts.values())} of {counted(total, noun)} failed: {kinds}", style="bold red")
+
+
+def short_crash(reason: str) -> str:
+    """Return a crash's reason without the words that a headline about crashes has already."""
+    return reason.removeprefix("the driver raised ").removeprefix("the driver broke: ")
