@@ -133,14 +133,8 @@ def campaign(
     if others:
         screen.print(of_other_versions(flags.store_folder, others))
     if results[-1][1].interrupted:
-        why = (
-            ""
-            if stop()
-            else "Stopped at the first failure. "
-            if first_failure.name and fail_fast
-            else "The time is up. "
-        )
-        screen.print(f"{why}The same command continues from there.")
+        ended = "Stopped at the first failure. " if first_failure.name and fail_fast else "The time is up. "
+        screen.print(f"{'' if stop() else ended}The same command continues from there.")
         if stop():
             raise typer.Exit(stop.exit_code)
     if any(result.broken for _, result in results):

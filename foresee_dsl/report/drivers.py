@@ -55,11 +55,14 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
         )
     )
     if failures:
+        told = set()
         for run in (run for run in runs if not run.passed):
             how = safe(without_verdict(run.verdict, run.reason), WHOLE)
             text = f"{safe(run.driver)}  {safe(run.case, WHOLE)}\n    {run.verdict.value}: {how}"
             console.print(Text(text), soft_wrap=True)
-            print_notes(console, run.notes)
+            if (run.driver, run.reason) not in told:  # once for each place in a driver's code
+                told.add((run.driver, run.reason))
+                print_notes(console, run.notes)
 
 
 def as_dict(runs: Sequence[DriverRun], seed: int) -> dict[str, Any]:

@@ -89,7 +89,7 @@ class FirstFailure(Listener):
 
     def done(self, row: Row, *, new: bool = True) -> None:  # noqa: ARG002 - as a listener is called
         """Look at it."""
-        verdict = Verdict(row.verdict) if row.verdict else Verdict.PASS
+        verdict = next((known for known in Verdict if known.value == row.verdict), Verdict.PASS)
         problem = verdict is not Verdict.PASS if row.kind == "seed" else is_problem(verdict) or row.broken
         if problem and not self.name:
             self.name = row.name

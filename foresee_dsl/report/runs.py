@@ -91,10 +91,10 @@ def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str
     total = len(verdicts)
     if not counts:
         return Text(f"{counted(total, noun)} passed", style="bold green")
-    crashed = counts[Verdict.CRASH]
-    if crashed == total:
+    hung = sum(map(is_hang, reasons))
+    if total in (counts[Verdict.CRASH], hung):
         often, times = Counter(reasons).most_common(1)[0]
-        begins = f"the driver crashed in {crashed} of {counted(total, noun)}: "
+        begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, noun)}: "
         more = "" if times == total else f" (in {times} of them)"
         return Text(begins + safe(short_crash(often), WHOLE) + more, style="bold red")
     kinds = ", ".join(f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind])
@@ -103,4 +103,11 @@ def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str
 
 def short_crash(reason: str) -> str:
     """Return a crash's reason without the words that a headline about crashes has already."""
-    return reason.removeprefix("the driver raised ").removeprefix("the driver broke: ")
+    for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
+        reason = reason.removeprefix(begins)
+    return reason
+
+
+def is_hang(reason: str) -> bool:
+    """Whether a run ended because of wall time; it does not for one that did not arrive in simulated time."""
+    return reason.startswith(("timeout: the driver ", "timeout: the run "))

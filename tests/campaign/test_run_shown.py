@@ -5,17 +5,24 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import replace
+from pathlib import Path
 
 from rich.console import Console
 
-from foresee_dsl.report.terminal import print_run
+from foresee_dsl.campaign.execution.runs import CaseRun
+from foresee_dsl.language.model import Scenario
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.report.runs import print_case_run
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from tests.support.handmade_traces import EAST, make_trace, straight
+
+CASE = TestCase("runs.foresee::r01", Scenario(name="runs", body=()), Path(), {}, "", Path("runs.foresee"))
 
 
 def shown(result: RunResult) -> str:
     text = io.StringIO()
-    print_run(Console(file=text, width=120), "runs.foresee::r01", result, None)
+    one = CaseRun(CASE, result.verdict, result.reason, result.notes, result)
+    print_case_run(Console(file=text, width=120), one, None)
     return text.getvalue()
 
 
