@@ -26,7 +26,9 @@ def test_the_first_scenario_of_the_readme(root: Path, tmp_path: Path) -> None:
         done = subprocess.run(
             command, shell=True, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
-        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+        # 1: these commands look for failures, and may find some here
+        finds = command.split()[1] in ("mutate", "campaign")
+        assert done.returncode in ((0, 1) if finds else (0,)), f"{command}\n{done.stdout}\n{done.stderr}"
         outputs[command] = done.stdout
     assert "::close: pass" in outputs["foresee run first.foresee::close --out runs"]
     # What the README shows is in the one layout: formatting changes nothing.

@@ -217,6 +217,7 @@ def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
         "duration_s": round(seed.duration_s, 2),
         "risky_points": seed.risky_points,
         **_details(seed),
+        "notes": seed.notes.as_dict() if seed.notes else None,
         "trace": seed.trace,
     }
 

@@ -137,19 +137,35 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
-    from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.forecast.registry import load_ranker
 
     longest_s = values["before"] - DRIVES_S
     if values["handover"] > max(longest_s, 0.0):
         message = f"it has to end {DRIVES_S:g} s before the risky point, so {longest_s:g} s is the longest here"
         raise typer.BadParameter(message, param_hint="--handover")
-    load_driver(driver)
+    _make_once(driver)
     load_ranker(ranker)
     load_preset(values["preset"])
     by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker})
+
+
+def _make_once(driver: str) -> None:
+    """Make a driver, whose version goes into the keys of a campaign; where it raises, show its own code."""
+    from foresee_dsl.drivers.registry import load_driver
+    from foresee_dsl.errors import DriverError
+
+    try:
+        load_driver(driver)
+    except DriverError as err:
+        if err.__cause__ is None:
+            raise
+        from foresee_dsl.report.safe_text import safe
+        from foresee_dsl.simulate.driver_faults import traceback_of
+
+        lines = "\n".join(safe(line, 10_000) for line in traceback_of(err.__cause__).splitlines())
+        raise DriverError(f"{safe(err, 10_000)}\n{lines}".rstrip()) from err
 
 
 def shard_of(text: str) -> Shard:

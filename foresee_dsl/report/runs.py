@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,12 +10,9 @@ from rich.text import Text
 
 from foresee_dsl.campaign.execution.runs import CaseRun
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.terminal import counted, plain_table, print_run_details
-from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
-
-WHOLE = 100_000
-"""Characters of a line that is shown whole: a path, a line that a driver printed."""
-
+from foresee_dsl.report.terminal import plain_table, print_run_details
+from foresee_dsl.report.verdicts import WHOLE, counted, verdicts_line, without_verdict
+from foresee_dsl.simulate.results.verdict import DriverNotes
 
 _LINES = 30
 """Lines of a driver's output that are printed. Ours: the verdict above stays on the screen."""
@@ -51,11 +47,6 @@ def print_notes(console: Console, notes: DriverNotes) -> None:
             console.print(Text(f"  | {safe(line, WHOLE)}"), soft_wrap=True)
 
 
-def without_verdict(verdict: Verdict, reason: str) -> str:
-    """Return a reason that stands behind its verdict."""
-    return reason.removeprefix(f"{verdict.value}: ").removeprefix(f"{verdict.value} ")
-
-
 def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: Mapping[str, Path]) -> None:
     """Print several runs: how many failed and how, those that did with all that is known, and a table of all."""
     failed = [one for one in runs if not one.passed]
@@ -83,31 +74,3 @@ def _held(one: CaseRun) -> str:
     expectations = one.result.expectations if one.result is not None else ()
     broken = sum(not expectation.held for expectation in expectations)
     return f"{broken} BROKEN" if broken else f"{len(expectations)} held" if expectations else ""
-
-
-def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case") -> Text:
-    """Return the headline of runs: how many failed, by kind; where all of these broke the driver, how."""
-    counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
-    total = len(verdicts)
-    if not counts:
-        return Text(f"{counted(total, noun)} passed", style="bold green")
-    hung = sum(map(is_hang, reasons))
-    if total in (counts[Verdict.CRASH], hung):
-        often, times = Counter(reasons).most_common(1)[0]
-        begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, noun)}: "
-        more = "" if times == total else f" (in {times} of them)"
-        return Text(begins + safe(short_crash(often), WHOLE) + more, style="bold red")
-    kinds = ", ".join(f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind])
-    return Text(f"{sum(counts.values())} of {counted(total, noun)} failed: {kinds}", style="bold red")
-
-
-def short_crash(reason: str) -> str:
-    """Return a crash's reason without the words that a headline about crashes has already."""
-    for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
-        reason = reason.removeprefix(begins)
-    return reason
-
-
-def is_hang(reason: str) -> bool:
-    """Whether a run ended because of wall time; it does not for one that did not arrive in simulated time."""
-    return reason.startswith(("timeout: the driver ", "timeout: the run "))

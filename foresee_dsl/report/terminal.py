@@ -16,6 +16,7 @@ from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.files import write_whole
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.verdicts import verdicts_line
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES, ExpectationResult, Impact, RunResult, Verdict
 
@@ -66,7 +67,10 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
     total = result.row()
     rows = [*(result.row(family) for family in result.families), total]
     kinds = ", ".join(f"{kind.value} {kind.label}" for kind in COLLISIONS)
+    seeds = [seed.verdict for seed in result.seeds]
+    reasons = [seed.reason for seed in result.seeds if seed.verdict is not Verdict.PASS]
     parts: list[Text | Table] = [
+        Text.assemble("\n", verdicts_line(seeds, reasons)),
         _headline(result, total),
         _counts_table(rows),
         _failures_table(rows),
@@ -186,11 +190,6 @@ def duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
-
-
-def counted(number: int, noun: str) -> str:
-    """Return `1 file` or `3 files`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def print_run_details(console: Console, result: RunResult) -> None:

@@ -104,11 +104,21 @@ def test_it_runs_and_the_command_line_goes_before_it(project: Path, tmp_path: Pa
     file = written(project, NIGHTLY.replace("[idm]", "[idm, pdm]"))
     plans = foresee("plan", file, "--out", tmp_path / "out")
     assert "idm, foresee" in plans and "pdm, foresee" in plans
-    foresee("campaign", file, "--out", tmp_path / "one", "--driver", "idm", "--children", "0", "--quiet")
+    foresee("campaign", file, "--out", tmp_path / "one", "--driver", "idm", "--children", "0", "--quiet", "--exit-zero")
     one = json.loads((tmp_path / "one" / "campaign.json").read_text())
     settings = one["settings"]
     assert (settings["driver"], settings["children"], settings["after_s"], settings["seed"]) == ("idm", 0, 2.5, 7)
-    foresee("campaign", file, "--out", tmp_path / "two", "--store", tmp_path / "one" / "store", "--children", "0")
+    foresee(
+        "campaign",
+        file,
+        "--out",
+        tmp_path / "two",
+        "--store",
+        tmp_path / "one" / "store",
+        "--children",
+        "0",
+        "--exit-zero",
+    )
     folders = sorted(p.parent.name for p in (tmp_path / "two").glob("*/campaign.json"))
     assert folders == ["idm_foresee", "pdm_foresee"]
 

@@ -40,19 +40,26 @@ def test_whatever_a_driver_does_is_one_row_and_the_rest_is_done(tmp_path: Path) 
     plug_in = install(tmp_path)
     file = scenario(tmp_path, 78, 79, 80, 81, 82, 83, 84, 85)
     out = tmp_path / "out"
-    options = (file, "--out", out, "--jobs", 2, "--deadline", 25, "--memory", 900)
-    data = run(plug_in, *options)
+    options = (file, "--out", out, "--jobs", 2, "--step-deadline", 3, "--memory", 900)
+    data = run(plug_in, *options, expect=1)
     found = {case["test_case"].rpartition("::w")[2]: (case["verdict"], case["reason"]) for case in data["test_cases"]}
     assert {found[way][0] for way in ("78", "79", "80")} == {"pass"}
-    assert found["81"] == ("crash", "its process died of SIGSEGV (a crash inside a library), 3 times")
-    assert found["82"] == ("timeout", "the run took longer than 25 s of wall time and was ended")
+    assert found["81"] == (
+        "crash",
+        "its process died of SIGSEGV (a crash inside a library), at breaker.py:25 (step), 3 times",
+    )
+    assert found["82"] == (
+        "timeout",
+        "timeout: the driver took longer than 3 s of wall time for step 21, at breaker.py:27 (Breaker.step); "
+        "--step-deadline allows more",
+    )
     assert found["83"] == ("crash", "the run took more than 900 MB of memory and was ended")
-    assert found["84"] == ("crash", "the driver raised ValueError: no idea")
-    assert found["85"] == ("crash", "its process died of SIGABRT (a library gave up), 3 times")
+    assert found["84"] == ("crash", "the driver raised ValueError: no idea, at breaker.py:32 (Breaker.step)")
+    assert found["85"] == ("crash", "its process died of SIGABRT (a library gave up), at breaker.py:34 (step), 3 times")
     assert data["seeds"] == {"total": 8, "passed": 3, "failed": 5}
 
     log = tmp_path / "again.jsonl"
-    again = run(plug_in, *options, "--log-json", log)
+    again = run(plug_in, *options, "--log-json", log, expect=1)
     assert {**again, "wall_s": 0} == {**data, "wall_s": 0}
     # nothing broken is tried again unless --retry asks for it
     assert not [line for line in log.read_text().splitlines() if json.loads(line)["event"] == "done"]

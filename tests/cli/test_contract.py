@@ -93,18 +93,18 @@ def test_one_run_through_all_steps(scenarios: Path, tmp_path: Path) -> None:
     assert len(text.splitlines()) < 200
     assert clip["fidelity_m"] < 0.1
 
-    mutants = json.loads(foresee("mutate", clip["clip"], "--children", "3", "--json").stdout)["children"]
+    mutants = json.loads(foresee("mutate", clip["clip"], "--children", "3", "--json", "--exit-zero").stdout)["children"]
     assert len(mutants) == 3
     for mutant in mutants:
         assert mutant["verdict"] in VERDICTS
         expanded = foresee("expand", mutant["file"]).stdout
         assert expanded.startswith("foresee 1\n\nscenario ")
-        child = json.loads(foresee("run", mutant["file"], "--json").stdout)
+        child = json.loads(foresee("run", mutant["file"], "--json", "--exit-zero").stdout)
         assert child["digest"] == mutant["digest"]
         # The expanded text is a scenario of its own, and it means the same.
         whole = Path(clip["clip"]).with_name("whole.foresee")
         whole.write_text(expanded)
-        assert json.loads(foresee("run", whole, "--json").stdout)["verdict"] == mutant["verdict"]
+        assert json.loads(foresee("run", whole, "--json", "--exit-zero").stdout)["verdict"] == mutant["verdict"]
     assert re.search(
         r"^  .*\b\w+\.(model|steer|timing|delay|line|moving)\b",
         foresee("diff", clip["clip"], mutants[0]["file"]).stdout,
@@ -121,7 +121,7 @@ def test_one_number_changed_by_hand_still_runs(scenarios: Path, tmp_path: Path) 
     head, _, tail = lines[k].partition(" speed ")
     lines[k] = f"{head} speed 5.5 {tail.partition(' ')[2]}"
     clip.write_text("\n".join(lines) + "\n")
-    assert json.loads(foresee("run", clip, "--json").stdout)["verdict"] in VERDICTS
+    assert json.loads(foresee("run", clip, "--json", "--exit-zero").stdout)["verdict"] in VERDICTS
 
 
 GOOD = """foresee 1

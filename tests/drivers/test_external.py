@@ -471,7 +471,7 @@ def test_a_campaign_goes_on_when_the_program_dies_in_one_test_case(
 ) -> None:
     far, near = town(tmp_path, scenarios, start=100, goal=5), town(tmp_path, scenarios, goal=5)
     driver = program(LOSES_ITS_WAY.replace("EXAMPLE", repr(EXAMPLE.rsplit(maxsplit=1)[-1])))
-    data = json.loads(foresee("campaign", far, near, "--driver", driver, "--out", tmp_path / "out", "--json"))
+    data = json.loads(foresee("campaign", far, near, "--driver", driver, "--out", tmp_path / "out", "--json", code=1))
     by_file = {Path(case["test_case"]).name: case for case in data["test_cases"]}
     assert by_file[far.name]["verdict"] == "crash"
     assert "it ended (exit code 1) without an answer; it said: lost my way" in by_file[far.name]["reason"]

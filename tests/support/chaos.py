@@ -48,7 +48,9 @@ class Findings:
 
 def undisturbed(file: Path, out: Path, more: Sequence[str] = ()) -> None:
     """Run the campaign without any harm."""
-    subprocess.run([FORESEE, "campaign", file, "--out", out, *OPTIONS, *more], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(
+        [FORESEE, "campaign", file, "--out", out, "--exit-zero", *OPTIONS, *more], check=True, stdout=subprocess.DEVNULL
+    )
 
 
 def disturbed(file: Path, out: Path, *, kills: int, lots: random.Random, more: Sequence[str] = ()) -> Findings:
@@ -65,7 +67,7 @@ def disturbed(file: Path, out: Path, *, kills: int, lots: random.Random, more: S
         attempt += 1
         log = out.parent / f"log{attempt}.jsonl"
         process = subprocess.Popen(
-            [FORESEE, "campaign", file, "--out", out, "--jobs", "2", "--log-json", log, *OPTIONS, *more],
+            [FORESEE, "campaign", file, "--out", out, "--jobs", "2", "--log-json", log, "--exit-zero", *OPTIONS, *more],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
@@ -127,7 +129,18 @@ def check(file: Path, folder: Path, *, kills: int, seed: int, more: Sequence[str
     assert published(out) == published(calm), "the reports differ"
     assert not list(out.glob(".work-*")), "a working folder is left"
     again = subprocess.run(
-        [FORESEE, "campaign", file, "--out", out, "--log-json", out.parent / "last.jsonl", *OPTIONS, *more],
+        [
+            FORESEE,
+            "campaign",
+            file,
+            "--out",
+            out,
+            "--log-json",
+            out.parent / "last.jsonl",
+            "--exit-zero",
+            *OPTIONS,
+            *more,
+        ],
         check=True,
         stdout=subprocess.DEVNULL,
     )

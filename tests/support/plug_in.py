@@ -39,7 +39,9 @@ class Breaker:
             elif self.how == 85:
                 os.kill(os.getpid(), signal.SIGABRT)
             elif self.how == 86:
-                ctypes.PyDLL(None).sleep(1000)  # without letting go of Python's lock
+                mutex, library = ctypes.create_string_buffer(100), ctypes.PyDLL(None)
+                library.pthread_mutex_lock(mutex)
+                library.pthread_mutex_lock(mutex)  # for ever, and without letting go of Python's lock
         return self.inner.step(observation)
 '''
 SCENARIO = """foresee 1

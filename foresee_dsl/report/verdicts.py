@@ -1,0 +1,52 @@
+"""How many runs failed and how, in a line: what every report of runs begins with."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rich.text import Text
+
+from foresee_dsl.report.safe_text import safe
+from foresee_dsl.simulate.results.verdict import Verdict
+
+WHOLE = 100_000
+"""Characters of a line that is shown whole: a path, a line that a driver printed."""
+
+
+def counted(number: int, noun: str) -> str:
+    """Return `1 file` or `3 files`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case") -> Text:
+    """Return the headline of runs: how many failed, by kind; where all of these broke the driver, how."""
+    counts: Counter[Verdict] = Counter(verdict for verdict in verdicts if verdict is not Verdict.PASS)
+    total = len(verdicts)
+    if not counts:
+        return Text(f"{counted(total, noun)} passed", style="bold green")
+    hung = sum(map(is_hang, reasons))
+    if total in (counts[Verdict.CRASH], hung):
+        often, times = Counter(reasons).most_common(1)[0]
+        begins = f"the driver {'hangs' if hung else 'crashed'} in {total} of {counted(total, noun)}: "
+        more = "" if times == total else f" (in {times} of them)"
+        return Text(begins + safe(short_crash(often), WHOLE) + more, style="bold red")
+    kinds = ", ".join(f"{counts[kind]} {kind.value}" for kind in Verdict if counts[kind])
+    return Text(f"{sum(counts.values())} of {counted(total, noun)} failed: {kinds}", style="bold red")
+
+
+def short_crash(reason: str) -> str:
+    """Return a crash's reason without the words that a headline about crashes has already."""
+    for begins in ("timeout: ", "the driver raised ", "the driver broke: ", "the driver hangs: "):
+        reason = reason.removeprefix(begins)
+    return reason
+
+
+def is_hang(reason: str) -> bool:
+    """Whether a run ended because of wall time; it does not for one that did not arrive in simulated time."""
+    return reason.startswith(("timeout: the driver ", "timeout: the run "))
+
+
+def without_verdict(verdict: Verdict, reason: str) -> str:
+    """Return a reason that stands behind its verdict."""
+    return reason.removeprefix(f"{verdict.value}: ").removeprefix(f"{verdict.value} ")
