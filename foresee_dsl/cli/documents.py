@@ -23,7 +23,7 @@ from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.maintenance import Statistics
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.errors import Span
-from foresee_dsl.simulate.results.verdict import ExpectationResult, Verdict
+from foresee_dsl.simulate.results.verdict import ExpectationResult, Hang, Verdict
 from foresee_dsl.story import ContactClass
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -103,10 +103,18 @@ Run = TypedDict(
     {
         "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,
         "impact": Impact | None, "near_misses": NearMisses, "duration_s": float, "steps": int,
-        "expectations": list[ExpectationResult], "trace": str | None, "digest": str,
+        "expectations": list[ExpectationResult], "output": str, "traceback": str, "hang": Hang | None,
+        "trace": str | None, "digest": str,
     },
 )  # fmt: skip
-"""`foresee run --json`."""
+"""`foresee run --json` of one test case; `digest` is empty where the driver ended its process. `output`: what the
+driver printed; `traceback`: of its exception."""
+
+
+class Runs(TypedDict):
+    """`foresee run --json` of several test cases."""
+
+    runs: list[Run]
 
 
 class RiskyPoint(TypedDict):
@@ -282,6 +290,9 @@ class DriverRun(TypedDict):
     hard_brakings: int
     step_ms: float
     digest: str
+    output: str
+    traceback: str
+    hang: Hang | None
 
 
 class Assess(TypedDict):
@@ -320,6 +331,14 @@ class _Details(TypedDict):
     story: Story | None
 
 
+class Notes(TypedDict):
+    """What a driver printed and raised in a run, and what it was ended in; `hang` is null where it was not."""
+
+    output: str
+    traceback: str
+    hang: Hang | None
+
+
 class CampaignCase(_Details):
     """A test case of a campaign, run unmutated."""
 
@@ -330,6 +349,7 @@ class CampaignCase(_Details):
     duration_s: float
     risky_points: int
     trace: str
+    notes: Notes | None
 
 
 CampaignChild = TypedDict(
@@ -536,6 +556,7 @@ DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "plan": (1, Plan),
     "repin": (1, Repin),
     "run": (1, Run),
+    "runs": (1, Runs),
     "sample": (1, Sample),
     "store": (1, Statistics | StoreMerge | StoreSweep | StoreExport),
     "verify": (2, Verify),

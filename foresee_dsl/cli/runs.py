@@ -100,7 +100,7 @@ def run(
 
     def data() -> str:
         every = _documents(done, driver, seed, traces)
-        return common.json_document({"schema": 1, **(every[0] if single else {"runs": every})})
+        return common.json_document({"schema": 1, **(every[0] if single else {"document": "runs", "runs": every})})
 
     report_results(
         ReportFormat.json if json else format_,
@@ -135,23 +135,25 @@ def _documents(runs: Sequence[CaseRun], driver: str, seed: int, traces: Mapping[
 
 
 def _run_dict(one: CaseRun, trace: Path | None) -> dict[str, object]:
-    """Return a run for JSON; what only a run that gave a result has is null elsewhere."""
+    """Return a run for JSON; of one whose process died there is the verdict, and what was printed."""
     from dataclasses import asdict
+
+    from foresee_dsl.simulate.results.near_misses import NearMisses
 
     result = one.result
     return {
         "verdict": one.verdict.value,
-        "time_s": round(result.time_s, 2) if result else None,
+        "time_s": round(result.time_s, 2) if result else 0.0,
         "with": result.with_ if result else "",
         "reason": one.reason,
         "impact": result.impact.as_dict() if result and result.impact else None,
-        "near_misses": result.near_misses.as_dict() if result else None,
-        "duration_s": round(result.duration_s, 2) if result else None,
-        "steps": result.steps if result else None,
+        "near_misses": (result.near_misses if result else NearMisses(None, None, None, None)).as_dict(),
+        "duration_s": round(result.duration_s, 2) if result else 0.0,
+        "steps": result.steps if result else 0,
         "expectations": [asdict(expectation) for expectation in result.expectations] if result else [],
         **one.notes.as_dict(),
         "trace": str(trace) if trace else None,
-        "digest": result.trace.digest if result else None,
+        "digest": result.trace.digest if result else "",
     }
 
 

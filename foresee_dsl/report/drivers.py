@@ -67,7 +67,10 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
 
 
 def as_dict(runs: Sequence[DriverRun], seed: int) -> dict[str, Any]:
-    """Return everything for JSON; what is measured on the clock (`step_ms`) differs from run to run."""
+    """Return everything for JSON; what is measured on the clock (`step_ms`) differs from run to run.
+
+    `broken` is empty: a run whose process died is a crash among the others.
+    """
     return {
         "schema": 1,
         "seed": seed,
@@ -81,6 +84,7 @@ def as_dict(runs: Sequence[DriverRun], seed: int) -> dict[str, Any]:
             }
             for one in runs
         ],
+        "broken": [],
     }
 
 

@@ -61,6 +61,12 @@ class Watch:
             if printed_here() is not None:
                 faulthandler.cancel_dump_traceback_later()
 
+    def starts(self) -> None:
+        """Note that the driver was reset: steps have another deadline, and many of them come before the next look."""
+        files = printed_here()
+        if self._limits is not None and files is not None:
+            files.end_after(self._limits[1] + _GRACE_S)
+
     def _look(self, _number: int, _frame: FrameType | None) -> None:
         if self._limits is None or sys.gettrace() is not None:
             return

@@ -142,6 +142,7 @@ class _Run:
             self._director.step()
             self._recorder.frame(self._world.signals)  # a trace has a frame at least
             return self._finish(failed, steps)
+        watch.starts()
         while True:
             self._director.step()
             states = self._recorder.frame(self._world.signals)
