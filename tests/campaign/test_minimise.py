@@ -1,0 +1,196 @@
+"""Findings of a campaign, minimised and reviewed: as steps of the campaign, and by command."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.plan import plan_campaign
+from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.cli import app
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.project.checked_files import check_paths
+from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
+from tests.support.small_street import STREET
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a project and its finished campaign, `out`."""
+    root = tmp_path_factory.mktemp("minimise")
+    (root / "street.foresee").write_text(STREET)
+    campaign([write_project(root), root / "street.foresee"], root / "out", options=RunOptions(jobs=2))
+    return root
+
+
+@pytest.fixture(autouse=True)
+def here(done: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands are called in the project's folder."""
+    monkeypatch.chdir(done)
+
+
+@pytest.fixture(scope="module")
+def names(done: Path) -> list[str]:
+    """The findings."""
+    return [finding["name"] for finding in published(done / "out")["json"]["findings"]]
+
+
+def foresee(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "200"})
+
+
+def test_each_finding_has_a_folder_with_its_minimised_files(done: Path, names: list[str]) -> None:
+    out = done / "out"
+    assert len(names) > 1 and sorted(folder.name for folder in (out / "findings").iterdir()) == sorted(names)
+    for finding in published(out)["json"]["findings"]:
+        small = finding["minimised"]
+        raw, case = load_test_case(str(out / finding["file"])), load_test_case(str(out / small["file"]))
+        assert raw.mutant is not None and case.mutant is not None and case.clip is not None
+        assert len(case.mutant.changes) == small["changes"]["now"] <= len(raw.mutant.changes)
+        assert case.mutant.origin is not None and case.mutant.origin.minimised
+        assert small["clip_lines"]["now"] == (out / small["clip"]).read_text().count("\n")
+        # The time is another one, as the clip begins later; the kind and the actor are the same.
+        assert small["reason"].partition(" at ")[0] == case.mutant.origin.found.partition(" at ")[0]  # type: ignore[union-attr]
+        assert (out / small["file"]).with_suffix(".npz").is_file()
+    assert not check_paths([str(out / "findings")]).diagnostics
+
+
+def test_the_minimised_files_go_through_every_command(done: Path, names: list[str], tmp_path: Path) -> None:
+    mutant = done / "out" / "findings" / names[0] / f"{names[0]}.foresee"
+    clip = next(file for file in mutant.parent.glob("*.foresee") if file != mutant)
+    assert foresee("verify", mutant.parent, "--jobs", "1").exit_code == 0
+    assert foresee("fmt", "--check", mutant, clip).exit_code == 0
+    assert foresee("diff", clip, mutant).stdout.startswith("Stimulus\n  + ")
+    said = json.loads(foresee("run", mutant, "--driver", "idm", "--json").stdout)
+    assert said["reason"] in mutant.read_text()
+    copy = tmp_path / clip.name
+    copy.write_text(clip.read_text().replace("../../../", f"{done}/"))
+    said = json.loads(foresee("mutate", copy, "--driver", "idm", "--children", "1", "--allow-outside", "--json").stdout)
+    assert len(said["children"]) == 1
+
+
+def test_the_command_takes_what_the_campaign_found(done: Path, names: list[str], tmp_path: Path) -> None:
+    arguments = ("minimise", names[0], "--campaign", done / "out", "--out", tmp_path / "small", "--allow-outside")
+    said = json.loads(foresee(*arguments, "--json").stdout)
+    assert said["runs_now"] == 0 and said["runs"] > 0
+    there = done / "out" / "findings" / names[0]
+    for file in map(Path, said["files"]):
+        assert file.read_text().split("\n")[3:] == (there / file.name).read_text().split("\n")[3:]
+    load_test_cases(said["files"], allow_outside=True)
+    assert "nothing was run" in foresee(*arguments).stdout
+
+
+def test_any_failing_child_can_be_minimised_once(done: Path, tmp_path: Path) -> None:
+    """One without a campaign, with fewer runs: they are stored in the user's cache."""
+    raw = next((done / "out" / "children").rglob("*_m?.foresee"))
+    clip = raw.with_name(f"{raw.stem.rpartition('_m')[0]}.foresee")
+    for file in (raw, clip):
+        shutil.copy(file, done / file.name)
+        (done / file.name).write_text(file.read_text().replace("../../../crosser.foresee", "crosser.foresee"))
+    arguments = ("minimise", done / raw.name, "--budget", "7", "--out", tmp_path / "small", "--allow-outside", "--json")
+    first, again = (json.loads(foresee(*arguments).stdout) for _ in range(2))
+    assert 0 < first["runs_now"] <= 7 and not first["complete"] and "budget of 7 runs" in first["note"]
+    assert again["runs_now"] == 0
+    assert {**again, "runs_now": 0} == {**first, "runs_now": 0}
+
+
+def test_the_unreduced_files_can_be_had(done: Path, names: list[str], tmp_path: Path) -> None:
+    said = foresee("minimise", names[0], "--campaign", done / "out", "--full", "--out", tmp_path / "raw",
+                   "--allow-outside")  # fmt: skip
+    files = [Path(line) for line in said.stdout.split()]
+    found = next((done / "out" / "children").rglob(f"{names[0]}.foresee"))
+    assert files[0].read_text() == found.read_text()
+    assert load_test_cases([str(file) for file in files], allow_outside=True)
+
+
+def test_a_review_fits_the_screen_and_says_all(done: Path, names: list[str]) -> None:
+    out = done / "out"
+    finding = published(out)["json"]["findings"][0]
+    text = foresee("review", names[0], "--campaign", out).stdout
+    assert all(len(line) <= 80 or "/" in line for line in text.splitlines())  # paths stay whole
+    for part in ("Difference", "Boundary", "Other mutations of the same clip", "Files", "Commands"):
+        assert f"\n{part}" in text
+    (edge,) = finding["minimised"]["boundary"]
+    assert f"fails at {edge['fails']:.2f}" in text and f"passes at {edge['passes']:.2f}" in text
+    assert finding["preventability"] in text
+    data = json.loads(foresee("review", names[0], "--campaign", out, "--json").stdout)
+    runs = [child for clip in published(out)["json"]["clip_runs"] for child in clip["children"]]
+    passed = {child["mutant"] for child in runs if child["verdict"] == "pass"}
+    assert set(data["withstood"]) <= passed and data["finding"]["name"] == names[0]
+    assert data["others"] and all(one["changes"] for one in data["others"])
+
+
+def test_what_is_no_failing_mutant_is_refused_in_words(done: Path, names: list[str], tmp_path: Path) -> None:
+    out = done / "out"
+
+    def says(*arguments: object) -> str:
+        said = foresee(*arguments)
+        assert said.exit_code == 1 and isinstance(said.exception, ForeseeError), said.output
+        return str(said.exception)
+
+    assert "did you mean" in says("minimise", names[0][:-1], "--campaign", out)
+    assert "no campaign in" in says("minimise", "nothing", "--campaign", tmp_path)
+    clip = next(file for file in (out / "findings" / names[0]).glob("*.foresee") if file.stem != names[0])
+    assert "holds a clip, not a mutant" in says("minimise", clip)
+    raw = next((out / "children").rglob(f"{names[0]}.foresee"))
+    stale = raw.with_name("stale.foresee")
+    stale.write_text(_stale(raw.read_text()))
+    try:
+        assert "is pinned" in says("minimise", stale)
+    finally:
+        stale.unlink()
+    (tmp_path / "campaign.json").write_text("[1]")
+    assert "no campaign's JSON" in says("minimise", "nothing", "--campaign", tmp_path)
+
+
+def _stale(text: str) -> str:
+    """A mutant whose clip was edited since."""
+    head, _, rest = text.partition("pin sha256:")
+    return f"{head}pin sha256:{'0' * 12}{rest[12:]}"
+
+
+def test_a_mutant_that_passes_is_refused_in_words(done: Path, names: list[str], tmp_path: Path) -> None:
+    """Its number is the one beyond the boundary."""
+    finding = published(done / "out")["json"]["findings"][0]
+    (edge,) = finding["minimised"]["boundary"]
+    mutant = done / "out" / finding["minimised"]["file"]
+    passing = mutant.with_name("passing.foresee")
+    passing.write_text(mutant.read_text().replace(f"=> {edge['fails']:.2f}", f"=> {edge['passes']:.2f}"))
+    try:
+        said = foresee("minimise", passing, "--out", tmp_path)
+    finally:
+        passing.unlink()
+    assert said.exit_code == 1 and "does not fail" in str(said.exception)
+    assert not list(tmp_path.iterdir())
+
+
+class Stopping(Heard):
+    """Asks for an end when the first finding is minimised."""
+
+    def __call__(self) -> bool:
+        return "minimise" in self.kinds
+
+
+def test_a_campaign_that_is_stopped_while_it_minimises_continues(done: Path, names: list[str], tmp_path: Path) -> None:
+    files = [done / "crosser.foresee", done / "street.foresee"]
+    shutil.copytree(done / "out" / "store", tmp_path / "store")
+    with Store(tmp_path / "store") as store:
+        store.execute("DELETE FROM runs WHERE kind = 'minimise'")
+        cases = load_test_cases(files)
+        plan = plan_campaign(Stages(cases, SETTINGS, store, tmp_path / "out"), store, jobs=1)
+    assert (plan.stages[-1].to_run, plan.stages[-1].at_most) == (len(names), 0)
+    stopping = Stopping()
+    result, heard = campaign(files, done / "out2", store=tmp_path / "store", heard=stopping,
+                             options=RunOptions(stop=stopping))  # fmt: skip
+    assert heard.kinds == ["minimise"] and result.interrupted
+    _, heard = campaign(files, done / "out2", store=tmp_path / "store")
+    assert heard.kinds == ["minimise"] * (len(names) - 1)
+    assert published(done / "out2")["json"] == published(done / "out")["json"]
