@@ -537,6 +537,40 @@ class Exchanged(TypedDict):
     notes: NotRequired[list[str]]
 
 
+class ReportedRun(TypedDict):
+    """A failing run of a finding; `unreduced`: the changes before they were minimised."""
+
+    name: str
+    file: str
+    verdict: str
+    reason: str
+    sentence: str
+    moments: list[Moment]
+    changes: list[str]
+    unreduced: list[str]
+    why: str | None
+    commands: list[str]
+    missing: list[str]
+
+
+ReportedFinding = TypedDict(
+    "ReportedFinding",
+    {
+        "name": str, "sentence": str, "class": str, "verdict": str, "family": str, "driver": str,
+        "preventability": str, "test_case": str, "runs": list[ReportedRun], "more": list[str],
+    },
+)  # fmt: skip
+"""Failures that tell one story; `more` are the names of runs that are not shown."""
+
+
+class Report(TypedDict):
+    """`foresee report --format json`."""
+
+    headline: str
+    notes: list[str]
+    findings: list[ReportedFinding]
+
+
 DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "assess": (1, Assess),
     "campaign": (1, Campaign),
@@ -555,6 +589,7 @@ DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "mutate": (1, Mutate),
     "plan": (1, Plan),
     "repin": (1, Repin),
+    "report": (1, Report),
     "run": (1, Run),
     "runs": (1, Runs),
     "sample": (1, Sample),

@@ -84,6 +84,7 @@ def test_signals_stop_it_and_the_same_command_goes_on(project: Path, tmp_path: P
     log = tmp_path / "last.jsonl"
     done = foresee("campaign", project, *OPTIONS, "--out", out, "--log-json", log, "--jobs", 2, "--exit-zero")
     assert published(out)["json"]["interrupted"] is False
+    assert (out / "report.html").is_file()
     assert not {e["key"] for e in events(log) if e["event"] == "done"} & seen
     assert events(log)[0]["event"] == "begin" and events(log)[-1]["event"] == "end"
     _look_at_plan_and_store(project, out, tmp_path)

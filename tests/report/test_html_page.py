@@ -6,11 +6,14 @@ import json
 import math
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -25,6 +28,7 @@ from foresee_dsl.story import Moment
 from tests.support.small_campaign import campaign, write_project
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+DOCS = Path(__file__).parents[2] / "docs"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 
@@ -316,3 +320,23 @@ def hostile_contents() -> Contents:
     )  # fmt: skip
     table = Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), (HOSTILE, HOSTILE))
     return Contents(HOSTILE, HOSTILE, HOSTILE, (found,), (HOSTILE,), (table,), (table,))
+
+
+# ---- the commands ---------------------------------------------------------------------------------------------------
+
+
+def test_report_gives_every_form(out: Path, page_file: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.html"
+    assert foresee("report", out, "--output", again, cwd=tmp_path) == f"{again}\n"
+    assert again.read_bytes() == page_file.read_bytes()
+    found = json.loads(foresee("report", out, "--format", "json", cwd=tmp_path))
+    jsonschema.validate(found, json.loads((DOCS / "schemas" / "report-1.json").read_text()))
+    text = foresee("report", out, "--format", "text", cwd=tmp_path)
+    assert all(one["sentence"] in text for one in found["findings"])
+
+
+def foresee(*arguments: str | Path, cwd: Path) -> str:
+    program = Path(sys.executable).parent / "foresee"
+    done = subprocess.run([program, *arguments], cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
