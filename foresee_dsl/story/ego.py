@@ -50,7 +50,7 @@ class Ego:
         state: `stands`, `creeps`, `brakes`, `accelerates`, `drives on`. going: `turning left`, `changing lane`, ..., ""
             where it goes straight on. fastest_mps: within the last second, or before the last braking.
         braking_mps2: the strongest of the last braking, 0 where it has not braked at the end.
-        stood_s: for how long it stands at the end. moments: of the whole run.
+        stood_s: for how long it stands at the end.
     """
 
     state: str
@@ -58,7 +58,6 @@ class Ego:
     fastest_mps: float
     braking_mps2: float
     stood_s: float
-    moments: tuple[Moment, ...]
 
     def manoeuvre(self, *, steered: bool) -> str:
         """Return what it did in words that are the same in equal stories.
@@ -85,8 +84,12 @@ def ego_of(facts: Facts, place: Place) -> Ego:
         fastest_mps=float(speed[first:].max()),
         braking_mps2=_strongest(facts, final) if final else 0.0,
         stood_s=(stand[1] - stand[0]) * STEP_S if stand else 0.0,
-        moments=tuple(sorted(_moments(facts, brakings), key=lambda moment: moment.time_s)),
     )
+
+
+def ego_moments(facts: Facts) -> tuple[Moment, ...]:
+    """Return what the ego did in the whole run, in the order of time."""
+    return tuple(sorted(_moments(facts, _brakings(facts)), key=lambda moment: moment.time_s))
 
 
 def _state(facts: Facts, braking: bool) -> str:

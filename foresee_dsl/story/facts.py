@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,12 +19,15 @@ from foresee_dsl.kernels.boxes import Box, Mover, gaps
 from foresee_dsl.kernels.lines import FloatArray
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.outcome import impact
+from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, impact
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
 COLOURS = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
 """What SUMO's letters mean; as in `simulate.signals`."""
+NEAR_M = 10.0
+"""An actor that a passed run came no nearer to is no opponent. Ours: two cars' lengths."""
+_BY_FRAME = ("time_s", "states", "lanes", "along", "stages", "elapsed")
 MOVED_M = 0.05
 """Who moves less between two frames that are compared has no direction (ours: 0.1 m/s over half a second)."""
 
@@ -34,12 +37,13 @@ class Facts:
     """One run, and all that is known of it.
 
     Attributes:
-        trace: the run. case: what was run. bundle: it, compiled.
+        trace: the run. case: what was run. bundle: it, compiled. named: the opponent's column where it is given.
     """
 
     trace: Trace
     case: TestCase
     bundle: SumoBundle
+    named: int | None = None
 
     @classmethod
     def of(cls, trace: Trace, case: TestCase) -> Facts:
@@ -83,7 +87,12 @@ class Facts:
 
     @cached_property
     def opponent(self) -> int | None:
-        """The column of the actor that the story is about: who was touched, else who was changed or is the risk."""
+        """The column of the actor that the story is about: who was touched, else who was changed or is the risk.
+
+        Of a run that passed it is otherwise the actor that came nearest; of one that failed by itself, nobody.
+        """
+        if self.named is not None:
+            return self.named
         ids = {info.id: k for k, info in enumerate(self.trace.actors)}
         if self.impact is not None:
             return ids[self.impact.with_]
@@ -91,7 +100,36 @@ class Facts:
             return None
         risk = self.case.clip.risk if self.case.clip else None
         named = [change.actor for change in self.changes] + ([risk.actor] if risk and risk.actor else [])
-        return next((ids[name] for name in named if ids.get(name)), None)
+        found: int | None = next((ids[name] for name in named if ids.get(name)), None)
+        if found is None and self.verdict is Verdict.PASS:
+            return self._nearest()
+        return found
+
+    def at_nearest(self) -> Facts:
+        """Return the run up to the moment at which the opponent was nearest to the ego."""
+        if self.opponent is None:
+            return self
+        gaps_m = self._apart()[:, self.opponent - 1]
+        if np.isnan(gaps_m).all():
+            return self
+        end = int(np.nanargmin(gaps_m)) + 1
+        arrays = {name: getattr(self.trace, name)[:end] for name in _BY_FRAME}
+        return Facts(replace(self.trace, **arrays), self.case, self.bundle, self.opponent)
+
+    def _nearest(self) -> int | None:
+        """The column of the moving actor that came nearest to the ego, None where none came near."""
+        moving = self.trace.states[:, 1:, SPEED] >= STUCK_SPEED_MPS
+        apart = np.where(moving, self._apart(), np.nan)
+        if not apart.size or np.isnan(apart).all() or np.nanmin(apart) > NEAR_M:
+            return None
+        return int(np.nanargmin(apart)) % len(self.trace.actors[1:]) + 1
+
+    def _apart(self) -> FloatArray:
+        """[T, A - 1] m between the middles of the ego and the others, less half of their lengths."""
+        xy = self.trace.states[:, :, [X, Y]]
+        between = np.hypot(*np.moveaxis(xy[:, 1:] - xy[:, :1], 2, 0))
+        halves = np.array([info.front_m for info in self.trace.actors])
+        return np.asarray(between - halves[0] - halves[1:], dtype=np.float64)
 
     def info(self, actor: int) -> ActorInfo:
         """What stays the same about an actor."""

@@ -11,7 +11,7 @@ import networkx as nx
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance_to, inside
-from foresee_dsl.compile.roads.topology import Junction, Movement
+from foresee_dsl.compile.roads.topology import Crossing, Junction, Movement
 from foresee_dsl.story.facts import Facts
 
 NEAR_JUNCTION_M = 20.0
@@ -56,10 +56,9 @@ def place_of(facts: Facts, at: XY, frame: int) -> Place:
     other = facts.info(facts.opponent) if facts.opponent else None
     on_foot = other is not None and (other.kind == "pedestrian" or (other.kind == "bicycle" and bool(other.path)))
     network, layout = facts.network, _layout(facts.network)
-    behind = _passed(facts, frame)
     for crossing in network.crossings.values() if on_foot else ():
         if distance_to(*at, crossing.lane.shape) <= crossing.lane.width_m / 2 + BESIDE_CROSSING_M:
-            where = "behind" if crossing.junction in behind else "before"
+            where = "behind" if _behind(facts, crossing, frame) else "before"
             kind, equal = kind_of(network, crossing.junction), control_of(network, crossing.junction)
             name = f"the {equal}" if other and other.kind == "bicycle" else f"the crossing {where} the {equal}"
             return Place("crossing", name, crossing.junction, f"the crossing {where} the {kind}")
@@ -106,13 +105,18 @@ def movement_near(facts: Facts, actor: int, frame: int, place: Place) -> Movemen
     return passage.movement if passage else None
 
 
-def _passed(facts: Facts, frame: int) -> set[str]:
-    """The junctions that the ego has entered by a frame: what it then touches at one lies behind it."""
-    found = {movement.junction for start, _, movement in facts.passages(0) if start <= frame}
-    lane = facts.network.lanes.get(facts.lane(0, 0))
-    if lane is not None and lane.edge in facts.network.edges:
-        found.add(facts.network.edges[lane.edge].start)
-    return found
+def _behind(facts: Facts, crossing: Crossing, frame: int) -> bool:
+    """Whether the ego comes to a crossing when it leaves the junction, and not when it enters it.
+
+    It does where the crossing lies over the road that it takes; where that is not known, once it is inside.
+    """
+    through = [p for p in facts.passages(0) if p[2].junction == crossing.junction and p[0] <= frame]
+    if through:
+        movement = through[-1][2]
+        return movement.to_edge in crossing.edges or movement.from_edge not in crossing.edges
+    lane = facts.network.lanes.get(facts.lane(0, frame))
+    edge = facts.network.edges.get(lane.edge) if lane is not None else None
+    return edge is not None and edge.start == crossing.junction
 
 
 def kind_of(network: RoadNetwork, junction: str) -> str:

@@ -9,14 +9,14 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story.contact import contact_class, contact_point
-from foresee_dsl.story.ego import Ego, ego_of
+from foresee_dsl.story.ego import Ego, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
 from foresee_dsl.story.mutation import changed
 from foresee_dsl.story.opponent import Opponent
 from foresee_dsl.story.place import Place, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
 from foresee_dsl.story.waiting import waiting
-from foresee_dsl.story.wording import kmh, with_side
+from foresee_dsl.story.wording import kmh, metres, name_of, with_side
 
 STOOD_S = 1.0
 """Who has stood for less has just stopped. Ours."""
@@ -30,14 +30,15 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
     Raises:
         InputError, CompileError: the test case cannot be compiled.
     """
-    facts = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
+    whole = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
+    facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole
     contact, found = contact_class(facts), facts.impact
     at = contact_point(facts, found) if found else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)
     ego = ego_of(facts, place)
     other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
     return Story(
-        moments=_moments(facts, ego, other, found),
+        moments=_moments(whole, ego_moments(whole), other, found),
         sentence=_sentence(facts, ego, other, place),
         opponent=facts.info(other.actor).id if other else "",
         opponent_kind=other.kind if other else "",
@@ -50,13 +51,16 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
     )
 
 
-def _moments(facts: Facts, ego: Ego, other: Opponent | None, found: Impact | None) -> tuple[Moment, ...]:
-    moments = [*ego.moments, *(other.moments() if other else ())]
+def _moments(facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, found: Impact | None) -> tuple[Moment, ...]:
+    moments = [*ego, *(other.moments() if other else ())]
     moments += [Moment(0.0, change.actor, "mutation", changed(change)) for change in facts.changes]
     if found is not None:
         text = f"contact, {with_side(found.side)}, {found.relative_mps:.1f} m/s: {found.struck}"
         moments.append(Moment(facts.end_s, "ego", "contact", text))
     elif facts.verdict is not None:
+        if other is not None and other.facts is not facts:
+            text = f"{name_of(facts.info(other.actor))} is nearest, {metres(other.ahead_m(other.facts.last))} away"
+            moments.append(Moment(other.facts.end_s, facts.info(other.actor).id, "nearest", text))
         moments.append(Moment(facts.end_s, "ego", "ends", f"the run ends: {facts.verdict.label}"))
     return tuple(sorted(moments, key=lambda moment: moment.time_s))
 
@@ -69,14 +73,16 @@ def _touch(contact: ContactClass, found: Impact | None) -> str:
 
 def _sentence(facts: Facts, ego: Ego, other: Opponent | None, place: Place) -> str:
     found = facts.impact
-    if other is None or found is None:
+    if other is None or (found is None and facts.verdict is not Verdict.PASS):
         return _alone(facts, ego, place)
     where = f" {place.text}" if place.text and place.kind != "crossing" else ""
     return f"{other.clause()}; {_ego_clause(facts, ego, other, found)}{where}"
 
 
-def _ego_clause(facts: Facts, ego: Ego, other: Opponent, found: Impact) -> str:
+def _ego_clause(facts: Facts, ego: Ego, other: Opponent, found: Impact | None) -> str:
     going = f", {ego.going}," if ego.going else ""
+    if found is None:
+        return f"the ego{going} {_drives(ego)}, and they pass each other {metres(other.ahead_m(facts.last))} apart"
     parts = [text for text in (_sees(facts, ego, other), _drives(ego)) if text]
     return f"the ego{going} {', '.join(parts)} and {_ends(ego, found)}"
 

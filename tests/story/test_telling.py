@@ -102,6 +102,9 @@ def test_who_is_steered_away_did_not_strike(clip_case: TestCase) -> None:
     assert away.result.verdict is Verdict.PASS
     assert (away.story.contact, away.story.opponent) == (ContactClass.NONE, "oncoming")
     assert "is steered" not in away.story.opponent_manoeuvre
+    assert "they pass each other" in away.story.sentence
+    (nearest,) = (moment for moment in away.story.moments if moment.kind == "nearest")
+    assert nearest.time_s < away.result.duration_s
 
 
 def test_moments_are_in_order_and_within_the_run(steered: Told) -> None:
