@@ -132,7 +132,7 @@ def _cases(scenario: Scenario, count: int | None, seed: int | None) -> Sequence[
 
 
 def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
-    from foresee_dsl.language.project.concretise import value_text
+    from foresee_dsl.language.printer import value_text
     from foresee_dsl.language.sampling.draws import values_of
 
     print_json(
@@ -157,7 +157,7 @@ def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Co
 
 def _print_table(scenario: Scenario, cases: Sequence[Case], found: Coverage) -> None:
     from foresee_dsl.language.model import Param
-    from foresee_dsl.language.project.concretise import value_text
+    from foresee_dsl.language.printer import value_text
     from foresee_dsl.language.sampling.draws import values_of
 
     names = [param.name for param in scenario.all(Param)]

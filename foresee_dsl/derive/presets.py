@@ -184,11 +184,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, P
 
 
 def preset(name: str | Preset) -> Preset:
-    """Return a preset by name (one that is given as such comes back).
-
-    Raises:
-        UnknownPresetError: there is none (close names are in the message).
-    """
+    """Return a preset by name; one that is given as such comes back."""
     if isinstance(name, Preset):
         return name
     if name not in PRESETS:

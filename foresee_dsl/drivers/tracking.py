@@ -18,6 +18,7 @@ import numpy as np
 
 from foresee_dsl.drivers.protocol import ActorClass, FloatArray, Observation, SeenActor, SignalColour
 from foresee_dsl.kernels import tracks as kernel
+from foresee_dsl.kernels.arrays import Records
 
 COAST_S = 1.5
 """Ours: an object that is not seen any more is predicted for this long. The sensors give it its old number within 1 s;
@@ -69,7 +70,7 @@ class Tracks(NamedTuple):
         x, y, heading, speed, length, width, acceleration, yaw_rate, lost_s: the columns of `table`.
     """
 
-    table: kernel.Records
+    table: Records
     numbers: tuple[int, ...]
     kinds: tuple[ActorClass, ...]
 

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from decimal import Decimal
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.foreign.opendrive_geometry import plain_number
+from foresee_dsl.compile.foreign import opendrive_geometry
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
@@ -96,7 +96,4 @@ def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Qua
 
 def number(element: Element, name: str, default: float | None = None) -> float:
     """Return an attribute as a number; an `ExchangeError` where `opendrive_geometry.number` has its error."""
-    try:
-        return plain_number(element, name, default)
-    except ValueError as err:
-        raise ExchangeError(f"the {err}") from err
+    return opendrive_geometry.number(element, name, default, error=ExchangeError, of="the")

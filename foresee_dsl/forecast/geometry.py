@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.kernels import lines
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray
 from foresee_dsl.kernels.boxes import ever_within, gaps_to_first
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import cos, exp, sin, sqrt, tan
 from typing import Any, NamedTuple
 
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.compiling import FLOAT, compiled, inner
-from foresee_dsl.kernels.lines import Records
 from foresee_dsl.kernels.records import array_of
 
 THROTTLE_LAG_S = 0.2

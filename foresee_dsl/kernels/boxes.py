@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.compiling import ANY_TABLE, BYTE_TABLE, CUBE, FLOAT, FLOATS, TABLE, compiled, inner
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 Bytes = NDArray[np.uint8]
 Flags = NDArray[np.bool_]

@@ -15,11 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, TABLE, compiled, inner
 from foresee_dsl.kernels.records import array_of, dtype_of
-
-FloatArray = NDArray[np.float64]
-Records = NDArray[np.void]
 
 SEARCH_M = 12.0
 """How far around its last place on a line a vehicle is looked for, m; as `Polyline.project` does."""

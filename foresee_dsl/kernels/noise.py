@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import FloatArray, Hashes, IntArray
 from foresee_dsl.kernels.compiling import INT, INTS, TABLE, compiled, inner
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Hashes = NDArray[np.uint64]
 
 _KEYS, _KEY_TABLE = types.uint64[::1], types.uint64[:, ::1]
 

@@ -11,18 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import FloatArray, Hashes, IntArray, Records
 from foresee_dsl.kernels.bicycle import Record
 from foresee_dsl.kernels.compiling import INT, TABLE, compiled, inner
-from foresee_dsl.kernels.lines import Records
 from foresee_dsl.kernels.noise import chance, error
 from foresee_dsl.kernels.records import array_of
 from foresee_dsl.kernels.sight import BODIES, HEADING, SPEED, WALLS, SightLimits, X, Y, find
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Hashes = NDArray[np.uint64]
 
 _KEY_TABLE = types.uint64[:, ::1]
 

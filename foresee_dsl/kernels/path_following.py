@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.compiling import FLOAT, compiled, inner
-from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, Records, place_at, speed_at
+from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, place_at, speed_at
 from foresee_dsl.kernels.records import array_of
 
 

@@ -12,16 +12,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.bicycle import Record
 from foresee_dsl.kernels.compiling import FLOAT, TABLE, compiled, inner
-from foresee_dsl.kernels.lines import Records, nearest_on_segment
+from foresee_dsl.kernels.lines import nearest_on_segment
 from foresee_dsl.kernels.records import array_of, dtype_of
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
 
 X, Y, HEADING, SPEED = range(4)
 """Columns of the states and poses of objects, as in `Trace.states`."""

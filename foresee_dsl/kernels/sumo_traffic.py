@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import FloatArray, IntArray, Records
 from foresee_dsl.kernels.bicycle import STATES
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, INTS, compiled
-from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, Records, along, heading_at, speed_at
+from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, along, heading_at, speed_at
 from foresee_dsl.kernels.records import array_of
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SIDEWAYS_MPS = 1.0
 """How fast a lane change moves sideways. Ours: 3.3 m in 3.3 s, within the 3 s to 5 s that lane changes take."""

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import FloatArray, IntArray, Records
 from foresee_dsl.kernels.compiling import FLAG, FLOAT, HYPERCUBE, INTS, TABLE, compiled
 from foresee_dsl.kernels.records import array_of, dtype_of
 
@@ -48,10 +48,6 @@ _JUMPS = JUMP * np.array(
     ]
 )
 """[4, mode, bins] differences of x, y, heading and speed above which a filter starts again."""
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Records = NDArray[np.void]
 
 
 class Track(NamedTuple):

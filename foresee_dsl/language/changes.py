@@ -21,8 +21,9 @@ from foresee_dsl.language.lints.logic import weaker
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.catalogues import check_model, cruise_speed_mps
-from foresee_dsl.language.project.concretise import complaint, same_kind, value_text
+from foresee_dsl.language.project.concretise import complaint, same_kind
 from foresee_dsl.language.traversal import mapped, parts
 
 _T = TypeVar("_T")

@@ -188,6 +188,11 @@ def word(value: m.ParamValue) -> str:
     return value if _DOTTED.fullmatch(value) else identifier(value)
 
 
+def value_text(value: m.ParamValue) -> str:
+    """Return a parameter's value as a message shows it: a name or a string without quotes."""
+    return written(value) if isinstance(value, m.Quantity) else value
+
+
 def listing(texts: Iterable[str]) -> str:
     """Return `[a, b]`."""
     return f"[{', '.join(texts)}]"

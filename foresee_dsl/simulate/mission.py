@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -21,18 +22,23 @@ STOP_BEFORE_M = 1.0
 """The stop line is this far in front of the junction's lanes, as SUMO's vehicles stop."""
 BEYOND_GOAL_M = 80.0
 """A driver that plans 4 s ahead at 60 km/h looks 67 m ahead (and the protocol asks for a line beyond the goal)."""
+NEAR_AHEAD_M, NEAR_RIGHT_M, NEAR_HEIGHT_M = 2.0, 3.0, 2.6
+"""A signal's near head from where the ego's lane meets the stop line. Ours: behind the line, at the kerb of a lane of
+3.3 m; 2.1 m is the usual least height over a pavement."""
+FAR_AHEAD_M, FAR_HEIGHT_M = 20.0, 5.0
+"""The far head. Ours: across a junction of two lanes a direction with its crossings; 4.5 m is the usual least height
+over a road."""
+_HEADS_M = ((NEAR_AHEAD_M, -NEAR_RIGHT_M, NEAR_HEIGHT_M), (FAR_AHEAD_M, 0.0, FAR_HEIGHT_M))
+"""Ahead of the stop line on the route, to its left, over the road."""
 _GO, _GO_FIRST = "gGoO", "G"
 """Letters of a signal's state that let a movement go; the one that lets it go without yielding."""
 
 
 def mission_of(bundle: SumoBundle) -> Mission:
-    """Return the ego's mission.
+    """Return the ego's mission; a `SimulationError` where it has no route.
 
     Its centreline goes on for 80 m after the goal, straight where the route leaves it open, or as far as the network
     goes.
-
-    Raises:
-        SimulationError: the ego has no route.
     """
     ego = bundle.scene.ego
     line = ego.line
@@ -52,6 +58,19 @@ def mission_of(bundle: SumoBundle) -> Mission:
         junctions=tuple(_junction(p, bundle.network, states) for p in line.passages if p.entry_s < line.s[:n][-1]),
         step_s=STEP_S,
     )
+
+
+def heading_at(mission: Mission, s: float) -> tuple[float, float, float]:
+    """Return x, y (m) and heading (rad) of the ego's line at a length, from the metre before it."""
+    (x0, x), (y0, y) = (np.interp((s - 1.0, s), mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
+    return x, y, math.atan2(y - y0, x - x0)
+
+
+def signal_heads(mission: Mission, stop_s: float) -> list[tuple[float, float, float]]:
+    """Return x, y and height over the road of the heads of a signal at a stop line, m."""
+    x, y, heading = heading_at(mission, stop_s)
+    c, s = math.cos(heading), math.sin(heading)
+    return [(x + a * c - b * s, y + a * s + b * c, height) for a, b, height in _HEADS_M]
 
 
 def _junction(passage: Passage, network: RoadNetwork, states: Mapping[str, tuple[str, ...]]) -> JunctionPassage:

@@ -7,15 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor, Signal
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.states import IntArray, StateTable
 from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.triggers.record import DirectorRecord
-
-FloatArray = NDArray[np.float64]
 
 
 class Recorder:

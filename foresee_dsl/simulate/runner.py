@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.deadlines import DEADLINES, RESET_VARIABLE, STEP_VARIABLE, Deadlines
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
 from foresee_dsl.errors import DriverLateError, SimulationError
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
@@ -31,8 +31,6 @@ from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
 from foresee_dsl.simulate.world import World
-
-FloatArray = NDArray[np.float64]
 
 WAYPOINT_M = 2.0
 """Spacing of the trace's waypoints (asked for by the trace's layout)."""

@@ -20,12 +20,13 @@ from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor
 from foresee_dsl.kernels import compiling
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, state_of
 from foresee_dsl.kernels.pdm import proposals, right_of_way
 from foresee_dsl.kernels.pdm import route as route_kernels
 from foresee_dsl.kernels.pdm.decision import decide
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
-from foresee_dsl.kernels.pdm.records import ACTOR, PREDICTED, ROLLED, Records
+from foresee_dsl.kernels.pdm.records import ACTOR, PREDICTED, ROLLED
 from foresee_dsl.kernels.pdm.scoring import conflicts
 from foresee_dsl.kernels.pdm.settings import CLEARANCE_M, COLLISION_MARGIN_M
 from tests.support.driving import SEDAN, STEP_S, crossing_foe, line, mission

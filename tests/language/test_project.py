@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.compile.compiler import diagnose
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.codes.names import (
@@ -28,7 +29,6 @@ from foresee_dsl.language.codes.names import (
 )
 from foresee_dsl.language.diff.addresses import compare_addresses
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.messages.located import diagnose
 from foresee_dsl.language.model import Network, UseNetwork
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.addresses import parse_address, scenario_files

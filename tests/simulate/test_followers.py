@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from foresee_dsl.compile.bundle import Steering
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.drivers.protocol import VehicleLimits
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
-from foresee_dsl.simulate.actors.path_followers import FloatArray, PathFollower
+from foresee_dsl.simulate.actors.path_followers import PathFollower
 
 DT = 0.05
 CAR = VehicleLimits("car.compact", 4.2, 1.8, 2.6, 0.85, 45.0, 2.6, 4.5, 8.0, math.radians(35), math.radians(400), 0.9)

@@ -38,9 +38,8 @@ from foresee_dsl.simulate.rasters import (
 from foresee_dsl.simulate.rasters.colours import coloured, write_png
 from foresee_dsl.simulate.rasters.fill import box_pixels, filled, toggle_outlines
 from foresee_dsl.simulate.rasters.ground import GroundMap
-from foresee_dsl.simulate.rasters.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS, SIGNAL_HEADS_M
+from foresee_dsl.simulate.rasters.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS
 from foresee_dsl.simulate.runner import run
-from foresee_dsl.simulate.sensing import signals as heads
 from tests.support.nets import ADULT, COMPACT
 from tests.support.scenes import Cruise, Town
 
@@ -568,9 +567,4 @@ def test_stop_lines_go_across_all_lanes_of_the_direction() -> None:
     (line,) = stops_of(wide)
     assert (line.x, line.y, line.width_m) == (20.0, pytest.approx(1.6), pytest.approx(6.4))
     assert line.heads == ((22.0, -3.0, 2.6), (40.0, 0.0, 5.0))
-    near, far = (
-        (heads.NEAR_AHEAD_M, -heads.NEAR_RIGHT_M, heads.NEAR_HEIGHT_M),
-        (heads.FAR_AHEAD_M, 0.0, heads.FAR_HEIGHT_M),
-    )
-    assert (near, far) == SIGNAL_HEADS_M, "the sensors look for the same"
     assert not len(seen_arrays(())[0])

@@ -6,7 +6,8 @@ from math import inf
 
 import numpy as np
 
-from foresee_dsl.kernels.boxes import FloatArray, box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import box_overlap, pairwise_box_distance
 from foresee_dsl.simulate.trace import STEP_S
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.nets.safe_xml import parse_xml
-from foresee_dsl.errors import CompileError
+from foresee_dsl.errors import CompileError, ForeseeError
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -174,20 +174,20 @@ def _cubic_at(elements: Iterable[Element], start: str, s: float) -> float:
     return found
 
 
-def number(element: Element, name: str, default: float | None = None) -> float:
+def number(
+    element: Element,
+    name: str,
+    default: float | None = None,
+    *,
+    error: type[ForeseeError] = CompileError,
+    of: str = "the map's",
+) -> float:
     """Return an attribute as a number.
 
     Raises:
-        CompileError: it is missing (and there is no default), no number, or larger than anything that is meant.
+        ForeseeError: (of the kind `error`, about an attribute `of` something) it is missing (and there is no default),
+            no number, or larger than anything that is meant.
     """
-    try:
-        return plain_number(element, name, default)
-    except ValueError as err:
-        raise CompileError(f"the map's {err}") from err
-
-
-def plain_number(element: Element, name: str, default: float | None = None) -> float:
-    """Return an attribute as a number; where `number` raises its error, a `ValueError` that begins with `attribute`."""
     text = element.get(name)
     if text is None and default is not None:
         return default
@@ -197,5 +197,5 @@ def plain_number(element: Element, name: str, default: float | None = None) -> f
         value = math.nan
     if not abs(value) <= _LARGEST:  # NaN neither
         fault = "is missing" if text is None else f"is '{text[:50]}', which is no number that can be meant"
-        raise ValueError(f"attribute {name} of <{element.tag}> {fault}")
+        raise error(f"{of} attribute {name} of <{element.tag}> {fault}")
     return value

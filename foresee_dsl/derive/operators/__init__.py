@@ -12,7 +12,7 @@ import numpy as np
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
-from foresee_dsl.derive.operators.situation import BuiltIn, Operator, Situation
+from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
 from foresee_dsl.derive.operators.steer import Steer
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.geometry import footprints
@@ -56,7 +56,7 @@ def predicted_gap_m(
     boxes = footprints(trace, actor)
     for change in changes:
         if change.property in _BY_PROPERTY:
-            boxes = _BY_PROPERTY[change.property].rolled_out(boxes, change, trace, actor, models)
+            boxes = _BY_PROPERTY[change.property].rolled_out(boxes, change, ActorsRun(trace, actor, models))
     ego = footprints(trace, 0)
     present = ~np.isnan(boxes[:, 0]) & ~np.isnan(ego[:, 0])
     if not present.any():

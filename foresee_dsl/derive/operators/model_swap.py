@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.operators.situation import BuiltIn, Situation, boxes_at, others_at
+from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, boxes_at, others_at
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.forecast.settings import ForeseeSettings
-from foresee_dsl.kernels.boxes import FloatArray, box_distances
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import box_distances
 from foresee_dsl.language.model import Change
 from foresee_dsl.simulate.trace import SPEED, Trace
 
@@ -40,12 +40,9 @@ class ModelSwap(BuiltIn):
         now = others[int(rng.integers(len(others)))]
         return (Change(actor=target, property=self.property, was=situation.info(target).model, now=now),)
 
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Give the footprints the new model's size."""
-        del trace, actor
-        return _with_model(boxes, models[str(change.now)])
+        return _with_model(boxes, run.models[str(change.now)])
 
     def letter_target(self, situation: Situation) -> str:
         """Of the close actors whose closest frame lies in the window, the closest."""

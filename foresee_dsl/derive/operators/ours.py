@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.random import Generator
 
-from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.starts import LINE_OVER_M
 from foresee_dsl.compile.roads.polyline import Polyline
-from foresee_dsl.derive.operators.situation import BuiltIn, Situation, added_si, drawn, touches_nobody
+from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, added_si, drawn, touches_nobody
 from foresee_dsl.derive.presets import HeadStartSettings, Preset
-from foresee_dsl.forecast.geometry import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.sumo_traffic import SIDEWAYS_MPS, SIDEWAYS_SHARE
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
-from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
+from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 
 class TimingShift(BuiltIn):
@@ -34,11 +31,9 @@ class TimingShift(BuiltIn):
         value = drawn(rng, settings.low, high, settings.step, centre=1.0, dead=settings.least_change)
         return self.changed(situation, target, value)
 
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Follow the recorded track faster or slower."""
-        del trace, actor, models
+        del run
         return _retimed(boxes, factor=change.now.si) if isinstance(change.now, Quantity) else boxes
 
 
@@ -59,11 +54,9 @@ class DelayShift(BuiltIn):
         value = drawn(rng, -was.si, settings.high_s, settings.step_s, centre=0.0, dead=settings.low_s)
         return self.changed(situation, target, None if value is None else was.si + value)
 
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Follow the recorded track later."""
-        del trace, actor, models
+        del run
         return _retimed(boxes, delay_s=added_si(change))
 
 
@@ -84,11 +77,9 @@ class HeadStart(BuiltIn):
         places = self._places(situation, target, was.si, preset.head_start)
         return self.changed(situation, target, places[int(rng.integers(len(places)))] if places else None)
 
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Begin further along the recorded track."""
-        del trace, actor, models
+        del run
         return _retimed(boxes, ahead_m=added_si(change))
 
     @staticmethod
@@ -128,13 +119,10 @@ class LineShift(BuiltIn):
         value = drawn(rng, -settings.high_m, settings.high_m, settings.step_m, centre=0.0, dead=settings.least_m)
         return self.changed(situation, target, None if value is None else was.si + value)
 
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Move the track sideways as the simulation does: on a path over some metres, on a lane at a rate."""
-        del models
-        left_m, speed = added_si(change), np.nan_to_num(trace.states[:, actor, SPEED])
-        if trace.actors[actor].path:
+        left_m, speed = added_si(change), np.nan_to_num(run.trace.states[:, run.actor, SPEED])
+        if run.trace.actors[run.actor].path:
             share = np.cumsum(speed) * STEP_S / LINE_OVER_M
         else:
             share = np.cumsum(np.minimum(SIDEWAYS_MPS, SIDEWAYS_SHARE * speed)) * STEP_S / abs(left_m or 1.0)

@@ -7,15 +7,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.derive.presets import Preset
-from foresee_dsl.forecast.geometry import FloatArray, distances_to_ego
+from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_distances
 from foresee_dsl.language.model import Actor, Change, Clip, Quantity
 from foresee_dsl.language.model.derived import PROPERTIES
@@ -125,6 +126,14 @@ class Operator(Protocol):
         ...
 
 
+class ActorsRun(NamedTuple):
+    """The unmutated run of an actor: its trace, the actor's column in it, and all models by name."""
+
+    trace: Trace
+    actor: int
+    models: Mapping[str, ModelSpec]
+
+
 class BuiltIn(ABC):
     """One of our operators: its name, the property that it changes, what it draws, and what the roll-out does with it.
 
@@ -139,14 +148,10 @@ class BuiltIn(ABC):
         """Draw a change of the target; empty where nothing that has an effect can be done to it."""
 
     @abstractmethod
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
-        """Return an actor's track ([T, 5] footprints) with a change, without a simulation.
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
+        """Return an actor's track ([T, 5] footprints) with a change of this operator's property, without a simulation.
 
-        Args:
-            boxes: the track so far. change: of this operator's property.
-            trace: the unmutated run. actor: the actor's column in it. models: by name.
+        `boxes`: the track so far.
         """
 
     def letter_target(self, situation: Situation) -> str:

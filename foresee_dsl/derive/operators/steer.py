@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.scene import DRY_FRICTION
-from foresee_dsl.derive.operators.situation import BuiltIn, Situation, drawn
+from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Situation, drawn
 from foresee_dsl.derive.presets import Preset, SteerSettings
-from foresee_dsl.forecast.geometry import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, lateral_limit_mps2
-from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
+from foresee_dsl.simulate.trace import SPEED, STEP_S
 
 RECOVERS_S = 1.0
 """How fast a lane-recovering vehicle takes back an error of its heading. Ours: the time in which the simulated one
@@ -47,10 +46,9 @@ class Steer(BuiltIn):
         }
         return tuple(change.model_copy(update=when) for change in self.changed(situation, target, value))
 
-    def rolled_out(
-        self, boxes: FloatArray, change: Change, trace: Trace, actor: int, models: Mapping[str, ModelSpec]
-    ) -> FloatArray:
+    def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
         """Turn the recorded steps by what the offset adds to the heading while it is held; then the error decays."""
+        trace, actor, models = run
         spec, share = models[trace.actors[actor].model], change.now.si if isinstance(change.now, Quantity) else 0.0
         onset = round((change.start.si if isinstance(change.start, Quantity) else 0.0) / STEP_S)
         held = round(change.duration.si / STEP_S) if isinstance(change.duration, Quantity) else len(boxes)

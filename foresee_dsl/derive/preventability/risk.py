@@ -18,8 +18,8 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
-from foresee_dsl.kernels.lines import FloatArray
 from foresee_dsl.simulate.sensing.settings import STANDARD
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.weather import Air

@@ -16,10 +16,10 @@ from foresee_dsl.drivers.frenetix.plan import TIMES_S
 from foresee_dsl.drivers.idm.traffic import read_others, walkers
 from foresee_dsl.drivers.pdm.situation import Situation, signal_brakings
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.prediction import TIMES_S as PREDICTED_S
 from foresee_dsl.kernels.pdm.proposals import find_leaders, find_offsets, find_passable
-from foresee_dsl.kernels.pdm.records import BoolArray, Records
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
 
 STRIDE = round(TIMES_S[1] / PREDICTED_S[1])

@@ -12,7 +12,8 @@ from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Motion, Plan
 from foresee_dsl.drivers.frenetix.planner import STANDS_MPS, Candidates
 from foresee_dsl.drivers.pdm.situation import Situation
 from foresee_dsl.drivers.protocol import FloatArray
-from foresee_dsl.kernels.pdm.records import ROLLED, BoolArray, Records
+from foresee_dsl.kernels.arrays import BoolArray, Records
+from foresee_dsl.kernels.pdm.records import ROLLED
 from foresee_dsl.kernels.pdm.scoring import conflicts
 
 LEAVES_M = 0.05

@@ -20,9 +20,9 @@ from foresee_dsl.drivers.frenetix.plan import MOTION, TIMES_S, Frenet, Motion, P
 from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.pdm.situation import Situation, to_centre
 from foresee_dsl.drivers.protocol import FloatArray, VehicleLimits
+from foresee_dsl.kernels.arrays import BoolArray
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.proposals import FAR_M
-from foresee_dsl.kernels.pdm.records import BoolArray
 from foresee_dsl.kernels.pdm.route import GRID_M
 
 logging.getLogger("default_frenetix_logger").setLevel(logging.WARNING)  # it reports every sample that it rejects

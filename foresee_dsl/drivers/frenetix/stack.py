@@ -25,11 +25,11 @@ from foresee_dsl.drivers.protocol import (
     VehicleLimits,
 )
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.pdm import settings as pdm_settings
 from foresee_dsl.kernels.pdm.decision import pedals
 from foresee_dsl.kernels.pdm.prediction import match, predict
 from foresee_dsl.kernels.pdm.proposals import decay_length
-from foresee_dsl.kernels.pdm.records import Records
 from foresee_dsl.kernels.pdm.route import near_foes
 
 STOPS_MPS2 = 0.3

@@ -13,8 +13,9 @@ import numpy as np
 
 from foresee_dsl.drivers.pdm.situation import Situation, signal_braking
 from foresee_dsl.drivers.protocol import FloatArray
+from foresee_dsl.kernels.arrays import BoolArray, Records
 from foresee_dsl.kernels.pdm.prediction import match
-from foresee_dsl.kernels.pdm.records import BoolArray, Ego, Records
+from foresee_dsl.kernels.pdm.records import Ego
 from foresee_dsl.kernels.pdm.route import stops_before
 
 ACCELERATION_MPS2 = 1.0

@@ -9,9 +9,10 @@ from functools import lru_cache
 import numpy as np
 
 from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, Mission, VehicleLimits
+from foresee_dsl.kernels.arrays import IntArray, Records
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import PATH_M
-from foresee_dsl.kernels.pdm.records import FOE, JUNCTION, PATH_POINT, ROUTE_POINT, IntArray, Records
+from foresee_dsl.kernels.pdm.records import FOE, JUNCTION, PATH_POINT, ROUTE_POINT
 from foresee_dsl.kernels.pdm.route import COARSE, GRID_M
 
 BEFORE_M = 40.0

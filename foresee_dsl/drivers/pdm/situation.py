@@ -15,8 +15,9 @@ import numpy as np
 from foresee_dsl.drivers.pdm.route import Route
 from foresee_dsl.drivers.protocol import EgoState, FloatArray, JunctionPassage, Observation, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import Tracker, Tracks
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import ACTOR, EGO, Ego, Records
+from foresee_dsl.kernels.pdm.records import ACTOR, EGO, Ego
 from foresee_dsl.kernels.pdm.route import place_actors, place_ego
 
 _STATE = slice(Ego._fields.index("x"), Ego._fields.index("s"))

@@ -105,29 +105,22 @@ def _before(network: RoadNetwork, edge: str) -> tuple[str, ...]:
     edges = [edge]
     while _length(network, edges) < APPROACH_M and len(edges) < _MOST_EDGES:
         into = [m for lane in network.edges[edges[0]].for_kind("car") for m in network.movements_into(lane.id)]
-        into = sorted((m for m in into if m.turn != "back" and m.from_edge not in edges), key=_plain)
+        into = [m for m in into if m.turn != "back" and m.from_edge not in edges]
         if not into:
             break
-        edges.insert(0, into[0].from_edge)
+        edges.insert(0, min(into, key=lambda m: (m.turn != "straight", m.from_lane)).from_edge)
     return tuple(edges)
 
 
 def _behind(network: RoadNetwork, edge: str, before: tuple[str, ...]) -> tuple[str, ...]:
     edges = [edge]
     while _length(network, edges) < BEYOND_M and len(edges) < _MOST_EDGES:
-        ways = [
-            m
-            for m in onward(network, edges[-1], "car")
-            if m.turn != "back" and m.to_edge not in edges and m.to_edge not in before
-        ]
-        if not ways:
+        ways = (m for m in onward(network, edges[-1], "car") if m.turn != "back" and m.to_edge not in (*edges, *before))
+        way = next(ways, None)
+        if way is None:
             break
-        edges.append(ways[0].to_edge)
+        edges.append(way.to_edge)
     return tuple(edges)
-
-
-def _plain(movement: Movement) -> tuple[bool, str]:
-    return movement.turn != "straight", movement.from_lane
 
 
 def _length(network: RoadNetwork, edges: list[str]) -> float:

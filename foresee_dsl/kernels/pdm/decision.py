@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, TABLE, compiled, inner
 from foresee_dsl.kernels.pdm import proposals
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import FRAMES, match, predict
-from foresee_dsl.kernels.pdm.records import ACTOR, ROLLED, FloatArray, Records
+from foresee_dsl.kernels.pdm.records import ACTOR, ROLLED
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import curvature_at, near_foes, place_actors, place_ego
 from foresee_dsl.kernels.pdm.scoring import best_proposal, find_conflicts, rate

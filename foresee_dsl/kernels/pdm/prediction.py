@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.compiling import compiled, inner
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import MATCH, PREDICTED, FloatArray, Records
+from foresee_dsl.kernels.pdm.records import MATCH, PREDICTED
 from foresee_dsl.kernels.pdm.route import ALIGNED_COSINE, grid_point, project_predicted, reach_of
 
 TIMES_S: FloatArray = np.arange(round(cfg.HORIZON_S / cfg.ROLLOUT_STEP_S) + 1, dtype=np.float64) * cfg.ROLLOUT_STEP_S

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import FloatArray, IntArray, Records
 from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import FRAMES
-from foresee_dsl.kernels.pdm.records import LEADER, FloatArray, IntArray, Records
+from foresee_dsl.kernels.pdm.records import LEADER
 from foresee_dsl.kernels.pdm.route import GRID_M, grid_point, least_room, profile_at
 
 FAR_M = 1e4

@@ -9,15 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from foresee_dsl.kernels.records import array_of, dtype_of
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-Records = NDArray[np.void]
 """An array of one of the records below."""
 
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import FloatArray, IntArray, Records
 from foresee_dsl.kernels.compiling import FLOATS, compiled, inner
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import FloatArray, IntArray, Records
 from foresee_dsl.kernels.pdm.route import near_junctions, profile_at, stops_before
 
 PROFILE_STEP_M = 0.5

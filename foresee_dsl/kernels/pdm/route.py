@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.compiling import FLOAT, TABLE, compiled, inner
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
-from foresee_dsl.kernels.pdm.records import FOE, BoolArray, FloatArray, IntArray, Records
+from foresee_dsl.kernels.pdm.records import FOE
 from foresee_dsl.kernels.tracks import BICYCLE, OBSTACLE, PEDESTRIAN, TRACKS
 
 GRID_M = 0.1

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.compiling import FLOATS, compiled, inner
 from foresee_dsl.kernels.pdm import records as r
 from foresee_dsl.kernels.pdm import settings as cfg
 from foresee_dsl.kernels.pdm.prediction import TIMES_S
 from foresee_dsl.kernels.pdm.proposals import BRAKING, decay_length, place_footprints
-from foresee_dsl.kernels.pdm.records import CONFLICT, BoolArray, FloatArray, IntArray, Records
+from foresee_dsl.kernels.pdm.records import CONFLICT
 from foresee_dsl.kernels.pdm.route import grid_point
 
 STEERS_ASIDE_M = 0.7

@@ -10,7 +10,7 @@ from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.sampling.draws import MAX_CASES, case_names, holds, violation
 from foresee_dsl.language.syntax.nodes import RESERVED
 from foresee_dsl.language.traversal import parts
@@ -281,7 +281,7 @@ def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Pa
     if parameter is None:
         return False  # `check_values` reports it
     if parameter.type not in WORD_TYPES:
-        help = f"compare it with a value: `{parameter.name} <= {_default(parameter)}`"
+        help = f"compare it with a value: `{parameter.name} <= {value_text(parameter.default)}`"
         message = f"'{parameter.name}' is {NOUNS[dimension_of(parameter)]}, and never a word"
         findings.add(part, "left", "FS032", message, help)
         return False
@@ -299,7 +299,7 @@ def _check_compared(findings: Findings, part: m.Comparison, left: m.Ref, paramet
         return False
     for field, name in sides:
         if parameters[name].type in WORD_TYPES:
-            help = f"write `{name} is {_default(parameters[name])}`"
+            help = f"write `{name} is {value_text(parameters[name].default)}`"
             findings.add(part, field, "FS032", f"'{name}' is a word, which is neither less nor more", help)
             return False
     first = parameters[left.name]
@@ -313,11 +313,6 @@ def _check_compared(findings: Findings, part: m.Comparison, left: m.Ref, paramet
         findings.add(part, "right", "FS032", message, "compare parameters of one type")
         return False
     return True
-
-
-def _default(parameter: m.Param) -> str:
-    """Return a parameter's default as it is written."""
-    return written(parameter.default) if isinstance(parameter.default, m.Quantity) else parameter.default
 
 
 def dimension_of(parameter: m.Param) -> Dimension:

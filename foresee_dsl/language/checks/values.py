@@ -9,7 +9,6 @@ from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
-from foresee_dsl.language.model.actors import WIDEST_LINE_M
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import fields_of, walk
@@ -27,39 +26,6 @@ _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
     (m.Named, "name"): "junction",
 }
 """Fields whose name does not tell which type of parameter may stand for their word."""
-
-_NOT_NEGATIVE = (0.0, 1e9)
-_LIMITS: Mapping[tuple[type[m.Item], str], tuple[float, float]] = {
-    **{(m.Weather, name): (0.0, 1.0) for name in ("rain", "fog", "wetness", "sun")},
-    (m.Steers, "value"): (-1.0, 1.0),
-    (m.Timing, "factor"): (0.01, 10.0),  # ours: the operator's own range is 0.6 to 1.4
-    (m.Road, "lanes"): (1, 8),  # ours: the widest motorway halves have eight lanes
-    (m.Road, "back"): (0, 8),
-    (m.RiskyPoints, "count"): (1, 1000),
-    (m.Children, "count"): (0, 1000),
-    (m.Repeat, "times"): (1, 100_000),  # ours: beyond the study's size (34,416 runs) by far
-    (m.FirstSeed, "seed"): (0, 2**31 - 1),
-    **{(m.ClipAround, name): (0.5, 60.0) for name in ("before", "after")},
-    (m.Budget, "time"): (1.0, 1e9),
-    (m.Traffic, "count"): (0, 500),  # ours: more is a traffic study, not a test case
-    (m.Delay, "time"): _NOT_NEGATIVE,
-    (m.Line, "left"): (-WIDEST_LINE_M, WIDEST_LINE_M),
-    (m.Walked, "along"): _NOT_NEGATIVE,
-    (m.Recorded, "time"): (0.05, 10.0),  # one step of the simulation, to a whole clip
-    **{(kind, "speed"): _NOT_NEGATIVE for kind in (m.CruiseSpeed, m.StartSpeed, m.State)},
-    (m.Stage, "duration"): (0.1, 1e9),
-    (m.End, "after"): (0.05, 1e9),  # one step of the simulation
-    (m.Expect, "within"): _NOT_NEGATIVE,
-    (m.Sustained, "since"): (-1e9, 0.0),
-    **{(m.VehicleModel, name): (0.01, 100.0) for name in ("length", "width", "height")},
-    **{(m.VehicleModel, name): (0.0, 100.0) for name in ("front_overhang", "rear_overhang")},
-    (m.VehicleModel, "cruise_speed"): (0.01, 1e9),
-    (m.Road, "lane_width"): (1.0, 10.0),  # ours: a cycle lane to a bus stop
-    (m.Road, "speed"): (0.1, 1e9),
-    (m.Road, "parking"): (1.0, 10.0),  # ours: a bicycle's stand to a lorry's bay across
-    **{(m.Road, name): (0.0, 50.0) for name in ("sidewalk", "median")},
-}
-"""The smallest and largest SI value of a field."""
 
 
 def check_values(findings: Findings, model: m.Definition) -> None:
@@ -90,19 +56,16 @@ def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> N
 
 
 def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantity) -> None:
-    limits = _LIMITS.get((type(item), field))
-    if limits is None:
+    form = form_of(type(item), field)
+    bounds = form.bounds
+    if bounds is None or bounds.low <= value.si <= bounds.high:
         return
-    low, high = limits
-    if low <= value.si <= high:
-        return
-    size, bound, other = (
-        ("small", f"least {low:g}", "larger") if value.si < low else ("large", f"most {high:g}", "smaller")
-    )
-    plain = form_of(type(item), field).dimension in (None, "ratio", "count")
-    help = f"use at {bound}" if plain else f"use a {other} value"
+    small = value.si < bounds.low
+    bound = f"least {bounds.low:g}" if small else f"most {bounds.high:g}"
+    plain = form.dimension in (None, "ratio", "count")
+    help = f"use at {bound}" if plain else f"use a {'larger' if small else 'smaller'} value"
     code = "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
-    findings.add(item, field, code, f"`{written(value)}` is too {size} for `{field}`", help)
+    findings.add(item, field, code, f"`{written(value)}` is too {'small' if small else 'large'} for `{field}`", help)
 
 
 def _check_reference(

@@ -16,14 +16,8 @@ NO_MEANING: tuple[type[m.Item], ...] = (m.Doc, m.Tags, m.Risk, m.Fidelity, m.Exp
 """Statements for people; the same that `language.meaning` leaves out of a hash."""
 
 _WORD = re.compile(r"[a-z_]+")
-_KEYWORDS: dict[type[m.Item], str] = {
-    m.Route: "route",
-    m.Weather: "weather",
-    m.Expect: "expect",
-    m.End: "end",
-    m.Param: "param",
-}
-"""Keywords that cannot be told from the printed text: their first words go on after the keyword."""
+_ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
+"""Statements called by the first word of their pattern alone, although fixed words follow it in the printed text."""
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
 _WRITTEN = (m.Quantity, m.Ref, m.Range, m.Measure, m.Point, m.AlongEdge, m.AlongRoute, m.PastJunction)
@@ -77,9 +71,8 @@ def label(item: m.Item) -> str:
 
 def keyword(item: m.Item) -> str:
     """Return the words that a statement begins with, before its values; with the actor for an action."""
-    known = _KEYWORDS.get(type(item))
-    if known is not None:
-        return known
+    if isinstance(item, _ONE_WORD):
+        return item.pattern.split()[0]
     head = _head(item)
     actor = getattr(item, "actor", None)
     begins = [actor] if isinstance(actor, str) and head.startswith(f"{actor} ") else []

@@ -72,16 +72,8 @@ def _underlined(span: Span, line: str) -> tuple[str, str, str]:
     before, under, after = line[first:start], line[start : min(end, last)], line[end:last]
     left = "..." if first > 0 else ""
     right = "..." if last < len(line) else ""
-    source = f"{left}{_shown(before + under + after)}{right}"
-    return source, " " * (len(left) + _columns(before)), "^" * max(1, _columns(under))
-
-
-def _shown(text: str) -> str:
-    return "".join(map(_glyph, text))
-
-
-def _columns(text: str) -> int:
-    return sum(map(_width, text))
+    source = f"{left}{''.join(map(_glyph, before + under + after))}{right}"
+    return source, " " * (len(left) + sum(map(_width, before))), "^" * max(1, sum(map(_width, under)))
 
 
 def _glyph(char: str) -> str:

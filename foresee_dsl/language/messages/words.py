@@ -2,39 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from foresee_dsl.language.units import Dimension
 
-EXAMPLES: MappingProxyType[Dimension, str] = MappingProxyType(
-    {
-        "time": "2.5 s",
-        "length": "12 m",
-        "speed": "50 km/h",
-        "acceleration": "3 m/s^2",
-        "angle": "15 deg",
-        "angular_rate": "300 deg/s",
-        "mass": "1200 kg",
-        "ratio": "0.3",
-        "count": "2",
-    }
-)
-"""A value of each dimension, for messages."""
-
-NOUNS: MappingProxyType[Dimension, str] = MappingProxyType(
-    {
-        "time": "a time",
-        "length": "a length",
-        "speed": "a speed",
-        "acceleration": "an acceleration",
-        "angle": "an angle",
-        "angular_rate": "a turning rate",
-        "mass": "a mass",
-        "ratio": "a plain number",
-        "count": "a whole number",
-    }
-)
+_WORDS: Mapping[Dimension, tuple[str, str]] = {
+    "time": ("a time", "2.5 s"),
+    "length": ("a length", "12 m"),
+    "speed": ("a speed", "50 km/h"),
+    "acceleration": ("an acceleration", "3 m/s^2"),
+    "angle": ("an angle", "15 deg"),
+    "angular_rate": ("a turning rate", "300 deg/s"),
+    "mass": ("a mass", "1200 kg"),
+    "ratio": ("a plain number", "0.3"),
+    "count": ("a whole number", "2"),
+}
+NOUNS: Mapping[Dimension, str] = MappingProxyType({dimension: noun for dimension, (noun, _) in _WORDS.items()})
 """What each dimension is called in messages."""
+EXAMPLES: Mapping[Dimension, str] = MappingProxyType({dimension: value for dimension, (_, value) in _WORDS.items()})
+"""A value of each dimension, for messages."""
 
 ACTION_USAGE = "runner meets ego at j4 after 1.5 s"
 """How an action of a trigger is written."""

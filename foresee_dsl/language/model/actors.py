@@ -8,7 +8,7 @@ from pydantic import Field
 
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.conditions import Condition
-from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
 
 
 class Leg(Phrase):
@@ -87,7 +87,7 @@ class StartSpeed(Item):
     pattern = "start speed {speed}"
 
     kind: Literal["start_speed"] = "start_speed"
-    speed: v.Speed
+    speed: Annotated[v.Speed, Bounds(0.0)]
 
 
 class CruiseSpeed(Item):
@@ -97,7 +97,7 @@ class CruiseSpeed(Item):
     words = "speed (statement): how fast: an actor where nothing hinders it, or a road's limit | speed 50 km/h"
 
     kind: Literal["speed"] = "speed"
-    speed: v.Speed
+    speed: Annotated[v.Speed, Bounds(0.0)]
 
 
 class GoalAt(Item):
@@ -144,7 +144,7 @@ class Walked(Item):
     words = "moving (statement): how far along its path an actor is already | moving 2.60 m"
 
     kind: Literal["walked"] = "walked"
-    along: v.Length
+    along: Annotated[v.Length, Bounds(0.0)]
 
 
 class Steers(Item):
@@ -155,7 +155,7 @@ class Steers(Item):
     words = "steers (statement): a steering offset, -1 (right) to 1 (left) | steers 0.12 from 1.00 s for 1.00 s"
 
     kind: Literal["steers"] = "steers"
-    value: v.Ratio
+    value: Annotated[v.Ratio, Bounds(-1.0, 1.0)]
     start: v.Time | None = None
     duration: v.Time | None = None
 
@@ -173,7 +173,7 @@ class Timing(Item):
     words = "timing (statement): its speed along its own way, as a ratio | timing 0.90"
 
     kind: Literal["timing"] = "timing"
-    factor: v.Ratio
+    factor: Annotated[v.Ratio, Bounds(0.01, 10.0)]  # ours: the operator's own range is 0.6 to 1.4
 
 
 class Delay(Item):
@@ -183,7 +183,7 @@ class Delay(Item):
     words = "delay (statement): an actor moves off that much later | delay 0.5 s"
 
     kind: Literal["delay"] = "delay"
-    time: v.Time
+    time: Annotated[v.Time, Bounds(0.0)]
 
 
 WIDEST_LINE_M = 5.0
@@ -201,7 +201,7 @@ class Line(Item):
     words = "line (statement): how far an actor keeps to the left of its path or its lane's middle | line 0.60 m"
 
     kind: Literal["line"] = "line"
-    left: v.Length
+    left: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
 
 
 class State(Phrase):
@@ -219,7 +219,7 @@ class State(Phrase):
 
     at: v.Point
     heading: v.Angle
-    speed: v.Speed
+    speed: Annotated[v.Speed, Bounds(0.0)]
     acceleration: v.Acceleration | None = None
     steer: v.Angle | None = None
 
@@ -238,7 +238,7 @@ class Recorded(Item):
     """
 
     kind: Literal["recorded"] = "recorded"
-    time: v.Time
+    time: Annotated[v.Time, Bounds(0.05, 10.0)]  # one step of the simulation, to a whole clip
     state: State
 
 
@@ -319,7 +319,7 @@ class Traffic(Item):
 
     kind: Literal["traffic"] = "traffic"
     name: Annotated[v.Name, Names("actor", defines=True)]
-    count: v.Count
+    count: Annotated[v.Count, Bounds(0, 500)]  # ours: more is a traffic study, not a test case
     models: tuple[v.ModelName, ...] = Field(min_length=1)
     within: v.Length
     seed: v.Count

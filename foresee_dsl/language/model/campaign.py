@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from foresee_dsl.language.model.item import ONE_OF, Item
+from foresee_dsl.language.model.item import ONE_OF, Bounds, Item
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.values import FilePath, Id, Name, OfDimension, Quantity
 
 _Time = Annotated[Quantity, OfDimension("time")]
 _Count = Annotated[Quantity, OfDimension("count")]
+_Around = Annotated[_Time, Bounds(0.5, 60.0)]
 """A campaign has no parameters, so its values are numbers."""
 
 
@@ -62,8 +63,8 @@ class ClipAround(Item):
     pattern = "clip before {before} after {after}"
 
     kind: Literal["clip_around"] = "clip_around"
-    before: _Time
-    after: _Time
+    before: _Around
+    after: _Around
 
 
 class RiskyPoints(Item):
@@ -73,7 +74,7 @@ class RiskyPoints(Item):
     words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
 
     kind: Literal["risky_points"] = "risky_points"
-    count: _Count
+    count: Annotated[_Count, Bounds(1, 1000)]
 
 
 class Children(Item):
@@ -83,7 +84,7 @@ class Children(Item):
     words = "children (statement): how many mutants a clip gets | children 4"
 
     kind: Literal["children"] = "children"
-    count: _Count
+    count: Annotated[_Count, Bounds(0, 1000)]
 
 
 class Repeat(Item):
@@ -93,7 +94,7 @@ class Repeat(Item):
     words = "repeat (statement): how often clips are mutated, each time with the next seed | repeat 3"
 
     kind: Literal["repeat"] = "repeat"
-    times: _Count
+    times: Annotated[_Count, Bounds(1, 100_000)]  # ours: beyond the study's size (34,416 runs) by far
 
 
 class FirstSeed(Item):
@@ -102,7 +103,7 @@ class FirstSeed(Item):
     pattern = "seed {seed}"
 
     kind: Literal["first_seed"] = "first_seed"
-    seed: _Count
+    seed: Annotated[_Count, Bounds(0, 2**31 - 1)]
 
 
 class Budget(Item):
@@ -112,7 +113,7 @@ class Budget(Item):
     words = "budget (statement): no new run of a campaign begins later than that | budget 30 min"
 
     kind: Literal["budget"] = "budget"
-    time: _Time
+    time: Annotated[_Time, Bounds(1.0)]
 
 
 CampaignItem = Annotated[

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.item import ONE_OF, Names, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Bounds, Names, Phrase
 from foresee_dsl.language.units import Dimension
 
 SIGNAL_COLOURS = ("green", "amber", "red")
@@ -172,7 +172,7 @@ class Sustained(Phrase):
     kind: Literal["for"] = "for"
     condition: Condition
     duration: v.Time
-    since: v.Time | None = None
+    since: Annotated[v.Time, Bounds(-1e9, 0.0)] | None = None
     """0 s or earlier; without it, nothing is known of the time before the run."""
 
 

@@ -33,6 +33,14 @@ class Names:
     defines: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Marks the type of a value: the smallest and the largest that make sense, in SI."""
+
+    low: float
+    high: float = 1e9
+
+
 MOST_INLINE = 4
 """A road or a case with at most so many settings is one line (ours; by number, not width, so that an edit of a value
 never rewraps)."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Names
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names
 
 
 class Doc(Item):
@@ -34,7 +34,7 @@ class Stage(Item):
     kind: Literal["stage"] = "stage"
     name: Annotated[v.Name, Names("stage", defines=True)]
     green: tuple[Annotated[v.Name, Names("road")], ...] = Field(min_length=1)
-    duration: v.Time
+    duration: Annotated[v.Time, Bounds(0.1)]
 
 
 class Junction(Item):
@@ -95,13 +95,13 @@ class Road(Item):
     name: Annotated[v.Name, Names("road", defines=True)]
     start: Annotated[v.Name, Names("junction")]
     end: Annotated[v.Name, Names("junction")]
-    lanes: v.Count | None = None
-    back: v.Count | None = None
-    lane_width: v.Length | None = None
-    speed: v.Speed | None = None
-    parking: v.Length | None = None
-    sidewalk: v.Length | None = None
-    median: v.Length | None = None
+    lanes: Annotated[v.Count, Bounds(1, 8)] | None = None  # ours: the widest motorway halves have eight lanes
+    back: Annotated[v.Count, Bounds(0, 8)] | None = None
+    lane_width: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: a cycle lane to a bus stop
+    speed: Annotated[v.Speed, Bounds(0.1)] | None = None
+    parking: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: a bicycle's stand to a lorry's bay across
+    sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
+    median: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     via: tuple[v.Point, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
@@ -134,6 +134,10 @@ class Network(Item):
     kind: Literal["network"] = "network"
     name: v.Name
     body: tuple[NetworkItem, ...]
+
+
+_Size = Annotated[v.Length, Bounds(0.01, 100.0)]
+_Overhang = Annotated[v.Length, Bounds(0.0, 100.0)]
 
 
 class VehicleModel(Item):
@@ -169,15 +173,15 @@ class VehicleModel(Item):
 
     kind: Literal["model"] = "model"
     name: Annotated[v.ModelName, Names("model", defines=True)]
-    length: v.Length
-    width: v.Length
-    height: v.Length | None = None
+    length: _Size
+    width: _Size
+    height: _Size | None = None
     wheelbase: v.Length | None = None
-    front_overhang: v.Length | None = None
-    rear_overhang: v.Length | None = None
+    front_overhang: _Overhang | None = None
+    rear_overhang: _Overhang | None = None
     mass: v.Mass | None = None
     max_speed: v.Speed | None = None
-    cruise_speed: v.Speed | None = None
+    cruise_speed: Annotated[v.Speed, Bounds(0.01)] | None = None
     acceleration: v.Acceleration | None = None
     braking: v.Acceleration | None = None
     emergency_braking: v.Acceleration | None = None

@@ -20,7 +20,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any, Literal, get_args, get_origin
 
-from foresee_dsl.language.model.item import Item, Names
+from foresee_dsl.language.model.item import Bounds, Item, Names
 from foresee_dsl.language.units import Dimension
 
 _BLOCK = re.compile(r"(?P<head>.*?)(?P<optional> \[)? ?\{ (?P<lines>.*) \}\]?")
@@ -145,6 +145,7 @@ class FieldForm:
         dimension: of its quantity; None for none, or where several are possible.
         words: the fixed words that it takes.
         names: what a name in it is of; None where it holds none, or where that depends on other fields.
+        bounds: of its quantity, in SI; None where any will do.
     """
 
     form: Form
@@ -152,6 +153,7 @@ class FieldForm:
     dimension: Dimension | None
     words: tuple[str, ...]
     names: Names | None
+    bounds: Bounds | None
 
 
 @cache
@@ -163,7 +165,9 @@ def form_of(kind: type[Item], field: str) -> FieldForm:
     parameter = any(isinstance(leaf, type) and leaf.__name__ == "Ref" for leaf in leaves)
     dimension = next((d for leaf in leaves if (d := getattr(leaf, "dimension", None)) in get_args(Dimension)), None)
     names = next((leaf for leaf in reversed(leaves) if isinstance(leaf, Names)), None)  # the last: the outermost
-    return FieldForm(form, parameter, dimension, tuple(leaf for leaf in leaves if isinstance(leaf, str)), names)
+    bounds = next((leaf for leaf in leaves if isinstance(leaf, Bounds)), None)
+    words = tuple(leaf for leaf in leaves if isinstance(leaf, str))
+    return FieldForm(form, parameter, dimension, words, names, bounds)
 
 
 def _leaves(annotation: Any) -> Iterator[Any]:  # noqa: ANN401 - a type form

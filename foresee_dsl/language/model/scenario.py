@@ -9,7 +9,7 @@ from pydantic import Field
 from foresee_dsl.language.model.actors import Actor, Ego, Traffic, When
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.expected import Expected
-from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Item, Names, Phrase
+from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
 from foresee_dsl.language.model.values import FilePath, JunctionId, Name, Quantity, Ratio, StageId, Time, Word
 
@@ -166,6 +166,9 @@ class Cases(Item):
     seed: Quantity
 
 
+_Share = Annotated[Ratio, Bounds(0.0, 1.0)]
+
+
 class Weather(Item):
     """`weather rain 0.3, wetness 0.4`: ratios from 0 to 1. Wetness lowers the friction; the rest is for sensors."""
 
@@ -179,10 +182,10 @@ class Weather(Item):
     """
 
     kind: Literal["weather"] = "weather"
-    rain: Ratio | None = None
-    fog: Ratio | None = None
-    wetness: Ratio | None = None
-    sun: Ratio | None = None
+    rain: _Share | None = None
+    fog: _Share | None = None
+    wetness: _Share | None = None
+    sun: _Share | None = None
 
     def own_pattern(self) -> str:
         """Return the pattern of the settings that are given, with commas between them."""
@@ -206,7 +209,7 @@ class Expect(Item):
     name: Annotated[Name, Names("label", defines=True)] | None = None
     """What `extends`, mutants and messages call it by: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
-    within: Time | None = None
+    within: Annotated[Time, Bounds(0.0)] | None = None
     condition: Condition
 
 
@@ -217,7 +220,7 @@ class End(Item):
     words = "end (statement): the run's limit; 60 s when absent | end after 60 s"
 
     kind: Literal["end"] = "end"
-    after: Time
+    after: Annotated[Time, Bounds(0.05)]  # one step of the simulation
 
 
 class Assignment(Item):

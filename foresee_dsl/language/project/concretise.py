@@ -11,6 +11,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.sampling.draws import case_names, draw
 from foresee_dsl.language.units import UNITS
@@ -43,13 +44,6 @@ def concretise(scenario: m.Scenario, case: str | None, *, document: Document | N
     body = tuple(_substituted(item, values, findings) for item in scenario.body if not isinstance(item, SETTLED))
     findings.raise_if_any()
     return m.Scenario(name=scenario.name, body=body)
-
-
-def value_text(value: m.ParamValue) -> str:
-    """Return a value as it is written in a file."""
-    if isinstance(value, str):
-        return value
-    return f"{value.value:f} {value.unit}".rstrip()
 
 
 def complaint(error: ValidationError) -> str:

@@ -11,9 +11,10 @@ from foresee_dsl.language.changes import changed_body, weakened
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import meaning_hash
 from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.catalogues import check_models
-from foresee_dsl.language.project.concretise import concretise, value_text
+from foresee_dsl.language.project.concretise import concretise
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.traversal import mentioned, parts
 

@@ -16,7 +16,7 @@ from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import UNITS
@@ -293,8 +293,7 @@ def requirement_text(require: m.Require) -> str:
 def violation(require: m.Require, values: Mapping[str, m.ParamValue]) -> str:
     """Return in words why values do not satisfy a requirement: `gap is 3 s, but `require gap < 2 s``."""
     names = dict.fromkeys(name for name in parameters_of(require.condition) if name in values)
-    shown = {name: written(v) if isinstance(v := values[name], m.Quantity) else v for name in names}
-    described = " and ".join(f"{name} is {value}" for name, value in shown.items())
+    described = " and ".join(f"{name} is {value_text(values[name])}" for name in names)
     return f"{described or 'this'}, but `{requirement_text(require)}`"
 
 

@@ -10,17 +10,15 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.kernels.lines import Records, speed_points
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.lines import speed_points
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
-
-FloatArray = NDArray[np.float64]
 
 TURNS_WITH = 0.6
 """Share of the lateral acceleration that a vehicle can hold with which it takes bends. Ours: 5.3 m/s^2 on a dry road,

@@ -13,15 +13,13 @@ from math import atan, cos, inf, isnan, sin
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.bicycle import BicycleLimits, VehicleState, step
 from foresee_dsl.kernels.boxes import wheels
 from foresee_dsl.kernels.records import dtype_of
-
-FloatArray = NDArray[np.float64]
 
 _STATE = dtype_of(VehicleState)
 

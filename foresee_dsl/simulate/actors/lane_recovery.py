@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from math import atan, atan2, cos, hypot, pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import Steering
 from foresee_dsl.compile.roads.polyline import wrap
@@ -21,8 +20,6 @@ from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.bend_speeds import PLANNED_SHARE, TURNS_WITH, approached
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.actors.target_selection import STRAYS_M, Target, TargetSelection
-
-FloatArray = NDArray[np.float64]
 
 STOP_LINE_M = 0.5
 """A front halts this far before a stop line, and has passed it when it is this far beyond. Ours: SUMO's cars halt

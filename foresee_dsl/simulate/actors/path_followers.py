@@ -11,15 +11,13 @@ from math import nan
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.polyline import Points, as_line, line_of, wrap
-from foresee_dsl.kernels.lines import Records, speed_points, vertices
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.lines import speed_points, vertices
 from foresee_dsl.kernels.path_following import Follower, advance, pose_on_path
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
-
-FloatArray = NDArray[np.float64]
 
 _ALONG, _SPEED, _PACE, _STOP = (Follower._fields.index(name) for name in ("along", "speed", "pace", "stop"))
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover
 from foresee_dsl.simulate.actors.dynamics import BicycleState, centre_of_front
 from foresee_dsl.simulate.trace import FIELDS
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 _ON_NONE = -1

@@ -16,22 +16,20 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.kernels import sumo_traffic
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.bicycle import VehicleState
-from foresee_dsl.kernels.lines import Records, vertices
+from foresee_dsl.kernels.lines import vertices
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import LaneBends
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
-
-IntArray = NDArray[np.int64]
 
 ROUNDING_M = 1e-2
 """An offset from the lane that rounding in a description can explain; it is corrected at once."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.simulate.rasters.fill import box_pixels
 from foresee_dsl.simulate.rasters.ground import GroundMap
 from foresee_dsl.simulate.rasters.layout import (
@@ -22,8 +23,6 @@ from foresee_dsl.simulate.rasters.layout import (
     BirdsEyeLayout,
 )
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Pose = tuple[float, float, float]
 """x, y (m), heading (rad)."""
 

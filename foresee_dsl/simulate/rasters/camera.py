@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.simulate.rasters.birdseye import Pose
 from foresee_dsl.simulate.rasters.ground import GroundMap
 from foresee_dsl.simulate.rasters.layout import (
@@ -28,9 +29,6 @@ from foresee_dsl.simulate.rasters.layout import (
     MAP_BITS,
     ForwardLayout,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _NEAR_M = 0.1
 """Nothing is drawn nearer to the camera than this; also what it stands in begins here."""

@@ -14,7 +14,9 @@ from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.plugins import PluginGroup
+from foresee_dsl.simulate.mission import heading_at, signal_heads
 from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
 from foresee_dsl.simulate.rasters.camera import Camera
 from foresee_dsl.simulate.rasters.ground import GroundMap
@@ -24,14 +26,10 @@ from foresee_dsl.simulate.rasters.layout import (
     GROUP_OF,
     GROUPS,
     HEIGHTS_M,
-    SIGNAL_HEADS_M,
     SIGNAL_HEIGHT_M,
     SIGNAL_WIDTH_M,
 )
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 RASTER_VIEWS = PluginGroup("foresee_dsl.raster_views", "raster view", ForeseeError)
 """A view is a function from `StepViews` to an array [channels, rows, columns] of uint8 (docs/rasters.md)."""
@@ -69,16 +67,7 @@ class Canvas:
         groups: IntArray,
         signals: Mapping[str, SignalColour] | None = None,
     ) -> NDArray[np.uint8]:
-        """Draw the view from above.
-
-        Args:
-            pose: x, y (m) of the ego's middle, its heading (rad).
-            actors: [K, 6] x, y (m), heading (rad), speed (m/s), length, width (m); NaN where somebody is absent.
-            groups: [K] index into `layout.GROUPS`. signals: the colours that are seen.
-
-        Returns:
-            [19, 192, 192] uint8, channels as in `layout.BIRDS_EYE_CHANNELS`.
-        """
+        """Draw the view from above, [19, 192, 192] uint8; arguments as `BirdsEye.draw`."""
         return self._birds_eye.draw(pose, actors, groups, signals or {})
 
     def forward(
@@ -90,16 +79,13 @@ class Canvas:
         *,
         range_m: float = CAMERA_RANGE_M,
     ) -> NDArray[np.uint8]:
-        """Draw what the camera shows.
+        """Draw what the camera shows, [13, 64, 160] uint8.
 
         Args:
             pose: x, y (m) of the ego's middle, its heading (rad).
             bodies: [K, 6] x, y (m), heading (rad), length, width, height (m); NaN where somebody is absent.
             groups: [K] index into `layout.GROUPS`. signals: the colours that are seen; lamps that are off are dark.
             range_m: how far the weather lets it see.
-
-        Returns:
-            [13, 64, 160] uint8, channels as in `layout.FORWARD_CHANNELS`.
         """
         boxes = np.column_stack((bodies[:, :5], np.zeros(len(bodies)), bodies[:, 5]))
         labels, half = groups + _FIRST_GROUP, SIGNAL_HEIGHT_M / 2
@@ -217,16 +203,13 @@ def stops_of(mission: Mission) -> tuple[StopLine, ...]:
     """Return the stop lines of a mission's junctions."""
     lines = []
     for junction in mission.junctions:
-        s = (junction.stop_s - 1.0, junction.stop_s)
-        (x0, x), (y0, y) = (np.interp(s, mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
-        heading = math.atan2(y - y0, x - x0)
-        c, sine = math.cos(heading), math.sin(heading)
-        heads = [(x + a * c - b * sine, y + a * sine + b * c, height) for a, b, height in SIGNAL_HEADS_M]
+        x, y, heading = heading_at(mission, junction.stop_s)
+        heads = tuple(signal_heads(mission, junction.stop_s))  # those of the sensors
         # The free width of the ego's direction: the line goes across all of its lanes.
         left, right = (float(np.interp(junction.stop_s, mission.s, side)) for side in (mission.left_m, mission.right_m))
         aside = (left - right) / 2
-        middle = (x - aside * sine, y + aside * c)
-        lines.append(StopLine(*middle, heading, left + right, junction.signal, tuple(heads)))
+        middle = (x - aside * math.sin(heading), y + aside * math.cos(heading))
+        lines.append(StopLine(*middle, heading, left + right, junction.signal, heads))
     return tuple(lines)
 
 

@@ -10,8 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
 
 _SNAP = 1024
 """Edges are rounded to this part of a pixel before they are compared with middles: sines and cosines that differ in

@@ -17,13 +17,13 @@ from foresee_dsl.compile.nets.network_builder import shift_right
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.rasters.fill import filled, toggle_outlines
 from foresee_dsl.simulate.rasters.layout import MAP_BITS
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-FloatArray = NDArray[np.float64]
 
 M_PER_PX = 0.25
 """Side of a map's pixel. Ours: half of a pixel of the bird's-eye view, so that sampling is off by 0.18 m at most."""

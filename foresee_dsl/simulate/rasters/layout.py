@@ -44,9 +44,6 @@ CAMERA_RANGE_M = 100.0
 """What is farther is not drawn. Ours: a car's width is then a pixel and a half."""
 BUILDING_HEIGHT_M = 9.0
 """Of every building: the network gives outlines only. Ours: three storeys; they hide all that is behind them."""
-SIGNAL_HEADS_M = ((2.0, -3.0, 2.6), (20.0, 0.0, 5.0))
-"""Where a signal's heads are: ahead of the stop line on the route, to its left, over the road; those of the sensors
-(simulate/sensing/signals.py), so that who sees a signal sees a head of it in the picture."""
 SIGNAL_HEIGHT_M = 1.0
 """Ours: three lamps of 0.3 m (EN 12368 has 0.2 m and 0.3 m) with their frame."""
 SIGNAL_WIDTH_M = 0.5

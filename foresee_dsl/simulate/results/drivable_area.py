@@ -7,12 +7,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import WHOLE, all_whole
-
-FloatArray = NDArray[np.float64]
 
 CELL_M = 0.5
 """The side of a square. Ours: a wheel keeps 0.6 m to the edge of a lane of 3.3 m, and comes through 200 in a run."""

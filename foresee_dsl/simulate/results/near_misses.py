@@ -25,7 +25,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.kernels.boxes import FloatArray, IntArray, box_overlap, pairwise_box_distance
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import IntArray, box_overlap, pairwise_box_distance
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, Trace, X, Y
 
 HORIZON_S = 5.0

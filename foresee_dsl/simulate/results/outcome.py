@@ -23,7 +23,8 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ActorKind
 from foresee_dsl.compile.roads.polyline import wrap
-from foresee_dsl.kernels.boxes import FloatArray, Mover, corner_points, hits
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import Mover, corner_points, hits
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
 from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
 

@@ -14,12 +14,9 @@ import hashlib
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from foresee_dsl.kernels.arrays import Hashes
 from foresee_dsl.kernels.noise import hashes, normals_over
-
-FloatArray = NDArray[np.float64]
-Hashes = NDArray[np.uint64]
 
 
 def key_of(seed: int, name: str) -> int:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, make_dataclass
+from dataclasses import asdict, fields, make_dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import SeenActor
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.object_list import ScanSettings, measured
 from foresee_dsl.kernels.records import dtype_of
+from foresee_dsl.kernels.sight import SightLimits
 from foresee_dsl.simulate.sensing.noise import Streams, keys_of
 from foresee_dsl.simulate.sensing.settings import SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.trace import STEP_S
 
-FloatArray = NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 LEAST_SIZE = 0.5
@@ -110,24 +111,9 @@ class ObjectList:
 
 
 def _scan_settings(sight: Sight, settings: SensorSettings) -> ScanSettings:
-    noise, missed = settings.noise, settings.dropouts
-    reach, ahead_share, least_marks = sight.limits[0].item()
-    return ScanSettings(
-        reach=reach,
-        ahead_share=ahead_share,
-        least_marks=least_marks,
-        radial_m=noise.radial_m,
-        radial_share=noise.radial_share,
-        lateral_m=noise.lateral_m,
-        lateral_rad=noise.lateral_rad,
-        speed_mps=noise.speed_mps,
-        speed_share=noise.speed_share,
-        speed_most_mps=noise.speed_most_mps,
-        size_share=noise.size_share,
-        least_size=LEAST_SIZE,
-        slow_frames=max(frames_of(noise.slow_s), 1),
-        missed_least=missed.least,
-        missed_most=missed.most,
-        missed_steepness=missed.steepness,
-        missed_frames=max(frames_of(missed.lasts_s), 1),
-    )
+    known: dict[str, Any] = asdict(settings.noise)
+    known |= {f"missed_{name}": value for name, value in asdict(settings.dropouts).items()}
+    known |= {name: sight.limits[name][0] for name in SightLimits._fields}
+    known |= {"least_size": LEAST_SIZE, "slow_frames": max(frames_of(settings.noise.slow_s), 1)}
+    known["missed_frames"] = max(frames_of(settings.dropouts.lasts_s), 1)
+    return ScanSettings(**{name: known[name] for name in ScanSettings._fields})

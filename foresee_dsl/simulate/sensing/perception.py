@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.rasters import RunViews
 from foresee_dsl.simulate.rasters.layout import CAMERA_RANGE_M
@@ -21,8 +21,6 @@ from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.signals import SignalHeads
 from foresee_dsl.simulate.sensing.weather import Air
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, X, Y
-
-FloatArray = NDArray[np.float64]
 
 _MEASURED_LATER = frozenset({"actors", "signals", "ego", "views"})
 

@@ -8,20 +8,14 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.polyline import Points
-from foresee_dsl.kernels.lines import Records
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray, IntArray, Records
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.sight import MARKS, Body, SightLimits, Wall, clear_points, in_sight, walls_near
 from foresee_dsl.simulate.sensing.settings import STANDARD, ClassRanges, SensorSettings
 from foresee_dsl.simulate.sensing.weather import CLEAR, Air
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
-
 
 _AROUND_M = 10.0
 """The walls near the eye are looked up again when it has moved this far."""

@@ -10,21 +10,14 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from foresee_dsl.drivers.protocol import Mission
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.simulate.mission import signal_heads
 from foresee_dsl.simulate.sensing.settings import SensorSettings
 from foresee_dsl.simulate.sensing.sight import Sight
 
-FloatArray = NDArray[np.float64]
 Pose = tuple[float, float, float]
-
-NEAR_AHEAD_M, NEAR_RIGHT_M, NEAR_HEIGHT_M = 2.0, 3.0, 2.6
-"""The near head from where the ego's lane meets the stop line. Ours: behind the line, at the kerb of a lane of 3.3 m;
-2.1 m is the usual least height over a pavement."""
-FAR_AHEAD_M, FAR_HEIGHT_M = 20.0, 5.0
-"""The far head. Ours: across a junction of two lanes a direction with its crossings; 4.5 m is the usual least height
-over a road."""
 
 
 class SignalHeads:
@@ -35,7 +28,7 @@ class SignalHeads:
         self._least_cos = math.cos(min(settings.signal_view_rad / 2, math.pi))
         passages = [passage for passage in mission.junctions if passage.signal is not None]
         self._signals = [passage.signal or "" for passage in passages for _ in range(2)]
-        self._places = np.array([_heads(mission, passage.stop_s) for passage in passages]).reshape(-1, 3)
+        self._places = np.array([signal_heads(mission, passage.stop_s) for passage in passages]).reshape(-1, 3)
         exits_s = [passage.exit_s for passage in passages for _ in range(2)]
         self._heads = [
             (k, x, y, s) for k, ((x, y, _), s) in enumerate(zip(self._places.tolist(), exits_s, strict=True))
@@ -68,13 +61,3 @@ class SignalHeads:
         first, last = heads[0], heads[-1]  # in one piece, mostly; the few between them that are not near cost little
         clear = sight.clear(ego[0], ego[1], poses, self._places[first : last + 1]).tolist()
         return self.signals([k for k in heads if clear[k - first]])
-
-
-def _heads(mission: Mission, stop_s: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Return x, y and height of the near and the far head at a stop line, m."""
-    s = np.array((stop_s - 1.0, stop_s))
-    (x0, x), (y0, y) = (np.interp(s, mission.s, mission.centreline[:, k]).tolist() for k in (0, 1))
-    heading = math.atan2(y - y0, x - x0)
-    cos, sin = math.cos(heading), math.sin(heading)
-    near = (x + NEAR_AHEAD_M * cos + NEAR_RIGHT_M * sin, y + NEAR_AHEAD_M * sin - NEAR_RIGHT_M * cos, NEAR_HEIGHT_M)
-    return near, (x + FAR_AHEAD_M * cos, y + FAR_AHEAD_M * sin, FAR_HEIGHT_M)

@@ -11,7 +11,8 @@ from shapely.geometry.base import BaseGeometry
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.route_line import Passage
-from foresee_dsl.kernels.lines import Records, project, vertices
+from foresee_dsl.kernels.arrays import Records
+from foresee_dsl.kernels.lines import project, vertices
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import Actor
 
