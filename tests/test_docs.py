@@ -398,7 +398,7 @@ def test_every_stage_has_its_table() -> None:
         "foresee_dsl.simulate.runner",
         "foresee_dsl.simulate.sensing.IDEAL",
         "foresee_dsl.simulate.sensing.STANDARD",
-        "foresee_dsl.simulate.sensing.signals",
+        "foresee_dsl.simulate.mission",
         "foresee_dsl.simulate.sensing.weather",
     }
 

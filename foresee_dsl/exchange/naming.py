@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Collection
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign import opendrive_geometry
 from foresee_dsl.compile.roads.topology import Topology
@@ -15,9 +15,6 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model import Quantity
 from foresee_dsl.language.units import Dimension
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _LONGEST = 40
 """Ours: half of what the language allows, so that campaigns can add to it."""
@@ -82,14 +79,14 @@ def distinct_name(text: str, otherwise: str, taken: Collection[str]) -> str:
     return next(found for found in itertools.chain([name], numbered) if found not in taken)
 
 
-def quantity(value_si: float, dimension: Dimension, digits: int = DIGITS) -> Quantity:
+def quantity(value_si: float, dimension: Dimension) -> Quantity:
     """Return a quantity in the unit of generated files, rounded, without needless zeros; an `ExchangeError` for one
     that is larger than anything that is driven."""
     if not abs(value_si) <= _LARGEST:
         raise ExchangeError(f"{value_si:g} is no {dimension} that can be meant")
-    exact = Quantity.of(value_si, dimension, digits)
+    exact = Quantity.of(value_si, dimension, DIGITS)
     plain = exact.value.normalize()
-    if plain.as_tuple().exponent not in range(-digits, 1):  # 1E+2
+    if plain.as_tuple().exponent not in range(-DIGITS, 1):  # 1E+2
         plain = plain.quantize(Decimal(1))
     return Quantity(value=plain, unit=exact.unit)
 

@@ -43,16 +43,16 @@ class Imported:
     notes: tuple[str, ...] = ()
 
 
-def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
+def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
     """Have files written to a temporary folder, then move them into place.
 
     Args:
         out: the folder that is meant; made where it is missing. Files of the same names are replaced.
-        write: writes its files into the folder that it is given (files only, no folders), and reports on them. If it
-            raises, nothing is left behind.
+        write: writes its files into the folder that it is given (files only, no folders). If it raises, nothing is
+            left behind.
 
     Returns:
-        The report, with the files in it as they are in `out`, by name.
+        The files, in `out`, by name.
 
     Raises:
         ExchangeError: `out` cannot be written.
@@ -64,7 +64,7 @@ def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
     except OSError as err:
         raise ExchangeError(f"{out} cannot be written: {err.strerror or err}") from err
     try:
-        report = write(fresh)
+        write(fresh)
         names = sorted(file.name for file in fresh.iterdir())
         for name in names:
             (fresh / name).replace(out / name)
@@ -75,7 +75,14 @@ def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
                 folder.rmdir()
         raise
     shutil.rmtree(fresh, ignore_errors=True)
-    return replace(report, files=tuple(out / name for name in names))
+    return tuple(out / name for name in names)
+
+
+def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
+    """Write files as `write_together` does, and return the report that `write` gives, with the files in it."""
+    reports: list[Imported] = []
+    files = write_together(out, lambda folder: reports.append(write(folder)))
+    return replace(reports[0], files=files)
 
 
 def write_text(file: Path, model: Definition) -> None:

@@ -81,9 +81,7 @@ def _within_grip(speed: float, acceleration: float, steer: float, dt: float, lim
 def step(states: Records, limits_of: Records, wheel: float, throttle: float, brake: float, dt: float) -> None:
     """Move the first of some states on by `dt` seconds.
 
-    Args:
-        states: [>=1], changed. limits_of: [>=1] what the vehicle can do.
-        wheel: share of the largest steering angle, left positive. throttle, brake: shares. dt: s.
+    `wheel`: share of the largest steering angle, left positive; `throttle`, `brake`: shares.
     """
     state, limits = states[0], limits_of[0]
     heading, before, top = state["heading"], state["speed"], limits["max_speed"]

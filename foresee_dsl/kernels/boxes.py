@@ -194,11 +194,9 @@ def hits(box: FloatArray, poses: FloatArray, sizes: FloatArray) -> IntArray:
 
 @compiled(FLOAT, FLOAT, FLOAT, FLOAT, FLOAT, FLOAT)
 def wheels(x: float, y: float, heading: float, front: float, rear: float, left: float) -> FloatArray:
-    """Return [4, 2] m, a point for each wheel: front left, rear left, rear right, front right.
+    """Return [4, 2] m, a point for each wheel of a footprint: front left, rear left, rear right, front right.
 
-    Args:
-        x, y, heading: of the footprint, m and rad.
-        front, rear: how far ahead of its centre the axles are. left: how far from the middle the points are, m.
+    `front`, `rear`: how far ahead of its centre the axles are. `left`: how far from the middle the points are, m.
     """
     c, s = np.cos(heading), np.sin(heading)
     points = np.empty((4, 2))
@@ -227,10 +225,8 @@ def drives_on(
 ) -> bool:
     """Whether the ego touches no other actor, and its wheels stand in squares that are known to be whole.
 
-    Args:
-        states: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. sizes: [K, 2] of the others.
-        ego: [5] its length and width, and what `wheels` needs.
-        left, bottom, cell, known: of `drivable_area.Squares`.
+    `states`: [1 + K, >=3] x, y, heading of the ego and of the others; NaN where absent. `sizes`: [K, 2] of the others.
+    `ego`: [5] its length and width, and what `wheels` needs. The rest is `drivable_area.Squares`'.
     """
     if _hits(_posed(states[0], ego), states[1:], sizes).size > 0:
         return False

@@ -132,9 +132,8 @@ def _foot(x: float, y: float, near_s: float, line: Records, first: int, end: int
 def along(x: float, y: float, near_s: float, line: Records, first: int, end: int) -> float:
     """Return the length along a line nearest to a point, m; before 0 or over the line's length beyond its ends.
 
-    Args:
-        x, y: the point, m. near_s: look around here first, NaN for everywhere.
-        line: vertices, of several lines maybe. first, end: those of this one.
+    Looked for around `near_s` first, NaN for everywhere. `first`, `end`: the vertices of this line among those of
+    several.
     """
     k, t = _foot(x, y, near_s, line, first, end)
     a, b = line[k], line[k + 1]
@@ -285,10 +284,8 @@ def feet_on_path(
 ) -> None:
     """Project points [N, 2] onto a path [M, 2], M >= 2.
 
-    Args:
-        points, path: m.
-        gaps: [N] is filled with the distances, m. nearest: [N] with the segments. shares: [N] with where beside its
-            segment each point lies (`share_of_segment`).
+    Filled are [N] the distances, m, the nearest segments, and where beside its segment each point lies
+    (`share_of_segment`).
     """
     bounds = _bounds(path)
     segments = len(path) - 1

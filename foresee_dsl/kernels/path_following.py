@@ -59,13 +59,10 @@ def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float
 
 @compiled(FOLLOWERS, VERTICES, SPEED_POINTS, FLOAT)
 def advance(followers: Records, line: Records, bends: Records, dt: float) -> tuple[float, float, float]:
-    """Move the first of some followers on by a step: its `along` and `speed` are changed.
+    """Move the first of some followers on by a step: its `along` and `speed` are changed; return x, y (m), heading
+    (rad).
 
-    Args:
-        followers: [>=1]. line: its path. bends: how fast the path's bends may be taken; empty for none. dt: s.
-
-    Returns:
-        x, y (m) and heading (rad) after the step.
+    `bends`: how fast the path's bends may be taken; empty for none.
     """
     follower = followers[0]
     along, before, braking = follower["along"], follower["speed"], follower["braking"]

@@ -201,9 +201,9 @@ def _cross(px: float, py: float, room_m: float, own: int, boxes: Records, crosse
     for k in range(len(boxes)):
         box = boxes[k]
         room = box["radius"] + room_m
-        aside = abs(way_x * box["y"] - way_y * box["x"])
+        sideways = abs(way_x * box["y"] - way_y * box["x"])
         along = way_x * box["x"] + way_y * box["y"]
-        if k != own and aside < room and -room < along < gap + room:
+        if k != own and sideways < room and -room < along < gap + room:
             crossed[count] = k
             count += 1
     return count
@@ -308,14 +308,9 @@ def find(
 def in_sight(
     x: float, y: float, heading: float, poses: FloatArray, bodies: Records, walls: Records, limits: Records
 ) -> IntArray:
-    """Return who is in sight.
+    """Return which objects are in sight of the ego, [S]; the eye is over its centre.
 
-    Args:
-        x, y, heading: of the ego; the eye is over its centre. poses: [N, >=3] NaN where there is none.
-        bodies: [N]. walls: [M] the near ones. limits: [1].
-
-    Returns:
-        [S] which objects.
+    `poses`: [N, >=3] NaN where there is none. `bodies`: [N]. `walls`: [M] the near ones. `limits`: [1].
     """
     row = limits[0]
     one = SightLimits(row["reach"], row["ahead_share"], row["least_marks"])
@@ -336,11 +331,9 @@ def clear_points(
     walls: Records,
     reach_m: float,
 ) -> BoolArray:
-    """Say which points nothing hides, [P].
+    """Say which points ([P, 3] x, y and height over the ground) nothing hides from an eye at a height, [P].
 
-    Args:
-        x, y: of the ego. eye_m: height of the eye. points: [P, 3] x, y and height over the ground.
-        poses, bodies, walls: as in `in_sight`. reach_m: what is farther hides nothing.
+    `poses`, `bodies`, `walls`: as in `in_sight`. `reach_m`: what is farther hides nothing.
     """
     boxes = _boxes(x, y, poses, bodies, reach_m)
     facing = _facing(x, y, walls)

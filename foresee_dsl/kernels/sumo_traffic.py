@@ -76,11 +76,8 @@ def follow(
 ) -> None:
     """Move footprints to where SUMO has their vehicles after a step.
 
-    Args:
-        seen: [N] the vehicles that SUMO has. places: [2 N] x, y of the middle of each front bumper, m.
-        speeds: [N] m/s.
-        vehicles, states: of all vehicles and actors; they are changed.
-        lanes: the vertices of all lanes. dt: s.
+    `seen`: [N] the vehicles that SUMO has; `places`: [2 N] x, y of the middle of each front bumper, m; `speeds`: [N].
+    `vehicles` and `states` are those of all vehicles and actors, and are changed. `lanes`: the vertices of all lanes.
     """
     for n in range(seen.size):
         vehicle = vehicles[seen[n]]
@@ -141,14 +138,9 @@ def slow_for_bends(
 ) -> int:
     """Compute what each vehicle may drive in the next step: `limit` and `ordered` of its record.
 
-    Args:
-        driven: [N] the vehicles that are asked about.
-        vehicles, states: of all vehicles and actors; the former are changed. lanes: the vertices of all lanes.
-        bends: the speed points of all lanes that were asked for.
-        changed: is filled with the vehicles whose `ordered` is another one now. dt: s.
-
-    Returns:
-        How many of `changed` are filled.
+    `driven`: [N] the vehicles that are asked about. `vehicles`, `states`: of all vehicles and actors; the former are
+    changed. `lanes`: the vertices of all lanes; `bends`: the speed points of all lanes that were asked for. `changed`
+    is filled with the vehicles whose `ordered` is another one now, as many as is returned.
     """
     found = 0
     for n in range(driven.size):

@@ -145,11 +145,10 @@ def fade(state: FloatArray, sightings: Records, measured_s: float, share: float)
 def correct(
     state: FloatArray, sightings: Records, which: IntArray, measured: FloatArray, scans: Records, gains: FloatArray
 ) -> None:
-    """Correct some states by their measurements, in place.
+    """Correct some states, [A, 8], by their measurements, in place.
 
-    Args:
-        state: [A, 8]. sightings: [A]. which: [N] the actors that were measured. measured: [N, 6].
-        scans: [1] the object list. gains: [8, mode, bins, times].
+    `which`: [N] the actors that were measured. `measured`: [N, 6]. `scans`: [1] the object list. `gains`: [8, mode,
+    bins, times].
     """
     scan, off = scans[0], np.empty(8)
     for n in range(len(which)):

@@ -42,14 +42,11 @@ def changed_body(
 ) -> tuple[m.ScenarioItem, ...]:
     """Return a scenario's statements with one `change` line applied; every other one is the same object.
 
-    Args:
-        change: the line.
-        body: as the clip or scenario (and the lines before) have it.
-        findings: takes the errors: nothing of that name, a WAS that is not so, a NOW that does not fit. Then the
-            statements come back as they were.
-        models: every model that may be named; None where another checks them.
-        place: what is changed, in words.
-        parameters: their names, where NOW may be one.
+    Where nothing has that name, a WAS is not so or a NOW does not fit, `findings` takes the error, and the statements
+    come back as they were.
+
+    `models`: every model that may be named; None where another checks them. `place`: what is changed, in words.
+    `parameters`: their names, where NOW may be one.
     """
     named = isinstance(change.now, str) and change.now in parameters
     now: m.ParamValue | m.Ref = m.Ref(name=str(change.now)) if named else change.now

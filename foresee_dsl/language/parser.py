@@ -35,11 +35,7 @@ _MAX_RECOVERED = 200_000
 
 
 def parse(text: str, path: str) -> Document:
-    """Read a text.
-
-    Args:
-        text: the file's content; a byte order mark and any kind of newline are accepted.
-        path: how the file is called in messages.
+    """Read a text; a byte order mark and any kind of newline are accepted. `path`: how messages call the file.
 
     Raises:
         InputError: with every error found, once each, in the order of their places.
@@ -80,11 +76,7 @@ def plain(text: str) -> str:
 
 
 def load(path: Path, shown_as: str | None = None) -> Document:
-    """Read a file.
-
-    Args:
-        path: the file.
-        shown_as: how it is called in messages (as the user named it); the path itself when absent.
+    """Read a file; `shown_as`: how messages call it (as the user named it), the path itself when absent.
 
     Raises:
         InputError: the file is missing, is a folder, too large, no UTF-8 text, or has errors.

@@ -228,12 +228,12 @@ def _check_schema(schema: int, folder: Path) -> None:
 
 def _explained(folder: Path, err: Exception) -> str:
     cause = str(getattr(err, "strerror", None) or err)
-    kept = "what was finished before is kept, and the same command continues from there"
+    rest = "what was finished before is kept, and the same command continues from there"
     if "not a database" in cause or "malformed" in cause:
         return f"the store {folder} is damaged ({cause}): move the folder away, or name another with --store"
     if "readonly" in cause or "read-only" in cause.lower() or "unable to open" in cause:
-        return f"the store {folder} cannot be written ({cause}): name another folder with --store; {kept}"
-    return f"the store {folder} cannot be written ({cause}): {kept} once there is room"
+        return f"the store {folder} cannot be written ({cause}): name another folder with --store; {rest}"
+    return f"the store {folder} cannot be written ({cause}): {rest} once there is room"
 
 
 def _locked(file: Path) -> int:

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.net_reader import points_of, topology_of
 from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, interpolate, lengths, wrap
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 _LEAST_M = 0.1
 """Overlaps shorter than this, m, are rounding (ours; netconvert rounds to 1 cm)."""

@@ -7,13 +7,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.errors import CompileError, ForeseeError
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _SPIRAL_STEP_M = 0.25
 """Step of the integral over a clothoid, m (ours: Simpson's rule, error below a micrometre at a curvature of 0.1

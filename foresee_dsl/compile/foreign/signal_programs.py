@@ -8,8 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
-from xml.etree.ElementTree import SubElement  # no parsing: that is safe_xml's
+from xml.etree.ElementTree import Element, SubElement  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.compile.nets.net_reader import topology_of
@@ -18,9 +17,6 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import number
 from foresee_dsl.language.model import Junction, Point, Quantity, Stage
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 GREEN_S = 20.0
 """Ours: as long as the shorter stages of the bundled town; a vehicle at 30 km/h that is 160 m away still gets it."""

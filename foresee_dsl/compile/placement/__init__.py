@@ -1,1 +1,1 @@
-"""Where everybody is at the first frame."""
+"""Where each actor is at the first frame."""

@@ -50,9 +50,9 @@ _T = TypeVar("_T", bound=m.Item)
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
 
-def si(value: m.Quantity | m.Ref | None, default: float = 0.0) -> float:
-    """Return a value of a concrete scenario in SI units, or the default for None."""
-    return default if value is None else si_of(value)
+def si(value: m.Quantity | m.Ref | None) -> float:
+    """Return a value of a concrete scenario in SI units, 0 for None."""
+    return 0.0 if value is None else si_of(value)
 
 
 def lane_kind(spec: ModelSpec) -> LaneKind:

@@ -320,14 +320,14 @@ def distinct(points: Sequence[XY]) -> Points:
     return (*without_spikes, points[-1])
 
 
-def subdivide(points: Sequence[XY], step_m: float = STEP_M) -> Points:
-    """Return the same polyline with points at most `step_m` apart; its corners stay."""
+def subdivide(points: Sequence[XY]) -> Points:
+    """Return the same polyline with points at most `STEP_M` apart; its corners stay."""
     corners = distinct(points)
     s = lengths(corners)
     found: list[XY] = []
     for k, ((x0, y0), (x1, y1)) in enumerate(pairwise(corners)):
         span = s[k + 1] - s[k]
-        count = max(math.ceil(span / step_m - 1e-9), 1)
+        count = max(math.ceil(span / STEP_M - 1e-9), 1)
         found.append((x0, y0))
         for i in range(1, count):
             along = s[k] + i * (span / count) - s[k]

@@ -69,7 +69,7 @@ class HeadStart(BuiltIn):
     name, property = "head_start", "moving"
 
     def changes(self, situation: Situation, target: str, preset: Preset, rng: Generator) -> tuple[Change, ...]:
-        """Draw a place on its path at which it touches nobody at the beginning."""
+        """Draw a place on its path at which it touches no other at the beginning."""
         was = situation.present_value(target, self.property)
         moves = situation.speed_mps(target, 0) > STANDS_MPS
         if was is None or not moves or not _moves_on_path(situation, target, preset):

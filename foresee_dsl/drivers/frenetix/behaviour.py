@@ -90,9 +90,8 @@ class Patience:
 def decide(situation: Situation, foes: Records, matches: Records, prediction: Records, patience: Patience) -> Behaviour:
     """Return what to do now.
 
-    Args:
-        situation: of this step. foes: [F] the crossing streams of near junctions. matches: [A, F] of their paths.
-        prediction: [A, T] where the others will be, at `pdm`'s frames. patience: it lasts from plan to plan.
+    `matches`: [A, F] with the crossing streams of near junctions. `prediction`: [A, T] where the others will be, at
+    `pdm`'s frames. `patience` lasts from plan to plan.
     """
     egos, ego, actors, route = situation.egos, situation.ego, situation.actors, situation.route
     find_passable(egos, actors, route.points, route.junctions)

@@ -103,12 +103,8 @@ class Plan(Motion):
 def braking_plan(
     route: Route, begins_s: float, start: Frenet, braking_mps2: float, last: Plan | None, *, emergency: bool
 ) -> Plan:
-    """Come to rest with a constant braking, along the last plan's path or, without one, turning parallel to the lane.
-
-    Args:
-        route: the route. begins_s: the time now. start: the car's state. last: the plan that was driven so far.
-        braking_mps2: above 0. emergency: how the plan is marked.
-    """
+    """Come to rest with a constant braking, along the last plan's path or, without one, turning parallel to the
+    lane."""
     until = start.s_dot / braking_mps2
     t = np.minimum(TIMES_S, until)
     s_dot = start.s_dot - braking_mps2 * t

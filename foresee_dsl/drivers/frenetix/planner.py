@@ -141,9 +141,8 @@ class Planner:
     def begin(self, situation: Situation) -> Frenet:
         """Return the car's own state in the route's coordinates; the curvature is that of its wheels.
 
-        Raises:
-            ValueError: it is so far off the route that the library has no coordinates for it.
-            RuntimeError: it drives against the route.
+        A `ValueError` where it is too far off the route for the library's coordinates, a `RuntimeError` against the
+        route.
         """
         state, back = situation.observation.ego, to_centre(self._vehicle)
         window = self._at(situation.ego.s)

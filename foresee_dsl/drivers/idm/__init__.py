@@ -116,10 +116,7 @@ def desired_gap(speed_mps: float, closing_mps: float) -> float:
 def idm_acceleration(speed_mps: float, desired_mps: float, gap_m: float, leader_mps: float) -> float:
     """Return the IDM's acceleration, m/s^2: a (1 - (v / v0)^4 - (s* / s)^2); not bounded below.
 
-    Args:
-        speed_mps: own speed. desired_mps: v0, above 0.
-        gap_m: bumper to bumper; infinite without a leader.
-        leader_mps: the leader's speed along the lane.
+    `desired_mps`: v0, above 0. `gap_m`: bumper to bumper; infinite without a leader.
     """
     wish = desired_gap(speed_mps, speed_mps - leader_mps) / max(gap_m, LEAST_GAP_M)
     return free_acceleration(speed_mps, desired_mps) - ACCELERATION_MPS2 * wish * wish

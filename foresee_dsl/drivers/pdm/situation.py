@@ -89,12 +89,8 @@ def ego_record(vehicle: VehicleLimits) -> Records:
 
 
 def write_state(numbers: FloatArray, state: EgoState) -> None:
-    """Write the vehicle's present state into its record.
-
-    Args:
-        numbers: the record of `ego_record` as a view of floats (all its fields are floats): one assignment takes a
-            third of the time of five to fields. state: of the vehicle.
-    """
+    """Write the vehicle's present state into its record, given as a view of floats (all its fields are floats): one
+    assignment takes a third of the time of five to fields."""
     numbers[_STATE] = state.x, state.y, state.heading_rad, state.speed_mps, state.acceleration_mps2
 
 

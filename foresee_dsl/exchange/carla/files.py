@@ -14,16 +14,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.nets.safe_xml import check_size, parse_xml
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.exchange.naming import sentence
 from foresee_dsl.exchange.outcome import ExchangeError
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 _LISTS = ("waypoints", "positions")
 """Elements that hold a route's places in newer files."""

@@ -28,12 +28,10 @@ class OtherVehicle:
     Attributes:
         named: the two edges to write; the shortest way between them is its route.
         begin_m: from its route's beginning to its front at the start.
-        turn: what it does in the junction.
     """
 
     named: tuple[str, str]
     begin_m: float
-    turn: str
 
 
 def other_vehicle(network: RoadNetwork, passage: Passage, family: str, away_m: float) -> OtherVehicle | None:
@@ -98,7 +96,7 @@ def _on_road(network: RoadNetwork, foe: Movement, away_m: float) -> OtherVehicle
     if passage is None or passage.entry_s < LEAST_M:
         return None
     begin = min(max(passage.entry_s - away_m, LEAST_M / 2), passage.entry_s - LEAST_M / 2)
-    return OtherVehicle((named[0], named[1]), round(begin, 1), passage.turn)
+    return OtherVehicle((named[0], named[1]), round(begin, 1))
 
 
 def _before(network: RoadNetwork, edge: str) -> tuple[str, ...]:

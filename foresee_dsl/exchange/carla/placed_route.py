@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
-from foresee_dsl.compile.placement.starts import OnRoute, Starts
+from foresee_dsl.compile.placement.starts import Starts
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.route_line import Passage, RouteLine
@@ -64,8 +64,8 @@ class PlacedRoute:
     start_off_m: float
     line: RouteLine
     s: float
-    trigger_m: float
-    trigger: Trigger | None
+    trigger_m: float = 0.0
+    trigger: Trigger | None = None
 
     @property
     def goal_s(self) -> float:
@@ -82,81 +82,27 @@ def place_route(
     in_order: bool,
     heights: Heights | None = None,
 ) -> PlacedRoute:
-    """Return how a route is written, and where its trigger is.
+    """Return how a route is written, and where its trigger is; a `RouteError` where its places are not on the map, or
+    not connected.
 
-    Args:
-        triggers: of its family and town. spec: the ego's model. heights: of the town's lanes.
-        in_order: whether the k-th trigger belongs to the k-th route.
-
-    Raises:
-        RouteError: its places are not on the map, or not connected.
+    `triggers`: of its family and town; `in_order`: whether the k-th belongs to the k-th route. `spec`: the ego's model.
     """
-    way = way_between(network, route.start, route.end, route.between, heights)
-    edges = _over_goal_lane(network, way, route, spec)
-    ends = _ends(network, edges, route, spec)
-    placed = ends.placed
-    finish = math.floor((ends.goal_s - placed.s) * 100) / 100  # a rounding must not put it behind the end
-    drive = _Drive(placed.line, placed.s, placed.s + finish)
+    placed = _over_goal_lane(network, way_between(network, route.start, route.end, route.between, heights), route, spec)
+    drive = _Drive(placed.line, placed.s, placed.goal_s)
     own = (t for t in triggers if in_order and t.order == route.order and drive.off(t.pose) <= TRIGGER_FAR_M)
     trigger = next(own, None) or drive.first(triggers)
-    return PlacedRoute(
-        route=route,
-        way=way,
-        named=through_of(network, edges),
-        begin_m=round(ends.begin_m, 2),
-        beside_m=ends.beside_m,
-        finish_m=finish,
-        start_off_m=ends.start_off_m,
-        line=placed.line,
-        s=placed.s,
-        trigger_m=0.0 if trigger is None else drive.s_of(trigger.pose) - placed.s,
-        trigger=trigger,
-    )
+    trigger_m = 0.0 if trigger is None else drive.s_of(trigger.pose) - placed.s
+    return replace(placed, named=through_of(network, placed.named), trigger_m=trigger_m, trigger=trigger)
 
 
-@dataclass(frozen=True)
-class _Ends:
-    """Start and goal of a route on its edges, see `PlacedRoute`. `goal_off_m`: distance of the line from the goal."""
-
-    begin_m: float
-    beside_m: float
-    placed: OnRoute
-    start_off_m: float
-    goal_s: float
-    goal_off_m: float
-
-
-def _ends(network: RoadNetwork, edges: tuple[str, ...], route: CarlaRoute, spec: ModelSpec) -> _Ends:
-    half_m = spec.length_m / 2  # CARLA puts a vehicle's middle on a place, we its front
-    begin, beside = _front_on(network.line(edges), route.start, half_m)
-    beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
-    at = m.AlongRoute(
-        actor="ego",
-        at=m.Quantity.of(begin, "length", 2),
-        offset=m.Quantity.of(beside, "length", 2) if beside else None,
-    )
-    ego = m.Ego(model=spec.name, body=(m.EdgeRoute(edges=edges), m.StartAt(place=at)))
-    placed = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
-    goal_s = min(length_to(placed.line, route.end, placed.s), placed.line.end_s)
-    x, y = placed.x - half_m * math.cos(placed.heading_rad), placed.y - half_m * math.sin(placed.heading_rad)
-    goal_x, goal_y, _ = placed.line.at(goal_s)
-    return _Ends(
-        begin_m=begin,
-        beside_m=beside,
-        placed=placed,
-        start_off_m=math.hypot(x - route.start.x, y - route.start.y),
-        goal_s=goal_s,
-        goal_off_m=math.hypot(goal_x - route.end.x, goal_y - route.end.y),
-    )
-
-
-def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: ModelSpec) -> tuple[str, ...]:
-    """Return the edges of a way, where needed with the fewest edges beyond it that only the goal's lane leads to.
+def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: ModelSpec) -> PlacedRoute:
+    """Place a route on the edges of a way, where needed with the fewest beyond it that only the goal's lane leads to.
 
     A line takes the rightmost of the lanes that need no change; which these are depends on what follows the goal.
     """
-    if _ends(network, way.edges, route, spec).goal_off_m <= BESIDE_GOAL_M:
-        return way.edges
+    whole, goal_off_m = _placed(network, way, way.edges, route, spec)
+    if goal_off_m <= BESIDE_GOAL_M:
+        return whole
     longer = [way.edges]
     for _ in range(_EDGES_BEHIND_GOAL):
         longer = [
@@ -167,9 +113,39 @@ def _over_goal_lane(network: RoadNetwork, way: Way, route: CarlaRoute, spec: Mod
         ]
         for edges in longer:
             with suppress(RouteError):
-                if _ends(network, edges, route, spec).goal_off_m <= _ON_GOAL_M:
-                    return edges
-    return way.edges
+                placed, goal_off_m = _placed(network, way, edges, route, spec)
+                if goal_off_m <= _ON_GOAL_M:
+                    return placed
+    return whole
+
+
+def _placed(
+    network: RoadNetwork, way: Way, edges: tuple[str, ...], route: CarlaRoute, spec: ModelSpec
+) -> tuple[PlacedRoute, float]:
+    """Return a route on some edges, all of them named and without its trigger, and how far its line is from the goal,
+    m."""
+    half_m = spec.length_m / 2  # CARLA puts a vehicle's middle on a place, we its front
+    begin, beside = _front_on(network.line(edges), route.start, half_m)
+    beside = 0.0 if abs(beside) < _BESIDE_M else round(beside, 2)
+    offset = m.Quantity.of(beside, "length", 2) if beside else None
+    at = m.AlongRoute(actor="ego", at=m.Quantity.of(begin, "length", 2), offset=offset)
+    ego = m.Ego(model=spec.name, body=(m.EdgeRoute(edges=edges), m.StartAt(place=at)))
+    start = Starts(network, {"ego": ego}, {"ego": spec}).on_route("ego")
+    goal_s = min(length_to(start.line, route.end, start.s), start.line.end_s)
+    x, y = start.x - half_m * math.cos(start.heading_rad), start.y - half_m * math.sin(start.heading_rad)
+    goal_x, goal_y, _ = start.line.at(goal_s)
+    placed = PlacedRoute(
+        route=route,
+        way=way,
+        named=edges,
+        begin_m=round(begin, 2),
+        beside_m=beside,
+        finish_m=math.floor((goal_s - start.s) * 100) / 100,  # a rounding must not put it behind the end
+        start_off_m=math.hypot(x - route.start.x, y - route.start.y),
+        line=start.line,
+        s=start.s,
+    )
+    return placed, math.hypot(goal_x - route.end.x, goal_y - route.end.y)
 
 
 def _front_on(line: RouteLine, place: Pose, half_m: float) -> tuple[float, float]:

@@ -166,7 +166,7 @@ _NOTHING: _Staged = ("open", {})
 
 
 def _crossing(network: RoadNetwork, _: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Family 3: somebody crosses behind the trigger, and a cyclist further on."""
+    """Family 3: a pedestrian crosses behind the trigger, and a cyclist further on."""
     room = placed.finish_m - _BEFORE_GOAL_M
     if room < _NEAREST_M:
         return _NOTHING
@@ -223,7 +223,7 @@ def _after_turn(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pla
 
 
 def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: PlacedRoute, number: int) -> _Staged:
-    """Families 7, 8, 9: somebody comes to the junction at the same time."""
+    """Families 7, 8, 9: another vehicle comes to the junction at the same time."""
     family = placed.route.family
     passages = sorted(passages_of(network, placed), key=lambda one: one.signal is None)
     speed = _OTHER_SPEEDS[number % len(_OTHER_SPEEDS)]
@@ -235,7 +235,7 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
             break
     if passage is None:
         return _NOTHING
-    if found is None:  # nobody's way conflicts with the ego's: somebody walks over the road behind the first junction
+    if found is None:  # no way conflicts with the ego's: a pedestrian walks over the road behind the first junction
         passage = passages[0]
         return "walker", {
             "junction": _word(passage.junction),

@@ -67,9 +67,7 @@ class Way:
     length_m: float
 
 
-def lanes_at(
-    network: RoadNetwork, place: Pose, within_m: float = NEAR_M, heights: Heights | None = None
-) -> list[OnLane]:
+def lanes_at(network: RoadNetwork, place: Pose, heights: Heights | None = None) -> list[OnLane]:
     """Return the car lanes that a place may be on, the nearest first; those up to a metre farther come along.
 
     Lanes whose direction differs by more than 60 degrees from the place's are left out; of a road and one that goes
@@ -78,7 +76,7 @@ def lanes_at(
     found: list[OnLane] = []
     around = _around(network)
     for lane in network.lanes.values():
-        if "car" not in lane.kinds or lane.edge in network.walking_areas or not _may_be_near(lane, place, within_m):
+        if "car" not in lane.kinds or lane.edge in network.walking_areas or not _may_be_near(lane, place):
             continue
         edges = around.get(lane.id, ()) if lane.internal else ((lane.edge,),)
         s, _ = lane.line.project(place.x, place.y)
@@ -86,7 +84,7 @@ def lanes_at(
         x, y, heading = lane.line.at(at)
         off = math.hypot(x - place.x, y - place.y)
         turned = _turned(heading, place)
-        if off <= within_m and turned <= SAME_WAY_RAD:
+        if off <= NEAR_M and turned <= SAME_WAY_RAD:
             found += [OnLane(lane, at, off, turned, pair) for pair in edges]
     if place.z is not None and heights is not None and found:
         above = [abs(heights.at(one.lane.id, one.at_m) - place.z) for one in found]
@@ -102,11 +100,11 @@ def way_between(
 
     A `RouteError` where the start or the end is on no lane, there is no way, or it goes over a road twice.
     """
-    starts, ends = lanes_at(network, start, heights=heights), lanes_at(network, end, heights=heights)
+    starts, ends = lanes_at(network, start, heights), lanes_at(network, end, heights)
     for name, found, place in (("start", starts, start), ("end", ends, end)):
         if not found:
             raise RouteError(f"its {name} ({place.x:.1f} m, {place.y:.1f} m) is on no car lane of the map")
-    stops = [found for place in between if (found := lanes_at(network, place, heights=heights))]
+    stops = [found for place in between if (found := lanes_at(network, place, heights))]
     if stops:
         ways = [_way_over(network, (starts, *stops, ends))]
     else:
@@ -251,6 +249,6 @@ def _around(network: RoadNetwork) -> dict[str, tuple[tuple[str, str], ...]]:
     return {lane: tuple(pairs) for lane, pairs in found.items()}
 
 
-def _may_be_near(lane: Lane, place: Pose, within_m: float) -> bool:
+def _may_be_near(lane: Lane, place: Pose) -> bool:
     xs, ys = [x for x, _ in lane.shape], [y for _, y in lane.shape]
-    return min(xs) - within_m <= place.x <= max(xs) + within_m and min(ys) - within_m <= place.y <= max(ys) + within_m
+    return min(xs) - NEAR_M <= place.x <= max(xs) + NEAR_M and min(ys) - NEAR_M <= place.y <= max(ys) + NEAR_M

@@ -6,7 +6,7 @@ import re
 import tempfile
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
@@ -18,9 +18,6 @@ from foresee_dsl.exchange.maps.sumo import with_starter
 from foresee_dsl.exchange.naming import file_name, name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.language.model import Network
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 _LIGHTS = ("1000001", "1000002", "1000009", "1000010", "1000011")
 """Types of traffic lights: the first five that CARLA's reader of OpenDRIVE knows (road/SignalType.cpp, after OpenDRIVE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
 from foresee_dsl.compile.nets.safe_xml import parse_xml
@@ -13,9 +13,6 @@ from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.maps.sumo import NET, counts, with_starter
 from foresee_dsl.exchange.naming import name_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element
 
 _TYPEMAPS = ("osmNetconvert.typ.xml", "osmNetconvertUrbanDe.typ.xml", "osmNetconvertPedestrians.typ.xml")
 """SUMO's own tables of what a `highway=...` is: lanes, limits, who may go there; then town limits and sidewalks."""

@@ -1,4 +1,4 @@
-"""A first scenario on a network that somebody else made: a drive over a signalised junction, with traffic around."""
+"""A first scenario on a network from elsewhere: a drive over a signalised junction, with traffic around."""
 
 from __future__ import annotations
 

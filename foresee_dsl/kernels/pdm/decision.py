@@ -101,9 +101,7 @@ def decide(
 ) -> tuple[float, float, tuple[float, float, float]]:
     """Choose the best proposal: its offset, m, its acceleration, and steering, throttle and brake for them.
 
-    Args:
-        egos: [1] the ego; its place on the route is filled in. tracks: [A]. route: the route's points.
-        coarse: [4, N / COARSE] see `locate`. foes, paths, junctions: of the route. braking: [J] see `find_wall`.
+    The ego's place on the route is filled in. `coarse`: see `locate`; `braking`: see `find_wall`.
     """
     place_ego(egos, route, coarse)
     actors = np.empty(len(tracks), ACTOR)

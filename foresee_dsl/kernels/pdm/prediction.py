@@ -156,12 +156,7 @@ def _add_reach(actors: Records, route: Records, out: Records) -> None:
 
 @compiled(r.EGOS, r.ACTORS, r.FOES, r.PATHS, r.MATCHES, r.ROUTE)
 def predict(egos: Records, actors: Records, foes: Records, paths: Records, matches: Records, route: Records) -> Records:
-    """Predict all actors over the horizon, [A, T].
-
-    Args:
-        egos: [1]. actors: [A]. foes: [F] the crossing streams that `matches` [A, F] are of. paths: their points.
-        route: the route's points.
-    """
+    """Predict all actors [A] over the horizon, [A, T]; `matches` [A, F] are with the crossing streams `foes` [F]."""
     out, free = np.empty((len(actors), FRAMES), PREDICTED), np.empty(len(actors), dtype=np.bool_)
     for a in range(len(actors)):
         one, f = actors[a], _nearest_foe(matches[a], actors[a]["pedestrian"])

@@ -121,11 +121,7 @@ def find_offsets(egos: Records, actors: Records, route: Records) -> FloatArray:
 
 @compiled(r.EGOS, r.ACTORS, r.PREDICTION, FLOATS)
 def find_leaders(egos: Records, actors: Records, predicted: Records, offsets: FloatArray) -> Records:
-    """Return the nearest actor ahead at each offset and frame, [O, T]; `FAR_M` away where there is none.
-
-    Args:
-        egos: [1]. actors: [A]. predicted: [A, T] their predictions. offsets: [O] that are tried.
-    """
+    """Return the nearest actor ahead at each offset and frame, [O, T]; `FAR_M` away where there is none."""
     found = np.empty((len(offsets), predicted.shape[1]), LEADER)
     front, side = egos[0]["s"] + egos[0]["front"], egos[0]["width"] / 2 + cfg.CORRIDOR_MARGIN_M
     for o in range(len(offsets)):
@@ -206,13 +202,12 @@ def _fill(frames: Records) -> None:
 def _longitudinal(
     ego: np.void, wishes: FloatArray, which: IntArray, leaders: Records, allowed: FloatArray, out: Records
 ) -> FloatArray:
-    """Integrate the IDM: fill s and speed of all proposals, and return their first accelerations [P].
+    """Integrate the IDM: fill s and speed of all proposals, [P, T], and return their first accelerations [P].
 
     All of them in each frame, not one after the other: a processor then works on several at once.
 
-    Args:
-        ego: the ego. wishes: [2, P] share of the allowed speed and largest acceleration. which: [P] row of `leaders`.
-        leaders: [O, T]. allowed: speeds along the route, `GRID_M` apart. out: [P, T].
+    `wishes`: [2, P] share of the allowed speed and largest acceleration. `which`: [P] row of `leaders` [O, T].
+    `allowed`: speeds along the route, `GRID_M` apart.
     """
     last, top, count = len(allowed) - 1, min(cfg.ACCELERATION_MPS2, ego["motor"]), len(which)
     front_s, strongest = ego["front"], ego["strongest"]
@@ -285,12 +280,8 @@ def roll(
 ) -> FloatArray:
     """Roll out in the route's coordinates: each offset with each share of the speed, then the braking proposals.
 
-    Args:
-        ego: the ego. leaders: [O, T]. offsets: [O] that are tried. allowed: speeds along the route, `GRID_M` apart.
-        out: [P, T], filled. heads_for: [P] the offset that each heads for, filled.
-
-    Returns:
-        Their first accelerations, [P].
+    Filled are `out`, [P, T], and the offset that each heads for, [P]; returned their first accelerations, [P].
+    `leaders`: [O, T]. `allowed`: speeds along the route, `GRID_M` apart.
     """
     count, here, slope = len(heads_for), 0, math.tan(max(-1.0, min(1.0, ego["heading_error"])))
     for o in range(len(offsets)):

@@ -11,8 +11,6 @@ from typing import NamedTuple
 
 from foresee_dsl.kernels.records import array_of, dtype_of
 
-"""An array of one of the records below."""
-
 
 class Ego(NamedTuple):
     """The vehicle that is driven: what it can do, its state, and where it is on the route. All fields are floats.
@@ -208,4 +206,4 @@ ROLLED, CONFLICT = dtype_of(Rolled), dtype_of(Conflict)
 EGOS, ACTORS, ROUTE, JUNCTIONS, FOES = (array_of(kind) for kind in (Ego, Actor, RoutePoint, Junction, Foe))
 """The kernels' types of [1], [A], [N], [J] and [F] of them."""
 PATHS, MATCHES, PREDICTION = array_of(PathPoint), array_of(Match, 2), array_of(Predicted, 2)
-LEADERS, ROLLOUT, CONFLICTS = array_of(Leader, 2), array_of(Rolled, 2), array_of(Conflict, 2)
+ROLLOUT = array_of(Rolled, 2)

@@ -126,9 +126,7 @@ def _ahead(junction: int, ego: np.void, foes: Records, matches: Records) -> tupl
 def _must_wait(ego: np.void, actors: Records, foe: np.void, matches: Records, arrival: Arrival, wait_s: float) -> bool:
     """Tell whether an actor with priority is, or will be, in the conflict zone when the ego would be.
 
-    Args:
-        ego: the ego. actors: [A]. foe: the stream that has priority. matches: [A] of this stream.
-        arrival: of the ego. wait_s: where it would wait.
+    `matches`: the actors' [A] with the stream that has priority. `wait_s`: where the ego would wait.
     """
     enters = arrives(arrival, foe["own_s"])
     leaves = arrives(arrival, foe["own_until_s"] + ego["front_s"] - ego["rear_s"])
@@ -226,9 +224,7 @@ def find_wall(
 ) -> float:
     """Return the s where the front bumper must stop, infinite: nowhere.
 
-    Args:
-        egos: [1]. actors: [A]. foes: [F] the crossing streams that `matches` [A, F] are of. junctions: [J], all.
-        braking: [J] what their signals ask for, negative for nothing. route: the route's points.
+    `braking`: [J] what the signals of all junctions ask for, negative for nothing; `matches`: [A, F].
     """
     ego = egos[0]
     queue_end_s = _queue_end(ego, actors)

@@ -83,13 +83,11 @@ def _least(values: FloatArray) -> int:
 
 @compiled(FLOAT, FLOAT, FLOAT, r.ROUTE, TABLE)
 def locate(x: float, y: float, heading: float, route: Records, coarse: FloatArray) -> tuple[float, float, float]:
-    """Return length along the whole route, offset and heading error of a place and heading.
+    """Return length along the whole route, offset and heading error of a place (m) and heading (rad).
 
     A route may cross itself, so the place alone would not do: heading counts as up to 5 m (ours: a lane and a half).
 
-    Args:
-        x, y, heading: the place, m and rad. route: its points.
-        coarse: [4, N / COARSE] x, y, cos and sin of every `COARSE`th one.
+    `coarse`: [4, N / COARSE] x, y, cos and sin of every `COARSE`th point of the route.
     """
     cos, sin = math.cos(heading), math.sin(heading)
     gx, gy, gcos, gsin = coarse[0], coarse[1], coarse[2], coarse[3]

@@ -13,13 +13,13 @@ from foresee_dsl.kernels.pdm.proposals import BRAKING, decay_length, place_footp
 from foresee_dsl.kernels.pdm.records import CONFLICT
 from foresee_dsl.kernels.pdm.route import grid_point
 
-STEERS_ASIDE_M = 0.7
+STEERS_SIDEWAYS_M = 0.7
 """Ours: a proposal that moves sideways by more than this is at fault in a collision with an actor from behind."""
 LEAVES_M = 0.05
 """Ours: rounding and smoothing of the lanes' edges."""
 STANDS_MPS = 0.1
 NEAR_M = 6.0
-"""Ours: actors whose predicted footprints stay farther aside than this from the route are left out."""
+"""Ours: actors whose predicted footprints stay farther than this from the route, sideways, are left out."""
 
 ROUNDING_M = 1e-6
 """Ours: far more than rounding errors."""
@@ -45,7 +45,7 @@ def _near(ego: np.void, predicted: Records, rolled: Records) -> tuple[BoolArray,
 
 @inner
 def _compare(
-    ego: np.void, actor: np.void, predicted: Records, rolled: Records, moves_aside: bool, found: Records
+    ego: np.void, actor: np.void, predicted: Records, rolled: Records, moves_sideways: bool, found: Records
 ) -> None:
     """Mark the conflicts of a proposal with one actor, all of them [T]."""
     half_l, half_w, margin = ego["length"] / 2, ego["width"] / 2, cfg.COLLISION_MARGIN_M
@@ -75,7 +75,7 @@ def _compare(
         )
         moves = v > STANDS_MPS
         # The ego is not at fault when it stands, nor when hit from behind unless it moves sideways.
-        if moves and (moves_aside or not (behind_at_first and along < -half_l)):
+        if moves and (moves_sideways or not (behind_at_first and along < -half_l)):
             found[t]["hit"] |= max(room_along, room_across, there) < margin
             found[t]["close"] |= room_along < margin and room_across < side and there < side
         if moves and along > 0:
@@ -93,8 +93,8 @@ def _compare_all(
     for a in range(len(near)):
         if near[a]:
             for p in range(len(offsets)):
-                aside = abs(offsets[p] - ego["d"]) > STEERS_ASIDE_M
-                _compare(ego, actors[a], predicted[a], rolled[p], aside, found[p])
+                sideways = abs(offsets[p] - ego["d"]) > STEERS_SIDEWAYS_M
+                _compare(ego, actors[a], predicted[a], rolled[p], sideways, found[p])
     return found
 
 
@@ -111,11 +111,8 @@ def find_conflicts(
 
 @compiled(r.EGOS, r.ACTORS, r.PREDICTION, r.ROLLOUT, FLOATS)
 def conflicts(egos: Records, actors: Records, predicted: Records, rolled: Records, offsets: FloatArray) -> Records:
-    """Compare footprints: return the conflicts of each proposal in each frame, [P, T].
-
-    Args:
-        egos: [1]. actors: [A]. predicted: [A, T] their predictions. rolled: [P, T]. offsets: [P] they head for.
-    """
+    """Compare footprints: return the conflicts of each proposal, which heads for an offset [P], in each frame, [P,
+    T]."""
     return _compare_all(egos[0], actors, _near(egos[0], predicted, rolled)[0], predicted, rolled, offsets)
 
 
@@ -143,13 +140,10 @@ def rate(
     points: FloatArray,
     collides: IntArray,
 ) -> None:
-    """Score the proposals.
+    """Score the proposals, whose first accelerations are given.
 
-    Args:
-        ego: the ego. route: the route's points. rolled, conflict: [P, T].
-        offset: [P] m, what each heads for. acceleration: [P] the first one, m/s^2.
-        points: [P], filled: the score; -1 where the proposal collides or leaves the lanes.
-        collides: [P], filled: the frame of the first collision; T: none.
+    Filled are `points`, [P] the score, -1 where the proposal collides or leaves the lanes, and `collides`, [P] the
+    frame of the first collision, T for none.
     """
     frames, best, half = rolled.shape[1], 0.0, ego["width"] / 2
     for p in range(len(points)):
@@ -172,14 +166,14 @@ def rate(
         error = offset[p] - ego["d"]
         lateral = ego["forward"] ** 2 * abs(error) / decay_length(ego["forward"], error, ego["sharpest"]) ** 2
         comfort = acceleration[p] > -cfg.COMFORT_BRAKING_MPS2 and lateral < cfg.COMFORT_LATERAL_MPS2
-        aside = 0.5 * abs(offset[p]) + 0.5 * abs(error)
+        off_middle_m = 0.5 * abs(offset[p]) + 0.5 * abs(error)
         progress = rolled[p, frames - 1]["s"] - rolled[p, 0]["s"]
         points[p] = (
             cfg.PROGRESS_WEIGHT * (min(progress / best, 1.0) if best > 1.0 else 1.0)
             + (0.0 if touches > 0 else cfg.TTC_WEIGHT)
             + (cfg.COMFORT_WEIGHT if comfort else 0.0)
             + cfg.CLEARANCE_WEIGHT * (1.0 - near / frames)
-            - cfg.CENTRING_WEIGHT * min(aside / cfg.CENTRING_SCALE_M, 1.0)
+            - cfg.CENTRING_WEIGHT * min(off_middle_m / cfg.CENTRING_SCALE_M, 1.0)
         )
 
 

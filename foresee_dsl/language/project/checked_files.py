@@ -25,18 +25,12 @@ class Checked:
 
 
 def check_paths(
-    paths: Iterable[str],
-    overlay: Mapping[Path, str] | None = None,
-    *,
-    lints: bool = True,
-    allow_outside: bool = True,
+    paths: Iterable[str], overlay: Mapping[Path, str] | None = None, *, allow_outside: bool = True
 ) -> Checked:
     """Check files, folders and addresses; every mistake is found once, whatever else is wrong.
 
-    Args:
-        overlay: texts that stand for those on the disk, by absolute path (an editor's unsaved ones).
-        lints: also say what is allowed and hardly meant, in files without mistakes.
-        allow_outside: see `loading.load_test_case`.
+    In files without mistakes also what is allowed and hardly meant. `overlay`: texts that stand for those on the disk,
+    by absolute path (an editor's unsaved ones). `allow_outside`: see `loading.load_test_case`.
 
     Raises:
         InputError: something named is not there.
@@ -60,8 +54,7 @@ def check_paths(
         except InputError as error:
             found |= dict.fromkeys(error.diagnostics)
     found |= dict.fromkeys(project.warnings)
-    if lints:
-        found |= dict.fromkeys(_lints(cases, {d.path for d in found if d.severity == "error"}))
+    found |= dict.fromkeys(_lints(cases, {d.path for d in found if d.severity == "error"}))
     return Checked(len({file for _, file in addresses}), tuple(cases), tuple(found), tuple(campaigns))
 
 

@@ -43,9 +43,7 @@ def load_test_case(address: str | Path, *, allow_outside: bool = True, check_pin
     return Project(allow_outside=allow_outside, check_pin=check_pin).test_case(address)
 
 
-def load_test_cases(
-    paths: Iterable[str | Path], *, allow_outside: bool = True, check_pin: bool = True
-) -> tuple[TestCase, ...]:
+def load_test_cases(paths: Iterable[str | Path], *, allow_outside: bool = True) -> tuple[TestCase, ...]:
     """Load all test cases of files, folders and addresses, in the order named.
 
     A scenario with cases gives one test case each. Folders are searched for scenarios, in the order of their paths;
@@ -54,7 +52,7 @@ def load_test_cases(
     Raises:
         InputError: the mistakes of all files together; or there is no scenario.
     """
-    return Project(allow_outside=allow_outside, check_pin=check_pin).test_cases(paths)
+    return Project(allow_outside=allow_outside).test_cases(paths)
 
 
 @cache

@@ -20,7 +20,6 @@ from foresee_dsl.simulate.rasters.layout import (
     MAP_BITS,
     VELOCITY_PER_MPS,
     VELOCITY_ZERO,
-    BirdsEyeLayout,
 )
 
 Pose = tuple[float, float, float]
@@ -28,7 +27,7 @@ Pose = tuple[float, float, float]
 
 _LEAST_PX = 2.0
 """Sides are drawn at least so long: over the square root of two, some pixel's middle is inside at any angle. Ours: with
-1.5 somebody on foot was often a single pixel."""
+1.5 a pedestrian was often a single pixel."""
 _STOP_M = 1.0
 """How far a stop line reaches along the road. Ours: two pixels; painted ones are 0.3 to 0.5 m."""
 _MAP = len(MAP_BITS)
@@ -61,10 +60,10 @@ class BirdsEye:
         ground: GroundMap,
         stops: Sequence[StopLine] = (),
         ego_size_m: tuple[float, float] = (0.0, 0.0),
-        layout: BirdsEyeLayout = BIRDS_EYE,
     ) -> None:
         """Prepare a map, which has the route, and the route's stop lines; an ego of no size (length, width) is not
         drawn."""
+        layout = BIRDS_EYE
         self._ground, self._stops, self._layout = ground, stops, layout
         scale = layout.m_per_px
         self._ahead_m: FloatArray = (
@@ -85,7 +84,7 @@ class BirdsEye:
 
         Args:
             pose: the ego's middle and heading.
-            actors: [K, 6] x, y (m), heading (rad), speed (m/s), length, width (m); NaN where somebody is absent.
+            actors: [K, 6] x, y (m), heading (rad), speed (m/s), length, width (m); NaN where one is absent.
             groups: [K] index into `GROUPS`. signals: the colours that are seen.
 
         Returns:

@@ -27,7 +27,6 @@ from foresee_dsl.simulate.rasters.layout import (
     FORWARD_CHANNELS,
     INVERSE_DEPTH_SCALE,
     MAP_BITS,
-    ForwardLayout,
 )
 
 _NEAR_M = 0.1
@@ -59,8 +58,9 @@ _GROUND = _labels_of_ground()
 class Camera:
     """Draws forward views on one map."""
 
-    def __init__(self, ground: GroundMap, buildings: Sequence[Points] = (), layout: ForwardLayout = FORWARD) -> None:
+    def __init__(self, ground: GroundMap, buildings: Sequence[Points] = ()) -> None:
         """Prepare a map with the outlines of its buildings, m."""
+        layout = FORWARD
         self._map, self._layout = ground, layout
         outlines = [_counter_clockwise(outline) for outline in buildings]
         walls = [(a, b) for outline in outlines for a, b in zip(outline, (*outline[1:], outline[0]), strict=True)]
@@ -85,7 +85,7 @@ class Camera:
         Args:
             pose: the ego's middle (m) and heading (rad).
             boxes: [K, 7] x, y (m), heading (rad), length, width, lower and upper edge above the road (m); NaN where
-                somebody is absent.
+                one is absent.
             labels: [K] index into `FORWARD_CHANNELS`.
             range_m: what is farther ahead than this is not drawn.
 
@@ -174,7 +174,7 @@ class Camera:
     ) -> tuple[FloatArray, FloatArray]:
         """Return [K, W] how far ahead each column's ray enters and leaves each box; infinite where it does not."""
         c, s = np.cos(turned)[:, None], np.sin(turned)[:, None]
-        # Far and thin things are shown one column wide, so that nobody on foot vanishes between two rays.
+        # Far and thin things are shown one column wide, so that no pedestrian vanishes between two rays.
         least = np.maximum(ahead, 0.0)[:, None] / self._layout.focal_px
         half_length, half_width = (np.maximum(boxes[:, k, None], least) / 2 for k in (3, 4))
         along, across = ahead[:, None] * c + left[:, None] * s, left[:, None] * c - ahead[:, None] * s

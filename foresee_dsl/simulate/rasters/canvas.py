@@ -83,7 +83,7 @@ class Canvas:
 
         Args:
             pose: x, y (m) of the ego's middle, its heading (rad).
-            bodies: [K, 6] x, y (m), heading (rad), length, width, height (m); NaN where somebody is absent.
+            bodies: [K, 6] x, y (m), heading (rad), length, width, height (m); NaN where one is absent.
             groups: [K] index into `layout.GROUPS`. signals: the colours that are seen; lamps that are off are dark.
             range_m: how far the weather lets it see.
         """
@@ -147,7 +147,7 @@ class RunViews:
 
 @dataclass(frozen=True, slots=True)
 class StepViews:
-    """The pictures of one step (`Observation.views`), drawn whenever they are asked for and not kept.
+    """The pictures of one step (`Observation.views`), drawn anew whenever they are asked for.
 
     Views that packages add are drawn by name, as our two are.
 
@@ -207,8 +207,8 @@ def stops_of(mission: Mission) -> tuple[StopLine, ...]:
         heads = tuple(signal_heads(mission, junction.stop_s))  # those of the sensors
         # The free width of the ego's direction: the line goes across all of its lanes.
         left, right = (float(np.interp(junction.stop_s, mission.s, side)) for side in (mission.left_m, mission.right_m))
-        aside = (left - right) / 2
-        middle = (x - aside * math.sin(heading), y + aside * math.cos(heading))
+        off_line_m = (left - right) / 2
+        middle = (x - off_line_m * math.sin(heading), y + off_line_m * math.cos(heading))
         lines.append(StopLine(*middle, heading, left + right, junction.signal, heads))
     return tuple(lines)
 

@@ -51,14 +51,10 @@ def filled(bits: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def box_pixels(boxes: FloatArray, rows: int, columns: int) -> tuple[IntArray, IntArray]:
-    """Return the pixels of oriented boxes.
+    """Return the pixels of oriented boxes: [P] index of the box, ascending, and [P] flat index of the pixel.
 
-    Args:
-        boxes: [K, 6] middle x, y; cosine and sine of the long side's direction; length, width; all in pixels.
-        rows, columns: size of the picture; what is outside is left out.
-
-    Returns:
-        [P] index of the box, ascending, and [P] flat index of the pixel.
+    `boxes`: [K, 6] middle x, y; cosine and sine of the long side's direction; length, width; all in pixels. Outside of
+    the picture's `rows` and `columns` nothing is drawn.
     """
     x, y, c, s, length, width = (boxes[:, k, None] for k in range(6))
     reach_y = (np.abs(s) * length + np.abs(c) * width) / 2

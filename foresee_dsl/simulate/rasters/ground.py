@@ -33,7 +33,7 @@ pixels of 0.5 m."""
 ROUTE_M = 1.5
 """Width of the route. Ours: half a lane, so that it is told from the lane centres."""
 _MARGIN_M = 25.0
-"""Around what is drawn. Ours: whoever leaves the road is stopped by the verdict long before."""
+"""Around what is drawn. Ours: an ego that leaves the road is stopped by the verdict long before."""
 _MAX_PX = 64_000_000
 """Pixels of a map, a byte each: 4 km^2. A larger one gets larger pixels (ours: 64 MB a worker is bearable)."""
 _FRACTION = 12

@@ -31,7 +31,7 @@ HEIGHTS_M: dict[str, float] = {
 }
 """Heights by kind, riders included, for recorded runs, whose traces hold none. Ours: middling models of each kind."""
 VELOCITY_ZERO = 128
-"""Value of a velocity channel on a road user that stands still; 0 where there is nobody."""
+"""Value of a velocity channel on a road user that stands still; 0 where there is none."""
 VELOCITY_PER_MPS = 5
 """Steps of a velocity channel to a metre a second. Ours: reaches 25 m/s (91 km/h) either way, in steps of 0.2 m/s."""
 INVERSE_DEPTH_SCALE = 510.0

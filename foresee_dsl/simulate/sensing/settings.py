@@ -133,7 +133,7 @@ class SensorSettings:
 
 
 STANDARD = SensorSettings()
-"""What a run has when nothing is said."""
+"""What a run has when none are given."""
 
 NO_NOISE = ObjectNoise(
     radial_m=0.0,

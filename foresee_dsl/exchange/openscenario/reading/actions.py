@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
@@ -13,9 +14,6 @@ from foresee_dsl.exchange.openscenario.reading.storyboard import Event
 from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
 _FRAME_S = 0.05

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.checks import NEAR_ROAD_M
@@ -20,9 +21,6 @@ from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _WALK_M = 60.0
 """A pedestrian without a given way goes straight on for so long (ours: the run's usual minute at 1 m/s)."""

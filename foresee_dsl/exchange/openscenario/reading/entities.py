@@ -6,7 +6,8 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
@@ -19,9 +20,6 @@ from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
 from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.units import Dimension
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _KINDS = {category: kind for kind, category in CATEGORIES.items()}
 _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "sut")

@@ -6,7 +6,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
@@ -25,9 +25,6 @@ from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_togethe
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 _END_S = 60.0
 """Where the file gives no time (the language's own default)."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap
 from foresee_dsl.exchange.naming import number
 from foresee_dsl.exchange.outcome import NotExpressed
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 
 @dataclass

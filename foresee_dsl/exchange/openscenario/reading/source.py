@@ -7,17 +7,15 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.safe_xml import parse_xml
 from foresee_dsl.exchange.outcome import ExchangeError
 from foresee_dsl.language.project.addresses import is_inside, project_folder
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 WHAT = "an OpenSCENARIO file"
 _LONGEST_EXPRESSION = 500
@@ -48,7 +46,6 @@ class Source:
     path: Path
     root: Element
     roots: tuple[Path, ...]
-    _catalogues: dict[str, dict[str, Element]] = field(default_factory=dict)
 
     def named(self, written: str, what: str) -> Path:
         """Return a file or folder that the scenario names, relative to itself; an `ExchangeError` for one that is

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
@@ -14,10 +15,6 @@ from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.units import Dimension
-
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
-
 
 Op = Literal["<", "<=", ">", ">="]
 _RULES: Mapping[str, Op] = {

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
@@ -18,15 +19,10 @@ from foresee_dsl.exchange.naming import number
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.outcome import NotExpressed
 
-if TYPE_CHECKING:
-    from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
-
-    from numpy.typing import NDArray
-
 ON_LANE_M = 3.0
 """A place farther from every lane is off the road (what the language asks of a start, too)."""
 AHEAD_M = 600.0
-"""A route that nobody gives goes on straight for so long (ours: half a minute at 70 km/h)."""
+"""A route that is not given goes on straight for so long (ours: half a minute at 70 km/h)."""
 PATH_M = 0.001
 """A path may leave out points of a trajectory that lie so near to it (asked for)."""
 SPEED_M = 0.05
@@ -150,12 +146,10 @@ def route_through(network: RoadNetwork, poses: Sequence[Pose], kind: LaneKind) -
     return tuple(edges)
 
 
-def straight_on(
-    network: RoadNetwork, edges: Sequence[str], kind: LaneKind, ahead_m: float = AHEAD_M
-) -> tuple[str, ...]:
+def straight_on(network: RoadNetwork, edges: Sequence[str], kind: LaneKind) -> tuple[str, ...]:
     """Return edges continued as straight as possible, until the way is long enough, ends or comes back to itself."""
     way = list(edges)
-    while sum(network.edges[e].drivable[0].length_m for e in way) < ahead_m:
+    while sum(network.edges[e].drivable[0].length_m for e in way) < AHEAD_M:
         onward = {m.to_edge: m for m in network.movements_from(way[-1], kind) if m.turn != "back"}
         found = sorted(onward.values(), key=lambda m: (m.turn != "straight", m.direction not in "sR", m.to_edge))
         if not found or found[0].to_edge in way:

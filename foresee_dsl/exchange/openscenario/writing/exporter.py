@@ -41,7 +41,7 @@ _HEAD = re.compile(rb'<signal\b[^>]*?\bid="([^"]*)"')
 _COLOURS = {"G": "green", "g": "green", "y": "yellow", "r": "red"}
 """SUMO's letters in words; OpenSCENARIO leaves the words to the simulators."""
 _LATER_S = 2.0
-"""A failure's file ends so much later than the run, which ended with it: driven by somebody else it may take longer
+"""A failure's file ends so much later than the run, which ended with it: another driver may take longer
 (ours)."""
 
 

@@ -13,7 +13,7 @@ from foresee_dsl.exchange.outcome import ExchangeError
 MINOR_VERSION = 2
 """OpenSCENARIO XML 1.2, which simulators read today (asked for)."""
 DIGITS = 6
-"""Decimals of what is written. Ours: micrometres, below what anybody could measure in a trace."""
+"""Decimals of what is written. Ours: micrometres, below what can be measured in a trace."""
 
 Xosc: TypeAlias = Any
 """An object of `scenariogeneration.xosc`, which has no types."""
