@@ -15,8 +15,8 @@ from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover, gaps
-from foresee_dsl.kernels.lines import FloatArray
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, impact

@@ -15,9 +15,9 @@ import numpy as np
 from foresee_dsl.drivers.pdm.situation import Situation, ego_record, read_situation, signal_brakings
 from foresee_dsl.drivers.protocol import Reason, SignalColour
 from foresee_dsl.drivers.tracking import Tracks
+from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.pdm.prediction import match, predict
 from foresee_dsl.kernels.pdm.proposals import FAR_M, find_leaders, find_passable
-from foresee_dsl.kernels.pdm.records import Records
 from foresee_dsl.kernels.pdm.right_of_way import find_wall
 from foresee_dsl.kernels.pdm.route import near_foes
 
