@@ -212,6 +212,10 @@ document.addEventListener('keydown', (event) => {
 // ---- paper ----
 
 window.addEventListener('beforeprint', () => {
+  const chosen = root.dataset.theme;
+  root.dataset.theme = 'light';
+  const light = colours();
+  if (chosen) root.dataset.theme = chosen; else delete root.dataset.theme;
   for (const article of articles.values()) {
     const stage = article.querySelector('.stage');
     const id = article.querySelector('.run').dataset.run;
@@ -220,7 +224,7 @@ window.addEventListener('beforeprint', () => {
     const canvas = document.createElement('canvas');
     [canvas.width, canvas.height] = [640, 400];
     drawScene(canvas, run, groundOf(run.raw.roads), run.contact ? run.contact[0] : run.end, fitted(run, canvas),
-      { ghosts: true, sight: false }, player.colours);
+      { ghosts: true, sight: false }, light);
     const still = document.createElement('img');
     still.className = 'still';
     still.alt = 'The run from above at its last moment';

@@ -114,6 +114,7 @@ class Player {
     ], 40);
     this.find('.gap').hidden = !run.raw.gap.length;
     for (const part of this.node.querySelectorAll('.ghosted')) part.hidden = !run.ghosts.length;
+    this.find('.foreseen').hidden = !run.forecast;
     this.slider.max = run.end;
     this.moved = false;
     this.view = fitted(run, this.canvas);

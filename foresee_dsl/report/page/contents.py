@@ -313,20 +313,27 @@ def _each_alone(source: Source) -> tuple[Finding, ...]:
 
 
 def _overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[Table]:
+    several = len(sources) > 1
     yield _by("family", findings, lambda f: family_title(f.family))
     yield _by("kind", findings, lambda f: f"{f.verdict} {f.label}")
     yield _by("class", findings, lambda f: f.class_ or "not told")
-    if len(sources) > 1:
+    if several:
         yield _by("driver", findings, lambda f: f.driver)
     failed = [
-        (case.test_case, case.verdict, case.reason, case.preventability.verdict if case.preventability else "")
+        (
+            *((source.campaign.driver,) if several else ()),
+            case.test_case,
+            case.verdict,
+            case.reason,
+            case.preventability.verdict if case.preventability else "",
+        )
         for source in sources
         for case in source.campaign.test_cases
         if case.verdict != Verdict.PASS.value
     ]
     if failed:
-        headings = ("test case", "verdict", "how it ended", "preventable?")
-        yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=4)
+        headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", "preventable?")
+        yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=len(headings))
 
 
 def _by(what: str, findings: Sequence[Found], key: Callable[[Found], str]) -> Table:
