@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from foresee_dsl.cli.common import CALL, AllowOutsideOption, SeedOption, print_json
+from foresee_dsl.cli.minimise import CampaignOption
 
 
 class Form(StrEnum):
@@ -67,11 +68,15 @@ def report(
 
 
 def view(
-    address: Annotated[str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip, a mutant, or a trace.")],
+    address: Annotated[
+        str,
+        typer.Argument(metavar="FILE[::CASE]|FINDING", help="A test case, clip, mutant or trace; or a finding's name."),
+    ],
     driver: Annotated[
         str, typer.Option("--driver", help="The driver that runs it; by default the one that the file records, or pdm.")
     ] = "",
     seed: SeedOption = 0,
+    campaign: CampaignOption = Path("out"),
     output: Annotated[
         Path | None, typer.Option("--output", metavar="FILE", help="The page's file; by default out/view/NAME.html.")
     ] = None,
@@ -82,10 +87,15 @@ def view(
 
     [dim]foresee view scenarios/scenario7.foresee::r01 --open
     foresee view out/children/scenario7/red_light_runner_r02_p1_m3.foresee
+    foresee view red_light_runner_r02_p1_m3 --campaign out
     foresee view runs/red_light_runner_r01.npz --output page.html[/dim]
     """
+    from foresee_dsl.campaign.asked import asked
+    from foresee_dsl.language.project.addresses import is_file
     from foresee_dsl.report.page.single import write_view
 
+    if not is_file(Path(address.partition("::")[0])) and is_file(campaign / "campaign.json"):
+        address = str(asked(address, campaign, tests=True).file)
     file = write_view(address, output, driver=driver, seed=seed, allow_outside=allow_outside)
     typer.echo(str(file))
     if open_:
