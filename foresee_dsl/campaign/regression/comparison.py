@@ -186,13 +186,12 @@ class Comparison:
     def sentence(self) -> str:
         """The result in a sentence."""
         total = self.rows[0]
-        changed = total.new_failures + total.fixed
         counts = f"{total.new_failures} new failure{'' if total.new_failures == 1 else 's'}, {total.fixed} fixed"
-        if not changed:
+        if not total.new_failures + total.fixed:
             return f"{counts}: the same test cases pass"
         fewer = "more" if total.new_failures > total.fixed else "fewer"
         chance = f"{fewer} failures than by chance" if total.p < SIGNIFICANT else "it may be chance"
-        return f"{counts}: {chance} (p = {total.p:.2g}, exact two-sided test on the {changed} that changed)"
+        return f"{counts}: {chance} (p = {total.p:.2g}, exact two-sided test)"
 
     def as_dict(self) -> dict[str, Any]:
         """Return what `foresee compare --json` prints."""

@@ -70,11 +70,9 @@ def _printed(document: Document, new: m.Expected, after: m.Item | None) -> str:
 
 
 def with_doc(text: str, sentence: str) -> str:
-    """Return a file's text with a sentence for people, where it has neither a `doc` nor a comment before it."""
+    """Return a file's text with a sentence for people, where it has none yet (`sentence_in`)."""
     document = parse(text, "a file to edit")
-    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
-    said = any(isinstance(item, m.Doc) for item in body)
-    if said or (() in document.comments and any(document.comments[()].before)):
+    if sentence_in(document):
         return text
     head = _span(document, document.model).line
     lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
@@ -83,6 +81,15 @@ def with_doc(text: str, sentence: str) -> str:
     plain = " ".join(sentence.replace('"', "'").split())[:_LONGEST]
     lines.insert(2 * head, f'{_INDENT}doc "{plain}"{lines[1]}{lines[1]}')
     return "".join(lines)
+
+
+def sentence_in(document: Document) -> str:
+    """Return what a file says for people: its `doc`, or the comment before its definition, or a mutant's first one."""
+    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
+    docs = [item.text for item in body if isinstance(item, m.Doc)]
+    keys: tuple[tuple[str | int, ...], ...] = ((), ("body", 0)) if isinstance(document.model, m.Mutant) else ((),)
+    comments = [" ".join(filter(None, document.comments[key].before)) for key in keys if key in document.comments]
+    return next(filter(None, (*docs, *comments)), "")
 
 
 def paths_in(document: Document) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import in_words, recorded_in
 from foresee_dsl.campaign.regression.layout import BEGIN, END, INDEX
 from foresee_dsl.campaign.regression.suite import stated_in
@@ -51,7 +52,7 @@ def write_index(folder: Path, tests: Iterable[Path]) -> bool:
     before, begin, rest = old.partition(BEGIN)
     _, end, after = rest.partition(END)
     if begin and end:
-        new = before + part + after.lstrip("\r\n")
+        new = before + part + after.removeprefix("\r").removeprefix("\n")
     else:
         new = f"{old.rstrip()}\n\n{part}" if old.strip() else _TITLE + part
     if new != old:
@@ -77,15 +78,12 @@ def _of_case(item: m.Expected) -> str:
 
 
 def _sentence(document: Document) -> str:
-    """Return what happens in a test: its `doc`, the comment before it, what was found, or a clip's risk."""
-    body: tuple[m.Item, ...] = getattr(document.model, "body", ())
-    docs = [item.text for item in body if isinstance(item, m.Doc)]
-    comment = " ".join(filter(None, document.comments[()].before)) if () in document.comments else ""
-    origin = document.model.origin if isinstance(document.model, m.Mutant) else None
-    found = (origin.found if origin else None) or ""
-    risk = document.model.risk if isinstance(document.model, m.Clip) else None
-    recorded = found if recorded_in(origin) else risk.text if risk else ""
-    return (docs or [comment])[0] or recorded
+    """Return what happens in a test: what its file says for people, or what was found, or a clip's risk."""
+    model = document.model
+    origin = model.origin if isinstance(model, m.Mutant) else None
+    risk = model.risk if isinstance(model, m.Clip) else None
+    found = (origin.found or "") if origin is not None and recorded_in(origin) else ""
+    return sentence_in(document) or found or (risk.text if risk else "")
 
 
 @cache
