@@ -455,6 +455,83 @@ class Verify(TypedDict):
     tests: list[Verified]
 
 
+class KeptTest(TypedDict):
+    """One test of a suite; `new`: it was not there before."""
+
+    file: str
+    new: bool
+    minimised: bool
+    sentence: str
+
+
+class Keep(TypedDict):
+    """`foresee keep --json`."""
+
+    tests: list[KeptTest]
+    copied: list[str]
+    notes: list[str]
+    removed: list[str]
+
+
+class Ended(TypedDict):
+    """How a test case ended on one side of a comparison."""
+
+    verdict: Verdict
+    reason: str
+
+
+class Nearer(TypedDict):
+    """A near miss that came nearer; `was` is null where it had no value."""
+
+    measure: Literal["distance_m", "ttc_s", "pet_s", "drac_mps2"]
+    was: float | None
+    now: float
+    actor: str
+    share: float
+
+
+class ComparedCase(TypedDict):
+    """One test case on both sides."""
+
+    test_case: str
+    family: str
+    base: Ended
+    new: Ended
+    nearer: Nearer | None
+
+
+class ComparedRow(TypedDict):
+    """Figures of all test cases, a family, or a kind of failure; `p`: of McNemar's exact test."""
+
+    label: str
+    kind: bool
+    pairs: int
+    base_failed: int
+    new_failed: int
+    new_failures: int
+    fixed: int
+    p: float
+
+
+class Compare(TypedDict):
+    """`foresee compare --json`."""
+
+    base: str
+    new: str
+    ok: bool
+    sentence: str
+    pairs: int
+    only_base: list[str]
+    only_new: list[str]
+    edited: list[str]
+    broken: list[str]
+    new_failures: list[ComparedCase]
+    fixed: list[ComparedCase]
+    still_failing: list[ComparedCase]
+    nearer: list[ComparedCase]
+    rows: list[ComparedRow]
+
+
 class StoreMerge(TypedDict):
     """`foresee store merge --json`."""
 
@@ -576,6 +653,7 @@ DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "campaign": (1, Campaign),
     "check": (1, Check),
     "clip": (1, Clip),
+    "compare": (1, Compare),
     "compile": (1, Compile),
     "diff": (1, Diff),
     "doctor": (1, Doctor),
@@ -585,6 +663,7 @@ DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "export": (1, Exchanged),
     "forecast": (1, Forecast),
     "import": (1, Exchanged),
+    "keep": (1, Keep),
     "models": (1, Models),
     "mutate": (1, Mutate),
     "plan": (1, Plan),

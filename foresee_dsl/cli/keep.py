@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.campaign_options import CPUS, Jobs
-from foresee_dsl.cli.common import FAILED, JsonOption, console, give, json_document, print_json
+from foresee_dsl.cli.common import FAILED, ExitZeroOption, JsonOption, console, give, json_document, print_json
 from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 PAIR = 2
 """A comparison has two sides."""
-ExitZero = Annotated[bool, typer.Option("--exit-zero", help="Exit code 0 whatever was found: only the report counts.")]
 
 
 def keep(
@@ -93,7 +92,7 @@ def verify(
     update: Annotated[
         bool, typer.Option("--update", help="Write what is found as what is expected from now on, and exit with 0.")
     ] = False,
-    exit_zero: ExitZero = False,
+    exit_zero: ExitZeroOption = False,
     jobs: Jobs = CPUS,
     format_: FormatOption = ReportFormat.text,
     junit: JunitOption = None,
@@ -148,7 +147,7 @@ def compare(
     format_: Annotated[
         Format, typer.Option("--format", help="text: for a terminal; markdown: for a pull request; json: for tools.")
     ] = Format.TEXT,
-    exit_zero: ExitZero = False,
+    exit_zero: ExitZeroOption = False,
     jobs: Jobs = CPUS,
     json: JsonOption = False,
 ) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from foresee_dsl.language.project.loading import load_test_case
+from tests.support.first_project import checked
 from tests.support.kept_suite import CLIP, COASTS, CREEPS, HURRIES, MUTANT, Project, program
 
 
@@ -35,7 +36,7 @@ def project(finished: Project, tmp_path: Path) -> Project:
 
 def verified(project: Project, *options: str, folder: str = "regressions", expect: int = 1) -> dict[str, Any]:
     """What `verify` says, and the status of each test."""
-    data: dict[str, Any] = json.loads(verify(project, folder, "--json", *options, expect=expect))
+    data: dict[str, Any] = checked(verify(project, folder, "--json", *options, expect=expect))
     assert sum(data["counts"].values()) == len(data["tests"])
     return data | {"status": {Path(one["file"]).stem: one["status"] for one in data["tests"]}}
 
@@ -90,7 +91,8 @@ def test_names_that_clash_are_told(project: Project) -> None:
     told = project.foresee("keep", MUTANT, "--full", expect=1)  # as it failed first: another clip, so another meaning
     assert "is there already, and is another test case: `--as NAME`" in told
     assert project.git("status", "--short") == ""
-    assert "kept " in project.foresee("keep", MUTANT, "--full", "--as", "as_it_failed")
+    data = checked(project.foresee("keep", MUTANT, "--full", "--as", "as_it_failed", "--json"))
+    assert data["copied"] == [f"regressions/parents/{CLIP}_2.foresee"] and data["tests"][0]["new"]
     text = (project.root / "regressions/as_it_failed.foresee").read_text()
     assert f'mutant as_it_failed of "parents/{CLIP}_2.foresee"' in text
     assert "did you mean 'crosser_after_p1_m2'?" in project.foresee("keep", "crosser_after_p1_m3", expect=1)
@@ -191,9 +193,7 @@ def test_a_folder_is_moved_and_pruned(project: Project) -> None:
 def test_two_drivers_compared_on_the_suite(project: Project) -> None:
     (project.root / "hurries.py").write_text(program(HURRIES))
     drivers = f"{project.driver},{project.driver.replace('driver.py', 'hurries.py')}"
-    data = json.loads(
-        project.foresee("compare", "regressions", "--drivers", drivers, "--jobs", "1", "--json", expect=1)
-    )
+    data = checked(project.foresee("compare", "regressions", "--drivers", drivers, "--jobs", "1", "--json", expect=1))
     names = {
         key: [Path(one["test_case"]).stem for one in data[key]] for key in ("new_failures", "fixed", "still_failing")
     }
