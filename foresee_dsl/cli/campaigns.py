@@ -109,7 +109,7 @@ def campaign(
         raise InputError(mistakes)  # before there is a store
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
-        listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json)
+        listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])
         listeners.append(first_failure)
         stack.enter_context(stop.listening())
         results = []
@@ -148,8 +148,8 @@ def _report(
 ) -> None:
     """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file."""
     from foresee_dsl.campaign.folder import as_text
+    from foresee_dsl.report.campaign import print_campaign, save_campaign
     from foresee_dsl.report.case_results import CaseResult, of_campaign
-    from foresee_dsl.report.terminal import print_campaign, save_campaign
 
     def people(screen: Console) -> None:
         for folder, result in results:

@@ -73,11 +73,18 @@ PresetOption = Annotated[
 ]
 
 
+WIDEST = 160
+"""Columns that a report uses at most. Ours: a sentence over more of them is hard to read."""
+_NEVER_WRAPPED = 10_000
+
+
 def console(*, error: bool = False) -> Console:
-    """Return a rich console on standard output (or error)."""
+    """Return a rich console on standard output (or error); where that is no terminal, no line is broken."""
     from rich.console import Console
 
-    return Console(stderr=error, soft_wrap=False, highlight=False)
+    made = Console(stderr=error, soft_wrap=False, highlight=False)
+    made.width = min(made.width, WIDEST) if made.is_terminal else _NEVER_WRAPPED
+    return made
 
 
 @dataclass(frozen=True)

@@ -26,12 +26,14 @@ from rich.text import Text
 
 from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.results import is_problem
-from foresee_dsl.campaign.stages import STEPS
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal import duration
+from foresee_dsl.report.time_left import RUNS, TimeLeft
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
-TITLES = {step.kind: step.title for step in STEPS if step.drives}
+TITLES = {step.kind: step.title for step in RUNS}
 """Of the kinds of run, which are what is shown."""
 EVERY_S = 5.0
 """Between two lines where there is no terminal. Ours: twelve a minute can be read in a CI log."""
@@ -40,8 +42,13 @@ EVERY_S = 5.0
 class Figures(Listener):
     """How many runs of each kind there are and were done, and what children ended with."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], float] = time.monotonic,
+        settings: CampaignSettings = CampaignSettings(),  # noqa: B008
+    ) -> None:
         self._clock = clock
+        self._left = TimeLeft(settings, clock)
         self._began = clock()
         self.total: Counter[str] = Counter()
         self.finished: Counter[str] = Counter()
@@ -52,11 +59,13 @@ class Figures(Listener):
     def planned(self, kind: str, count: int) -> None:
         """Count them."""
         self.total[kind] += count
+        self._left.planned(kind, count)
 
     def done(self, row: Row, *, new: bool = True) -> None:
         """Count it."""
         self.finished[row.kind] += 1
         self.run_here[row.kind] += new
+        self._left.done(row, new=new)
         if row.kind == "child":
             self.verdicts[row.verdict] += 1
 
@@ -75,10 +84,12 @@ class Figures(Listener):
         took_s = self._clock() - self._began
         rate = sum(self.run_here[kind] for kind in TITLES) / took_s if took_s > 0 else 0.0
         parts.append(f"{rate:.1f} runs/s")
-        if rate:
-            left = sum(self.total[kind] - self.finished[kind] for kind in TITLES)
-            parts.append(f"about {duration(left / rate)} left of what is known")
-        return "; ".join(parts)
+        return "; ".join((*parts, *([ahead] if (ahead := self.ahead()) else ())))
+
+    def ahead(self) -> str:
+        """Return how much is done and how long the rest takes, "" while that cannot be told."""
+        left_s = self._left.left_s
+        return f"{self._left.share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
 
 
 class FirstFailure(Listener):
@@ -98,8 +109,13 @@ class FirstFailure(Listener):
 class PlainProgress(Figures):
     """A line every few seconds, on standard error; what did not go well at once."""
 
-    def __init__(self, print_line: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
-        super().__init__(clock)
+    def __init__(
+        self,
+        print_line: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+        settings: CampaignSettings = CampaignSettings(),  # noqa: B008 - immutable
+    ) -> None:
+        super().__init__(clock, settings)
         self._print_line = print_line
         self._printed_s = clock()
 
@@ -120,9 +136,10 @@ class PlainProgress(Figures):
 class RichProgress(Figures):
     """Bars by kind of run, on a terminal."""
 
-    def __init__(self, console: Console) -> None:
-        super().__init__()
-        self.bars = bars(console, SpinnerColumn(), TextColumn("{task.description}"), rate=_Rate())
+    def __init__(self, console: Console, settings: CampaignSettings = CampaignSettings()) -> None:  # noqa: B008
+        super().__init__(settings=settings)
+        self.bars = bars(console, SpinnerColumn(), TextColumn("{task.description}"), rate=_Rate(), left=False)
+        self._all = self.bars.add_task("altogether", total=None)
         self._bars = {kind: self.bars.add_task(title, total=None, visible=False) for kind, title in TITLES.items()}
 
     def planned(self, kind: str, count: int) -> None:
@@ -136,6 +153,10 @@ class RichProgress(Figures):
         super().done(row, new=new)
         if row.kind in self._bars:
             self.bars.update(self._bars[row.kind], completed=self.finished[row.kind])
+        if ahead := self.ahead():
+            done, of = sum(self.finished[kind] for kind in TITLES), sum(self.total[kind] for kind in TITLES)
+            self.bars.update(self._all, description=ahead, total=max(of, round(done / max(self._left.share, 1e-3))),
+                             completed=done)  # fmt: skip
         if self.failures and row.kind == "child":
             counts = "  ".join(f"{kind} [red]{count}[/red]" for kind, count in self.failures.items())
             self.bars.update(self._bars["child"], description=f"{TITLES['child']}  {counts}")
@@ -154,12 +175,16 @@ class _Rate(ProgressColumn):
         return Text(f"{task.speed:.1f}/s" if task.speed else "", style="dim")
 
 
-def bars(console: Console, *title: ProgressColumn, rate: ProgressColumn | None = None) -> Progress:
-    """Return progress bars with these columns in front; nothing is shown where the console is no terminal."""
+def bars(console: Console, *title: ProgressColumn, rate: ProgressColumn | None = None, left: bool = True) -> Progress:
+    """Return progress bars with these columns in front, and the time left where the totals are known.
+
+    Nothing is shown where the console is no terminal.
+    """
     rates = () if rate is None else (rate,)
-    columns = (BarColumn(bar_width=None), MofNCompleteColumn(), *rates, TimeElapsedColumn(), TextColumn("left"))
+    columns = (BarColumn(bar_width=None), MofNCompleteColumn(), *rates, TimeElapsedColumn())
+    lefts = (TextColumn("left"), TimeRemainingColumn()) if left else ()
     return Progress(
-        *title, *columns, TimeRemainingColumn(), console=console, disable=not console.is_terminal, transient=True,
+        *title, *columns, *lefts, console=console, disable=not console.is_terminal, transient=True,
         expand=True,
     )  # fmt: skip
 
@@ -191,7 +216,12 @@ class JsonLog(Listener):
 
 
 def progress(
-    stack: ExitStack, console: Console, *, quiet: bool, log: Path | None
+    stack: ExitStack,
+    console: Console,
+    *,
+    quiet: bool,
+    log: Path | None,
+    settings: CampaignSettings = CampaignSettings(),  # noqa: B008 - immutable
 ) -> tuple[list[Listener], JsonLog | None]:
     """Return the listeners of a campaign, and the log; what has to be closed is put on the stack.
 
@@ -207,15 +237,19 @@ def progress(
         json_log = JsonLog(stack.enter_context(log.open("w", encoding="utf-8", newline="\n")))
         listeners.append(json_log)
     if not quiet and console.is_terminal:
-        rich = RichProgress(console)
+        rich = RichProgress(console, settings)
         stack.enter_context(rich.bars)
         listeners.append(rich)
     elif not quiet:
-        listeners.append(PlainProgress(lambda line: console.print(line, highlight=False, markup=False, soft_wrap=True)))
+
+        def say(line: str) -> None:
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+        listeners.append(PlainProgress(say, settings=settings))
     return listeners, json_log
 
 
 def _problem(row: Row) -> str:
     if row.kind == "seed" and row.verdict != Verdict.PASS:
-        return f"not usable: {row.name}: {row.reason}"
-    return f"broke: {row.name}: {row.reason}" if row.broken else ""
+        return f"not usable: {row.name}: {safe(row.reason, 1000)}"
+    return f"broke: {row.name}: {safe(row.reason, 1000)}" if row.broken else ""

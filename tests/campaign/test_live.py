@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from contextlib import ExitStack
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 from rich.console import Console
 
+from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.live import EVERY_S, JsonLog, PlainProgress, progress
+from foresee_dsl.report.time_left import TimeLeft
 
 
 def row(kind: str, verdict: str = "pass", name: str = "one", *, broken: bool = False) -> Row:
@@ -36,9 +41,34 @@ def test_a_line_every_few_seconds() -> None:
     for verdict in ("F4", "F4", "pass", "crash"):
         clock.now += EVERY_S / 4
         shown.done(row("child", verdict))
-    assert said == [
-        "test cases 1/2; children 4/10; failures 2 F4, 1 crash; 0.8 runs/s; about 0:09 left of what is known"
-    ]
+    assert len(said) == 1
+    assert said[0].startswith("test cases 1/2; children 4/10; failures 2 F4, 1 crash; 0.8 runs/s; ")
+    assert re.search(r"\d+% done, about \d+:\d\d left$", said[0])
+
+
+def test_the_time_left_does_not_jump() -> None:
+    """A campaign like the library's: what follows from test cases is not known until they are done."""
+    clock = Clock()
+    left = TimeLeft(CampaignSettings(), clock)
+    began, told = clock.now, []
+    runs = [("seed", 0.6, "clip", 3)] * 60 + [("clip", 0.2, "child", 4)] * 180 + [("child", 0.12, "", 0)] * 720
+    runs += [("minimise", 3.0, "", 0)] * 36
+    whole_s = sum(wall_s for _, wall_s, *_ in runs) / 2
+    left.planned("seed", 60)
+    for number, (kind, wall_s, follows, count) in enumerate(runs):
+        if kind == "minimise" and runs[number - 1][0] == "child":
+            left.planned("minimise", 36)
+        clock.now += wall_s / 2  # two workers
+        failed = kind == "child" and number % 10 == 0
+        left.done(replace(row(kind, "F2" if failed else "pass"), wall_s=wall_s), new=True)
+        if follows:
+            left.planned(follows, count)
+        if (seconds := left.left_s) is not None:
+            told.append((clock.now - began, seconds))
+    assert told[-1][1] < 0.05 * whole_s and left.share > 0.9
+    wholes = [took + seconds for took, seconds in told if took > 0.05 * whole_s]
+    assert max(wholes) < 1.3 * whole_s and min(wholes) > 0.75 * whole_s
+    assert all(abs(b - a) < 0.03 * whole_s for a, b in pairwise(wholes)), "from one moment to the next"
 
 
 def test_what_is_not_usable_or_broken_is_said_at_once() -> None:

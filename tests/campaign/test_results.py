@@ -10,7 +10,7 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.preventability import Preventability, Preventable
-from foresee_dsl.report.terminal import save_campaign
+from foresee_dsl.report.campaign import save_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
 
 
@@ -93,7 +93,11 @@ def test_what_to_open_first_is_late_and_not_steered_and_one_a_clip_at_first() ->
 
 
 def test_the_report_can_be_saved(tmp_path: Path) -> None:
-    for suffix, begins in ((".svg", "<svg"), (".html", "<!DOCTYPE html>"), (".txt", "\n3 failures in 4 children")):
+    for suffix, begins in (
+        (".svg", "<svg"),
+        (".html", "<!DOCTYPE html>"),
+        (".txt", "\n3 failures\n1 of 3 test cases failed: 1 F4\n"),
+    ):
         file = tmp_path / f"report{suffix}"
         save_campaign(file, result(), Path("out"))
         assert file.read_text().startswith(begins)
@@ -104,6 +108,6 @@ def test_a_failing_test_case_says_whether_it_could_have_been_prevented(tmp_path:
     why = Preventability(Preventable.NO, "the risk begins too late")
     seeds = tuple(replace(s, preventability=why) if s.verdict is Verdict.F4 else s for s in found.seeds)
     save_campaign(tmp_path / "r.txt", replace(found, seeds=seeds), Path("out"))
-    assert "  7b: F4\n    unavoidable: the risk begins too late" in (tmp_path / "r.txt").read_text()
+    assert "    F4\n    unavoidable: the risk begins too late\n    7b\n" in (tmp_path / "r.txt").read_text()
     told = {s["test_case"]: s["preventability"] for s in replace(found, seeds=seeds).as_dict()["test_cases"]}
     assert told["7b"]["verdict"] == "unavoidable" and told["3a"] is None

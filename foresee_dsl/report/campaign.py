@@ -1,0 +1,246 @@
+"""The terminal: what a campaign found, a block a finding; then what broke; without either, what came nearest."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from foresee_dsl.campaign.findings import Finding, findings_of
+from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
+from foresee_dsl.campaign.results import CampaignResult, is_problem
+from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.files import write_whole
+from foresee_dsl.report.raw_numbers import raw_numbers
+from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.terminal import duration
+from foresee_dsl.report.verdicts import WHOLE, counted, verdicts_line, without_verdict
+from foresee_dsl.simulate.results.near_misses import NearMisses
+from foresee_dsl.simulate.results.verdict import Verdict
+
+SHOWN = 30
+"""Findings that are printed. Ours: three screens; the page and `campaign.json` have all."""
+NEAREST = 5
+"""Near misses that are printed."""
+
+
+def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = True) -> None:
+    """Write the report to a file: an SVG picture, HTML, or plain text, by the file's suffix."""
+    console = Console(record=True, width=100, file=io.StringIO(), highlight=False)
+    print_campaign(console, result, out, raw=raw)
+    texts = {
+        ".svg": lambda: console.export_svg(title="foresee campaign"),
+        ".html": lambda: console.export_html(inline_styles=True),
+    }
+    write_whole(file, texts.get(file.suffix, console.export_text)())
+
+
+def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: bool = False) -> None:
+    """Print the report of a campaign: headline, findings, what broke; then the raw numbers, if they are wanted.
+
+    A path is a line of its own, which is never broken.
+    """
+    findings = sorted(findings_of(result), key=_triage)
+    console.print()
+    for line in _headline(result, findings):
+        console.print(line)
+    for number, finding in enumerate(findings[:SHOWN], start=1):
+        console.print()
+        _print_finding(console, number, finding, result, out)
+    if len(findings) > SHOWN:
+        console.print(
+            f"\n... and {counted(len(findings) - SHOWN, 'more finding')}: campaign.json and the page have all"
+        )
+    _print_others(console, result, findings, out)
+    _print_broken(console, result)
+    if not result.failed and not result.broken:
+        _print_nearest(console, result, out)
+    if raw:
+        console.print()
+        for part in raw_numbers(result):
+            console.print(part)
+    if result.interrupted:
+        console.print()
+        console.print(Text(f"Interrupted: what was finished is kept in {safe(out, WHOLE)}.", style="yellow"))
+
+
+def _triage(finding: Finding) -> tuple[int, int, str]:
+    """The order in which findings deserve a look: preventable, undecided, unavoidable; then those of many failures."""
+    answer = finding.preventability.verdict if finding.preventability else Preventable.UNKNOWN
+    return {Preventable.YES: 0, Preventable.NO: 2}.get(answer, 1), -finding.count, finding.name
+
+
+def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]:
+    settings, total = result.settings, result.row()
+    failing = sum(finding.count for finding in findings)
+    bad = any(_triage(finding)[0] == 0 for finding in findings)
+    if findings:
+        answers = [finding.preventability.verdict for finding in findings if finding.preventability]
+        counts = ", ".join(f"{answers.count(answer)} {answer.value}" for answer in Preventable if answer in answers)
+        text = Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}", style="bold red")
+        yield text.append(
+            f"; {counts} for a careful driver who brakes" if counts else "", "bold red" if bad else "bold"
+        )
+    elif total.failed:
+        yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
+    elif not result.failed:
+        yield Text("no failures", style="bold green")
+    yield verdicts_line([s.verdict for s in result.seeds], [s.reason for s in result.seeds if not _passed(s)])
+    children = [child for clip in result.clips for child in clip.children]
+    if children:
+        notes = [child.reason for child in children if _broke(child)]
+        more = f", {len(notes)} broke the driver" if notes else ""
+        of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
+        yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes else "")
+    length = settings.before_s + settings.after_s
+    yield Text(
+        f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, clips of {length:g} s, "
+        f"{settings.risky_points} risky points x {settings.children} children, seed {settings.seed}; "
+        f"{counted(total.clips, 'clip')}, {duration(result.wall_s)}",
+        style="dim",
+    )
+
+
+def _print_finding(console: Console, number: int, finding: Finding, result: CampaignResult, out: Path) -> None:
+    siblings = f"; {counted(len(finding.siblings), 'sibling')}" if finding.siblings else ""
+    console.print(_indented(Text(safe(finding.story.sentence, WHOLE), style="bold"), f"{number:>3} "))
+    console.print(_indented(Text.assemble(
+        f"{finding.verdict.value}, {finding.story.contact.value}{siblings}",
+        *((f"; {finding.preventability.verdict.value}", "bold") if finding.preventability else "",),
+        f": {safe(finding.preventability.why, WHOLE)}" if finding.preventability else "",
+    )))  # fmt: skip
+    _print_path(console, "    ", file_of(finding, result, out))
+
+
+def file_of(finding: Finding, result: CampaignResult, out: Path) -> Path | str:
+    """Return what to open of a finding: its minimised file, else its own; of a test case the address."""
+    if isinstance(finding.representative, SeedOutcome):
+        return finding.file
+    small = next((one for one in result.minimised if one.child.name == finding.name), None)
+    return out / (f"{small.folder}/{small.child.name}.foresee" if small is not None else finding.file)
+
+
+def _print_others(console: Console, result: CampaignResult, findings: list[Finding], out: Path) -> None:
+    """Print failures that have no story, which only older results have."""
+    told = {name for finding in findings for name in (finding.name, *finding.siblings)}
+    others = [child for child in result.to_open_first(SHOWN) if child.name not in told]
+    for child in others:
+        console.print()
+        console.print(_indented(Text(safe(child.reason, WHOLE))))
+        _print_why(console, child.preventability)
+        _print_path(console, "    ", out / child.file)
+    seeds = [seed for seed in result.seeds if seed.verdict.is_failure and seed.story is None]
+    for seed in seeds:
+        console.print()
+        console.print(_indented(Text(safe(seed.reason, WHOLE))))
+        _print_why(console, seed.preventability)
+        _print_path(console, "    ", seed.id)
+
+
+def _print_why(console: Console, found: Preventability | None) -> None:
+    if found is not None:
+        console.print(_indented(Text(f"{found.verdict.value}: {safe(found.why, WHOLE)}")))
+
+
+def _print_broken(console: Console, result: CampaignResult) -> None:
+    """Print what is neither passed nor a failure of the driving: crashes, hangs, late and invalid runs."""
+    driver = shlex.quote(result.settings.driver)
+    cases = [seed for seed in result.seeds if not _passed(seed) and not seed.verdict.is_failure]
+    if cases:
+        console.print(Text("\nTest cases that broke or did not arrive (nothing was derived from them):", style="bold"))
+    told = set()
+    for seed in cases:
+        reason = without_verdict(seed.verdict, seed.reason)
+        console.print(_indented(Text(f"{seed.verdict.value}: {safe(reason, WHOLE)}")))
+        if seed.verdict is Verdict.CRASH and reason not in told:  # once for each place
+            told.add(reason)
+            _print_path(console, "    more: ", f"foresee run {shlex.quote(seed.id)} --driver {driver}")
+        else:
+            _print_path(console, "    ", seed.id)
+    broke = [child for clip in result.clips for child in clip.children if _broke(child)]
+    if broke:
+        console.print(Text(f"\nChildren that broke the driver ({len(broke)}):", style="bold"))
+    for reason in dict.fromkeys(child.reason for child in broke):
+        names = [child.name for child in broke if child.reason == reason]
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        console.print(_indented(Text(f"{safe(reason, WHOLE)}: {names[0]}{more}")))
+    for what in result.broken:
+        console.print(_indented(Text(f"could not be done: {safe(what, WHOLE)}", style="red")))
+
+
+def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
+    """Print the runs that came nearest to a failure, and what to try next."""
+    runs: list[tuple[float, str, str]] = [
+        (*_nearest(seed.near), seed.id) for seed in result.seeds if seed.near is not None and _passed(seed)
+    ]
+    for clip in result.clips:
+        runs += [
+            (*_nearest(child.near), f"{child.name} (mutant of {clip.seed})")
+            for child in clip.children
+            if child.near is not None and child.verdict is Verdict.PASS
+        ]
+    nearest = sorted(run for run in runs if math.isfinite(run[0]))[:NEAREST]
+    if nearest:
+        console.print(Text("\nThe nearest misses:", style="bold"))
+    for _, how, name in nearest:
+        _print_path(console, "    ", f"{how}  {name}")
+    settings = result.settings
+    paths = sorted({seed.id.partition("::")[0] for seed in result.seeds})
+    if not paths:
+        return
+    named = shlex.join(paths) if len(paths) <= 3 else shlex.quote(_common(paths))
+    again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}"
+    console.print(Text("\nWhat to try next (what is known is not run again):", style="bold"))
+    ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
+    preset = "paper" if settings.preset != "paper" else "focused"
+    for why, more in (
+        (
+            "more points, more children",
+            f"--risky-points {2 * settings.risky_points} --children {2 * settings.children}",
+        ),
+        ("other moments", f"--ranker {ranker}"),
+        ("other mutations", f"--preset {preset} --repeat 2"),
+    ):
+        _print_path(console, "    ", f"{again} {more}   # {why}")
+
+
+def _nearest(near: NearMisses) -> tuple[float, str]:
+    """Return how near a run came, smaller is nearer, and in words."""
+    ttc, gap = near.ttc_s, near.distance_m
+    if gap is None:
+        return math.inf, ""
+    told = f"{gap.value:.2f} m from {safe(gap.actor)} at {gap.time_s:.2f} s"
+    return gap.value, told + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
+
+
+def _common(paths: list[str]) -> str:
+    """Return the folder that all files are in."""
+    return os.path.commonpath([Path(path).parent for path in paths]) or "."
+
+
+def _passed(seed: SeedOutcome) -> bool:
+    return seed.verdict is Verdict.PASS
+
+
+def _broke(child: ChildOutcome) -> bool:
+    return is_problem(child.verdict, child.notes) and not child.verdict.is_failure
+
+
+def _indented(text: Text, first: str = "    ") -> Table:
+    """Return a text whose further lines, where the terminal is narrow, begin below its first word."""
+    grid = Table.grid()
+    grid.add_column(width=len(first), no_wrap=True, style="dim")
+    grid.add_column(overflow="fold")
+    grid.add_row(first, text)
+    return grid
+
+
+def _print_path(console: Console, before: str, path: Path | str) -> None:
+    console.print(Text.assemble(before, (safe(path, WHOLE), "cyan")), soft_wrap=True)

@@ -1,0 +1,95 @@
+"""The terminal: a campaign's raw numbers, by family and kind of failure; `--raw` shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.table import Table
+from rich.text import Text
+
+from foresee_dsl.campaign.results import CampaignResult, FamilyRow
+from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.report.terminal import duration, plain_table
+from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
+
+FAMILY_TITLES = {
+    "3": "crossing actor",
+    "4": "obstacle after a turn",
+    "7": "red-light runner",
+    "8": "unprotected left",
+    "9": "right turn into traffic",
+}
+"""The paper's five scenarios in a few words (table of scenarios)."""
+
+
+def raw_numbers(result: CampaignResult) -> list[Text | Table]:
+    """Return the tables: what was run, how it failed, what was preventable, how true the clips are; 80 columns wide."""
+    total = result.row()
+    rows = [*(result.row(family) for family in result.families), total]
+    kinds = ", ".join(f"{kind.value} {kind.label}" for kind in COLLISIONS)
+    return [
+        _counts_table(rows),
+        _failures_table(rows),
+        *([_avoidable_table(result)] if total.failed else []),
+        Text(f"{kinds};\nper risky point that was clipped, per simulated hour", style="dim"),
+        _fidelity_line(result),
+    ]
+
+
+def _family(row: FamilyRow) -> str:
+    if row.family == "all":
+        return "all"
+    return f"{row.family} {FAMILY_TITLES.get(row.family, '')}".strip() or "(no family)"
+
+
+def _counts_table(rows: Sequence[FamilyRow]) -> Table:
+    table = plain_table(
+        ("scenario family", "cases", "failed", "points", "clips", "children", "simulated", "time"),
+        ((_family(r), r.cases, r.cases_failed, r.risky_points, r.clips, r.children, duration(r.simulated_s),
+          duration(r.wall_s)) for r in rows),
+        title="What was run (times in minutes:seconds)",
+        gap=1,
+    )  # fmt: skip
+    table.rows[-1].style = "bold"
+    return table
+
+
+def _failures_table(rows: Sequence[FamilyRow]) -> Table:
+    table = plain_table(
+        ("scenario family", *(kind.value for kind in FAILURES), "all", "per point", "per hour"),
+        ((_family(r), *(_dim_zero(r.failures[kind.value]) for kind in FAILURES), f"[bold]{r.failed}[/bold]",
+          f"{r.per_risky_point:.2f}", f"{r.per_simulated_hour:.0f}") for r in rows),
+        title="\nFailures of children",
+        gap=1,
+    )  # fmt: skip
+    table.rows[-1].style = "bold"
+    return table
+
+
+def _avoidable_table(result: CampaignResult) -> Table:
+    by_kind, everything = [result.avoidable(kind) for kind in FAILURES], result.avoidable()
+    return plain_table(
+        ("", *(kind.value for kind in FAILURES), "all"),
+        ((answer.value, *(_dim_zero(found[answer]) for found in by_kind), f"[bold]{everything[answer]}[/bold]")
+         for answer in Preventable),
+        title="\nFor a careful driver who brakes",
+        gap=1,
+    )  # fmt: skip
+
+
+def _dim_zero(count: int) -> str:
+    return str(count) if count else "[dim]0[/dim]"
+
+
+def _fidelity_line(result: CampaignResult) -> Text:
+    clips = result.clips
+    if not clips:
+        return Text("\nNo clips.")
+    found = result.fidelity
+    mutated = sum(bool(c.children) for c in clips)
+    return Text(
+        f"\nFidelity of the {len(clips)} unmutated clips with {result.settings.driver}, largest deviation from the "
+        f"parent's run:\n  other actors: {found.others_median_m:.2f} m in the median, {found.others_within:.1%} within "
+        f"0.1 m, {found.others_max_m:.2f} m at most\n  the ego: {found.ego_median_m:.2f} m in the median, "
+        f"{found.ego_max_m:.2f} m at most\n{mutated} of {len(clips)} clips were mutated.",
+    )

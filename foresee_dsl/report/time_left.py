@@ -1,0 +1,97 @@
+"""How much of a campaign is done, and how long the rest takes: with what is likely to follow from what is known."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable
+
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.stages import STEPS
+from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.simulate.results.verdict import FAILURES
+
+RUNS = tuple(step for step in STEPS if step.drives)
+"""The kinds of run, each after the one that it follows from."""
+USUAL_SHARE = {"clip": 0.69, "child": 0.92}
+"""How many of the runs that may follow from a run at most do follow, where the step's own `share` does not tell. Ours:
+the bundled library with `pdm`, 120 test cases, 332 clips, 1220 children."""
+_WEIGHT = 12
+"""So many runs count as much as what is usual. Ours: the first few say little, fifty say nearly all."""
+_FAILING = 0.1
+"""The share of children that fail, until it is seen: a step's `share` is meant for it. Ours, as above."""
+_SHOWN_FROM = 0.02
+_SMOOTH = 0.1
+_EVERY_S = 0.5
+
+
+class TimeLeft:
+    """An estimate that changes little from one moment to the next."""
+
+    def __init__(self, settings: CampaignSettings, clock: Callable[[], float] = time.monotonic) -> None:
+        """Begin now."""
+        self._clock, self._began_s = clock, clock()
+        at_most = {step.kind: step.at_most(settings) for step in RUNS}
+        if "child" in at_most:
+            at_most["child"] *= settings.repeat
+        self._usual = {step.kind: at_most[step.kind] * USUAL_SHARE.get(step.kind, step.share) for step in RUNS}
+        self._known: Counter[str] = Counter()
+        self._finished: Counter[str] = Counter()
+        self._failed: Counter[str] = Counter()
+        self._here: Counter[str] = Counter()
+        self._wall_s: defaultdict[str, float] = defaultdict(float)
+        self._whole_s = 0.0
+        self._looked_s = self._began_s
+
+    def planned(self, kind: str, count: int) -> None:
+        """So many more runs of a kind are known of."""
+        self._known[kind] += count
+
+    def done(self, row: Row, *, new: bool) -> None:
+        """One of them is done; `new`: it took its time now."""
+        self._finished[row.kind] += 1
+        self._failed[row.kind] += row.verdict in FAILURES
+        if new:
+            self._here[row.kind] += 1
+            self._wall_s[row.kind] += row.wall_s
+
+    @property
+    def share(self) -> float:
+        """The share of the work that is done, 0 to 1."""
+        expected, done, whole = 0.0, 0.0, 0.0
+        above = None
+        for step in RUNS:
+            kind = step.kind
+            if above is not None:
+                ahead = max(0.0, expected - self._finished[above])
+                seen = self._finished[above]
+                each = (self._known[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
+                if not step.after_all:
+                    expected = self._known[kind] + ahead * each
+                elif self._known[kind]:
+                    expected = float(self._known[kind])
+                else:  # it comes when all runs above are done, for those that failed
+                    failing = (self._failed[above] + _FAILING * _WEIGHT) / (seen + _WEIGHT)
+                    expected *= failing * self._usual[kind] / _FAILING
+            else:
+                expected = float(self._known[kind])
+            each_s = (self._wall_s[kind] + step.usual_s * _WEIGHT) / (self._here[kind] + _WEIGHT)
+            done += self._here[kind] * each_s
+            whole += max(0.0, expected - (self._finished[kind] - self._here[kind])) * each_s
+            above = kind
+        return min(1.0, done / whole) if whole else 0.0
+
+    @property
+    def left_s(self) -> float | None:
+        """Wall time until the end; None while too little is done to tell."""
+        now_s, share = self._clock(), self.share
+        if share < _SHOWN_FROM:
+            return None
+        took_s = now_s - self._began_s
+        if not self._whole_s:
+            self._whole_s = took_s / share
+        elif now_s - self._looked_s >= _EVERY_S:
+            self._whole_s += _SMOOTH * (took_s / share - self._whole_s)
+            self._looked_s = now_s
+        # Near the end what is left counts, not the average over the whole.
+        return max(took_s * (1 - share) / share if share > 0.9 else 0.0, self._whole_s - took_s, 0.0)
