@@ -76,12 +76,10 @@ class _PerturbedEgo:
         return thinned_path(self.trace.states[:, 0, [X, Y]], self.settings.path_step_m)
 
     def perturbed(self, first: int, last: int, horizon: int) -> NDArray[np.float64]:
-        """Roll out the recorded speeds and yaw rates of frames `first` to `last` with constant small errors.
+        """Roll out the recorded speeds and yaw rates of frames `first` to `last` with constant small errors, [N, T, 3]
+        poses.
 
         The errors are such that after `horizon` frames the trajectory is off by no more than the bounds.
-
-        Returns:
-            [N, last - first + 1, 3]: x, y, heading.
         """
         s = self.settings
         recorded = self.trace.states[first : last + 1, 0]

@@ -46,9 +46,7 @@ def all_distances_to_ego(trace: Trace, actors: Sequence[int], within_m: FloatArr
 def ever_near(trace: Trace, actor: int, ways: FloatArray, first: int, radius_m: float) -> bool:
     """Say whether the ego, on any of other ways than its own, comes within a distance of an actor on its recorded one.
 
-    Args:
-        trace: of both. actor: its column. ways: [N, T, 3] poses of the ego from frame `first` on. radius_m: between
-            the footprints.
+    `ways`: [N, T, 3] poses of the ego from frame `first` on. `radius_m`: between the footprints.
     """
     other = trace.states[first : first + ways.shape[1], actor][:, [X, Y, HEADING]]
     return bool(ever_within(_whole(ways), _whole(other), _sizes(trace, [0, actor]), radius_m))
@@ -114,14 +112,8 @@ def thinned_path(points: FloatArray, step_m: float) -> FloatArray:
 
 
 def feet_on_path(points: FloatArray, path: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Project points onto a polyline.
-
-    Args:
-        points: [N, 2]. path: [M, 2], M >= 1.
-
-    Returns:
-        The distance to the polyline, [N], m; and whether the foot lies beside it, [N], rather than beyond an end.
-    """
+    """Project points [N, 2] onto a polyline [M, 2], M >= 1: the distances, [N] m, and whether each foot lies beside it,
+    [N], rather than beyond an end."""
     if len(path) < 2:
         return np.hypot(*(points - path[0]).T), np.zeros(len(points), dtype=np.bool_)
     gap, share = np.empty(len(points)), np.empty(len(points))

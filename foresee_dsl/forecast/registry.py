@@ -20,11 +20,7 @@ def ranker_names() -> tuple[str, ...]:
 
 
 def load_ranker(name: str) -> Ranker:
-    """Make the ranker of a name, with its default settings.
-
-    Raises:
-        UnknownRankerError: there is none of that name (close names are in the message), or it does not load.
-    """
+    """Make the ranker of a name, with its default settings."""
     entry = RANKERS.find(name)
     with RANKERS.loading(entry):
         ranker = entry.load()()

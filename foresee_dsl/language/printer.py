@@ -28,10 +28,8 @@ _GROUPS: dict[type, type] = {kind: kinds[0] for kinds in _TOGETHER for kind in k
 def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = None) -> str:
     """Return a definition as the text of its file.
 
-    Args:
-        model: what the file defines.
-        comments: as in `Document.comments`: then blank lines stand where the author put them (one at most). Without
-            them, one blank line separates groups of statements.
+    With `comments` (as in `Document.comments`) blank lines stand where the author put them, one at most; without, one
+    blank line separates groups of statements.
     """
     return _Writer(model, comments).file(model)
 

@@ -45,11 +45,8 @@ class Recorder:
         return len(self._rows)
 
     def frame(self, signals: Signals) -> FloatArray:
-        """Record where all actors are, and what the signals show.
-
-        Returns:
-            [A, 7] the columns of `Trace.states`; not to be changed.
-        """
+        """Record where all actors are ([A, 7] the columns of `Trace.states`, not to be changed), and what the signals
+        show."""
         now_s = signals.now_s
         if now_s >= self._until_s:
             self._look_at_signals(signals)

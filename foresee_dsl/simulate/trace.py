@@ -113,11 +113,7 @@ class Trace:
         return float(self.time_s[-1]) if self.frames else 0.0
 
     def index(self, actor: str) -> int:
-        """Return the column of an actor's id.
-
-        Raises:
-            KeyError: no such actor.
-        """
+        """Return the column of an actor's id; a `KeyError` for none."""
         for k, info in enumerate(self.actors):
             if info.id == actor:
                 return k
@@ -159,12 +155,7 @@ class Trace:
 
     @classmethod
     def load(cls, path: Path | BinaryIO) -> Trace:
-        """Read a trace from its file.
-
-        Raises:
-            ValueError: not a trace, or of another format version.
-            OSError: it cannot be read.
-        """
+        """Read a trace from its file; a `ValueError` where it holds none, or one of another format version."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 header = json.loads(data["header"].tobytes())

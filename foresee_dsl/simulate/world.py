@@ -88,11 +88,7 @@ class World:
     _current: World | None = None
 
     def __init__(self, bundle: SumoBundle) -> None:
-        """Start SUMO on a bundle's network.
-
-        Raises:
-            SimulationError: a file is missing, or SUMO refused it.
-        """
+        """Start SUMO on a bundle's network; a `SimulationError` where a file is missing, or SUMO refuses it."""
         for file in (bundle.net_file, bundle.types_file):
             if not file.is_file():  # asked first: SUMO 1.28 can end the whole process when a file fails to load
                 raise SimulationError(f"{file} is gone; compile the test case again")
@@ -174,11 +170,7 @@ class World:
         return float(begins_s)
 
     def step(self) -> None:
-        """Let SUMO simulate one step of 0.05 s.
-
-        Raises:
-            SimulationError: SUMO broke.
-        """
+        """Let SUMO simulate one step of 0.05 s; a `SimulationError` where it breaks."""
         try:
             self._sumo.simulation.step(0)
             self.signals.look()
@@ -209,11 +201,7 @@ class World:
         self.hold(actor)
 
     def hold(self, actor: PlacedActor) -> None:
-        """Keep an actor that was added where it is placed for one more step.
-
-        Raises:
-            SimulationError: SUMO refused the place.
-        """
+        """Keep an actor that was added where it is placed for one more step."""
         try:
             edge, _, index = actor.lane.rpartition("_")
             angle, keep_route, within_m = _degrees(actor.heading_rad), 1, MATCH_M
@@ -228,10 +216,8 @@ class World:
     def roll(self, vehicle: str, speed_mps: float, *, free: bool) -> None:
         """Let a vehicle drive exactly a speed, whatever is ahead of it, until `let_go`.
 
-        Args:
-            vehicle: its id. speed_mps: m/s.
-            free: it may enter the junction ahead. SUMO counts a vehicle that enters without asking as one that has
-                already stopped at its stop sign.
+        `free`: it may enter the junction ahead. SUMO counts a vehicle that enters without asking as one that has
+        already stopped at its stop sign.
         """
         self._sumo.vehicle.setSpeedMode(vehicle, 0 if free else _ASKS)
         self._sumo.vehicle.setSpeed(vehicle, speed_mps)
@@ -251,22 +237,16 @@ class World:
     def add_body(self, vehicle: str, model: str, route: tuple[str, ...], length_m: float | None = None) -> None:
         """Add a body that is moved from outside: `place` must follow before every step.
 
-        Args:
-            vehicle: its id. model: its vehicle type. route: what SUMO's vehicles take for its route.
-            length_m: its length, where it is not the type's.
+        `model`: its vehicle type. `route`: what SUMO's vehicles take for its route. `length_m`: where it is not the
+        type's.
         """
         self._bodies[vehicle] = (model, route, length_m)
         self._add_body(vehicle)
 
     def place(self, vehicle: str, x_front: float, y_front: float, heading_rad: float, lane: str = "") -> None:
-        """Put a vehicle that is moved from outside where it will be at the end of the next step.
+        """Put a vehicle that is moved from outside where it will be at the end of the next step (its front, m; rad).
 
-        Args:
-            vehicle: its id. x_front, y_front: m. heading_rad: counter-clockwise from east.
-            lane: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
-
-        Raises:
-            SimulationError: SUMO refuses the place.
+        `lane`: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
         """
         edge, _, index = lane.rpartition("_")
         where = (edge, int(index or -1), x_front, y_front, _degrees(heading_rad), 2, MATCH_M)

@@ -50,9 +50,6 @@ def foreign_net(path: Path) -> Path:
 
     Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates. A net is taken as it is, but for
     signals that react to traffic: the copy's have the same stages with fixed times.
-
-    Raises:
-        CompileError: the file is missing, unreadable, of another kind than its name says, or refused by netconvert.
     """
     try:
         check_size(path)

@@ -78,19 +78,15 @@ class RoadNetwork(Topology):
         beyond_m: float = 0.0,
         kind: LaneKind = "car",
     ) -> RouteLine:
-        """Return the centreline for a vehicle that follows connected edges, with the fewest lane changes.
+        """Return the centreline for a vehicle that follows connected edges, with the fewest lane changes; a
+        `RouteError` where no lane of an edge leads to the next for this kind.
 
         Args:
-            edges: the route.
             start_lane: the lane of the first edge to begin on, or a lane inside the junction between the first two
-                edges; the line then goes through it.
+            edges; the line then goes through it.
             after_m: no lane change on the first edge begins before this length along it.
-            behind_m: add this much of the way to the first edge. beyond_m: add at least this much after the last
-                edge, straight on where possible; both as far as the network goes.
-            kind: whose lanes to use.
-
-        Raises:
-            RouteError: no lane of an edge leads to the next for this kind.
+            behind_m: add this much of the way to the first edge. beyond_m: add at least this much after the last edge,
+            straight on where possible; both as far as the network goes.
         """
         return build_line(self, edges, start_lane, after_m, behind_m, beyond_m, kind)
 

@@ -23,14 +23,11 @@ class RouteError(ValueError):
 
 
 def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "car") -> tuple[str, ...]:
-    """Return the edges of a route statement.
+    """Return the edges of a route statement; a `RouteError` where it does not fit the network.
 
     A `Route` starts on a road in the direction of its first junction; its turns are looked up in the junctions'
     movements; junctions without a choice need not be named. An `EdgeRoute` is checked, and filled with the shortest
     route where it says so.
-
-    Raises:
-        RouteError: an unknown name, a turn that is not possible, edges that do not touch.
     """
     if isinstance(route, EdgeRoute):
         return _listed(network, route, kind)

@@ -62,12 +62,8 @@ class Triggers:
         return tuple(found)
 
     def under_way(self) -> tuple[tuple[m.When, ...], frozenset[tuple[str, str]]]:
-        """Return triggers that continue the sequences that have begun.
-
-        Returns:
-            The triggers; and what they take up themselves: (actor, `speed`) or (actor, `lane`), so that nothing else
-            does.
-        """
+        """Return triggers that continue the sequences that have begun; and what they take up themselves, (actor,
+        `speed`) or (actor, `lane`), so that nothing else does."""
         found: list[m.When] = []
         taken: set[tuple[str, str]] = set()
         for index, (when, state) in enumerate(zip(self.whens, self.states, strict=True)):
@@ -148,11 +144,8 @@ class Triggers:
 
 
 def triggers_at(scenario: m.Scenario, trace: Trace, frame: int) -> Triggers:
-    """Return the triggers of a run at a frame.
-
-    Raises:
-        ValueError: the trace does not say what its triggers did, or is of another scenario.
-    """
+    """Return the triggers of a run at a frame; a `ValueError` where the trace does not say what its triggers did, or is
+    of another scenario."""
     record, whens, now_s = trace.director, scenario.all(m.When), float(trace.time_s[frame])
     if record is None:
         raise ValueError(

@@ -73,15 +73,8 @@ def contact(result: RunResult) -> Impact | None:
 
 
 def assess(child: TestCase, result: RunResult) -> Preventability:
-    """Say whether a careful and competent driver would have avoided a failure; drives the test case up to twice.
-
-    Args:
-        child: a test case. result: its run, which failed.
-
-    Raises:
-        ValueError: the run did not fail.
-        SimulationError: the scene cannot be set up in SUMO.
-    """
+    """Say whether a careful and competent driver would have avoided a failure (the child's run `result`); drives the
+    test case up to twice."""
     if not result.verdict.is_failure:
         raise ValueError(f"{child.id} did not fail: {result.reason}")
     return assess_bundle(compile_test_case(child), result)

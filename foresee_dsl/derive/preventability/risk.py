@@ -102,17 +102,12 @@ class Perception:
 
 
 def perceive(trace: Trace, other: int, sight: Sight | None = None) -> Perception | None:
-    """Say when the driver of the ego would perceive the risk that became the contact with an actor.
+    """Say when the driver of the ego would perceive the risk that became the contact with an actor, at the run's end.
 
     A risk that is gone for less than the evaluation time is the same risk. One that passes without a contact is
-    another: braking for it, seconds earlier, would avoid the contact by chance (ours).
-
-    Args:
-        trace: a run that ends in the contact. other: the actor's column.
-        sight: the lines of sight of that run; None: as far as the trace alone tells them.
-
-    Returns:
-        None when there is no risk shortly before the contact. The contact's own frame does not count.
+    another: braking for it, seconds earlier, would avoid the contact by chance (ours). None when there is no risk
+    shortly before the contact, whose own frame does not count. Without `sight` it is judged as far as the trace alone
+    tells.
     """
     path, sight = RecordedPath(trace), sight or sight_of(trace)
     forgets = round(EVALUATION_S / STEP_S)
@@ -146,22 +141,18 @@ def is_risk(trace: Trace, path: RecordedPath, other: int, frame: int, sight: Sig
 def critical_time_s(speed_mps: float, along_mps: float) -> float:
     """Return the time to collision under which an encounter is a risk.
 
-    Args:
-        speed_mps: the ego's. along_mps: the other's, along the ego's heading; one that oncomes counts as standing,
-            since the ego cannot shed more than its own speed.
+    `along_mps`: the other's speed along the ego's heading; one that oncomes counts as standing, since the ego cannot
+    shed more than its own speed.
     """
     shed = max(speed_mps - max(along_mps, 0.0), 0.0)
     return max(CRITICAL_TTC_S, EVALUATION_S + DELAY_S + shed / (2 * HARD_BRAKING_MPS2))
 
 
 def predicted(trace: Trace, actor: int, frame: int, time_s: FloatArray) -> FloatArray:
-    """Return where an actor will be, [N, 5] boxes, from how it moves at a frame.
+    """Return where an actor (a column) will be some times after a frame, [N, 5] boxes, from how it moves there.
 
     It continues in the direction of its last step with its turn rate and its braking (a pedestrian, who can turn on the
     spot, straight on); it does not speed up.
-
-    Args:
-        trace: a run. actor: column. frame: now. time_s: [N] s from now.
     """
     x, y, heading, speed, acceleration, rate = (
         float(np.nan_to_num(trace.states[frame, actor, k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
@@ -212,10 +203,7 @@ def _in_front(trace: Trace, other: int, frame: int) -> bool:
 def sight_of(trace: Trace, bundle: SumoBundle | None = None) -> Sight:
     """Return the lines of sight from a run's ego: the sensors of the drivers under test, without their noise.
 
-    Args:
-        trace: the run.
-        bundle: what was run; its buildings, heights and weather count. Without it: no buildings, clear air, and
-            every actor as high as its class usually is.
+    Without the bundle: no buildings, clear air, and every actor as high as its class usually is.
     """
     if bundle is not None:
         scene = bundle.scene

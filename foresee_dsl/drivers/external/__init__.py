@@ -73,22 +73,14 @@ class ExternalDriver:
         return cls(argument)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
-        """Start the program and give it its mission; `version` is then its name and version.
-
-        Raises:
-            DriverError: it cannot be started, or does not answer as it must.
-        """
+        """Start the program and give it its mission; `version` is then its name and version."""
         self.close()
         self._program = Program(self._command)
         self._last_resort = weakref.finalize(self, self._program.kill)
         self.version = " ".join(self._exchange(reset_line(mission, vehicle, seed), self._reset_s, read_ready))
 
     def step(self, observation: Observation) -> Control:
-        """Send one observation and return the program's answer.
-
-        Raises:
-            DriverError: `reset` was not called, or the program does not answer as it must.
-        """
+        """Send one observation and return the program's answer."""
         return self._exchange(step_line(observation), self.step_deadline_s, read_control)
 
     def close(self) -> None:
@@ -149,11 +141,7 @@ def end_line() -> bytes:
 
 
 def read_ready(line: bytes) -> tuple[str, str]:
-    """Return the program's name and version from its first line.
-
-    Raises:
-        DriverError: the line is another one.
-    """
+    """Return the program's name and version from its first line."""
     answer = _object(line)
     if answer.get("type") != "ready":
         raise DriverError(f'its first line must be {{"type": "ready", ...}}, not {_shown(line)}')
@@ -161,11 +149,7 @@ def read_ready(line: bytes) -> tuple[str, str]:
 
 
 def read_control(line: bytes) -> Control:
-    """Return the control that a program answered; the simulator clips values out of range.
-
-    Raises:
-        DriverError: the line is no JSON object with the finite numbers steer, throttle and brake.
-    """
+    """Return the control that a program answered; the simulator clips values out of range."""
     answer = _object(line)
     return Control(*(_number(answer, key, line) for key in ("steer", "throttle", "brake")))
 

@@ -35,14 +35,7 @@ class Program:
     """A running program. `exchange` sends a line and returns the one that answers it."""
 
     def __init__(self, command: Sequence[str]) -> None:
-        """Start the program in the working folder.
-
-        Args:
-            command: the program and its arguments; no shell sees them.
-
-        Raises:
-            DriverError: it cannot be started.
-        """
+        """Start the program with its arguments in the working folder; no shell sees them."""
         self._guard = subprocess.Popen(  # noqa: S603  a constant
             _GUARD, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, process_group=0
         )

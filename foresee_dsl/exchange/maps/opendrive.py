@@ -35,12 +35,7 @@ _OPTIONS = ("--precision", "4", "--no-warnings", "true")
 
 
 def run(file: Path, *, out: Path) -> Imported:
-    """Write `NAME.xodr` and the scenario `NAME.foresee` for an OpenDRIVE map.
-
-    Raises:
-        CompileError: the file is unreadable, too large, no OpenDRIVE, or refused by netconvert.
-        ExchangeError: it has no way for a car, or `out` cannot be written.
-    """
+    """Write `NAME.xodr` and the scenario `NAME.foresee` for an OpenDRIVE map."""
     if file.suffix != ".xodr":
         raise ExchangeError(f"{file} is not called like an OpenDRIVE map: its name must end in .xodr")
     root = parse_xml(file, "OpenDRIVE", "an OpenDRIVE map")

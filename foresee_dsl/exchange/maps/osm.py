@@ -48,12 +48,7 @@ _OTHER_WAYS = ("building", "railway", "waterway", "landuse", "natural", "leisure
 
 
 def run(file: Path, *, out: Path) -> Imported:
-    """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm`.
-
-    Raises:
-        ExchangeError: it is no OSM file, too large, has no streets, or no way for a car that is long enough.
-        CompileError: netconvert refuses it.
-    """
+    """Write `NAME.net.xml` and the scenario `NAME.foresee` for an extract `NAME.osm` that has streets."""
     root = parse_xml(file, "osm", "an OpenStreetMap file", ExchangeError)
     if not any(_tag(way, "highway") in _CAR_STREETS for way in root.iterfind("way")):
         raise ExchangeError(f"{file} has no streets: `highway` ways with their nodes are needed")

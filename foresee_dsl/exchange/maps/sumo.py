@@ -25,12 +25,7 @@ Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
 
 
 def run(file: Path, *, out: Path) -> Imported:
-    """Write `NAME.net.xml` and the scenario `NAME.foresee` for a SUMO network `NAME.net.xml`.
-
-    Raises:
-        ExchangeError: the file is no SUMO network, too large, or has no way for a car.
-        CompileError: it is not complete.
-    """
+    """Write `NAME.net.xml` and the scenario `NAME.foresee` for a SUMO network `NAME.net.xml`."""
     root = parse_xml(file, "net", "a SUMO network", ExchangeError)
     name = name_of(file.name.removesuffix(NET).removesuffix(".xml"), "net")
     if root.find("edge") is None or root.find("location") is None:

@@ -127,9 +127,8 @@ _T = TypeVar("_T", bound=m.Item)
 def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
     """Return a model with differences made: `apply(a, diff_models(a, b))` means what `b` means.
 
-    Args:
-        model: the first of the two that were compared. It may also be another one with statements in the same places.
-        changes: what `diff_models` found, all or some, in any order; or their edits (`edit_from_dict`).
+    The model may also be another one with statements in the same places. `changes`: all or some, in any order; or their
+    edits (`edit_from_dict`).
 
     Raises:
         ValueError: an edit's place is not in the model, or what comes out is no model (pydantic's `ValidationError`).

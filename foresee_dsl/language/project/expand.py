@@ -22,20 +22,15 @@ _T = TypeVar("_T")
 
 
 def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
-    """Make the full scenario of a clip.
+    """Make the full scenario of a clip that was cut from `parent`.
 
     Network, models, tags, weather and expectations are the parent's; everything that moves is the clip's. Left out are
     expectations that something happens `eventually` (a window cannot judge them: it may have happened before, and the
     clip ends with its window), those about actors that the clip does not have, and those about places along a route
     (which begins elsewhere in the clip).
 
-    Args:
-        clip: as written. parent: what it was cut from.
-        source: the clip's file (it need not exist yet); paths in the result are relative to its folder.
-        document: gives the errors their places, and the test case its document.
-
-    Raises:
-        InputError: no ego, no window, a window without length, or an unknown or unfitting model.
+    `source`: the clip's file (it need not exist yet); paths in the result are relative to its folder. `document` gives
+    the errors their places, and the test case its document.
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)

@@ -96,13 +96,10 @@ class Child:
 
 
 def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple[Child, ...]:
-    """Look at children whose parent may have changed, parents before their own children.
+    """Look at children (files, or folders of them) whose parent may have changed, parents before their own children.
 
     Children of what would be re-pinned, in the same folder, are looked at too: they would be stale otherwise.
-
-    Args:
-        paths: files of clips and mutants, or folders of them.
-        validate: looks at every child under the new parent.
+    `validate` looks at every child under the new parent.
 
     Raises:
         InputError: a path that does not exist, a named file that is no child, or a child with mistakes of its own.

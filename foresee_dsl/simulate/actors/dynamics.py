@@ -77,12 +77,8 @@ def limits_of(model: ModelSpec, friction: float = 0.9) -> VehicleLimits:
 
 
 def lateral_limit_mps2(model: str, friction: float) -> float:
-    """Return the lateral acceleration that a vehicle can hold: what its tyres hold, or less where it would tip.
-
-    Args:
-        model: its name, `class.variant`.
-        friction: of the tyres on the road.
-    """
+    """Return the lateral acceleration that a model (`class.variant`) can hold: what its tyres hold with this friction,
+    or less where it would tip."""
     return min(friction, TIPS_AT_G.get(model.partition(".")[0], inf)) * GRAVITY_MPS2
 
 
@@ -124,13 +120,8 @@ class Bicycle:
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
 
-        Args:
-            state: the vehicle now.
-            control: pedals and wheel. Values out of range mean the nearest allowed one.
-            dt: s, positive.
-
-        Raises:
-            ValueError: the control holds a NaN or something that is no number.
+        Values of the control out of range mean the nearest allowed one; for a NaN, or what is no number, a
+        `ValueError`.
         """
         row = np.array((state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer))
         self.move(row, control, dt)
@@ -167,11 +158,7 @@ class Bicycle:
 
 
 def checked(control: Control) -> tuple[float, float, float]:
-    """Return steer, throttle and brake as floats within their ranges.
-
-    Raises:
-        ValueError: one is NaN or no number.
-    """
+    """Return steer, throttle and brake as floats within their ranges; a `ValueError` for a NaN or what is no number."""
     try:
         steer, throttle, brake = float(control.steer), float(control.throttle), float(control.brake)
     except (TypeError, ValueError, AttributeError) as err:

@@ -95,11 +95,7 @@ class LaneRecovery:
         self._near_s: float | None = None
 
     def take_over(self, x: float, y: float, heading: float, speed: float, acceleration: float = 0.0) -> BicycleState:
-        """Return the state of an actor that SUMO moved until now; its wheels stand as its lane's bend needs them.
-
-        Args:
-            x, y: centre of the footprint (m). heading: rad. speed: m/s. acceleration: m/s^2.
-        """
+        """Return the state of an actor that SUMO moved until now; its wheels stand as its lane's bend needs them."""
         curvature = self._curvature[self._mark(self.line.project(x, y)[0])]
         steer = self.bicycle.steer_for(curvature)
         return BicycleState(x, y, heading, speed, acceleration, speed * curvature, steer)
@@ -121,12 +117,9 @@ class LaneRecovery:
         """Return the state `dt` seconds later.
 
         Args:
-            state: now.
-            time_s: now.
-            others: the bodies around it, itself not among them; NaN where absent.
-            dt: s.
+            state: now. others: the bodies around it, itself not among them; NaN where absent.
             stop_s: length along its line that its front may not pass (a red signal); None when it may go. One that it
-                has passed, or cannot stop at, does not hold it.
+            has passed, or cannot stop at, does not hold it.
             yields: it brakes for those who are about to cross its way; otherwise only for what is on it already.
         """
         s, beside = self._along(state)

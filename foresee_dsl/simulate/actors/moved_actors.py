@@ -68,14 +68,10 @@ class Ego(Actor):
 
 
 def recorded_states(start: BicycleState, recorded: Sequence[RecordedState], motion: Bicycle) -> Iterator[BicycleState]:
-    """Yield the ego's state at each frame after the first, up to the last recorded one.
+    """Yield the ego's state at each frame after the first, `start`, up to the last recorded one.
 
     Between two recorded states the rear axle, the point that moves along the heading, follows the cubic curve that has
-    their positions, speeds and headings at its ends.
-
-    Args:
-        start: at the first frame. recorded: in the order of their times; one within a step of the last is left out.
-        motion: of the ego.
+    their positions, speeds and headings at its ends. A recorded state within a step of the last is left out.
     """
     before, began_s, frame = replace(start, yaw_rate=_yaw_rate(start.speed, start.steer, motion)), 0.0, 1
     for state in recorded:

@@ -48,11 +48,7 @@ class Simulation:
     """
 
     def __init__(self, bundle: SumoBundle, world: World) -> None:
-        """Place all actors as the scene has them.
-
-        Raises:
-            SimulationError: SUMO refuses a route or a place.
-        """
+        """Place all actors as the scene has them."""
         self.world, self.network, self.scene = world, bundle.network, bundle.scene
         scene = bundle.scene
         edge = scene.ego.route[0]
@@ -83,14 +79,8 @@ class Simulation:
         self._insert_all(bundle)
 
     def step(self, control: Control) -> tuple[str, ...]:
-        """Advance by one frame.
-
-        Args:
-            control: what the driver answered to the last frame.
-
-        Returns:
-            Ids of the vehicles that have left the world.
-        """
+        """Advance by one frame with the driver's answer to the last one; return the ids of the vehicles that have
+        left."""
         self._traffic.slow_for_bends()
         self.ego.drive(control)
         for actor in self.path_actors:
@@ -204,10 +194,9 @@ class Simulation:
         return waves, len(going)
 
     def _since_entry(self, actor: Actor, at_speed: bool) -> float:
-        """Return how long ago an actor's front seems to have come to the junction that it is on, s; 0 on none.
+        """Return how long ago a vehicle's front seems to have come to the junction that it is on, s; 0 on none.
 
-        Args:
-            actor: a vehicle. at_speed: it drives as fast as it may.
+        `at_speed`: it drives as fast as it may.
         """
         inside_m = self.progress.inside(actor, self.frame)
         if inside_m <= 0.0:
@@ -234,11 +223,7 @@ class Simulation:
                 self.world.hold(before[actor.id])
 
     def _pass_step(self, *, at_least_mps: float = 0.0) -> None:
-        """Let SUMO take a step, and put back the speeds of its vehicles afterwards.
-
-        Args:
-            at_least_mps: least speed that is put back for vehicles that move.
-        """
+        """Let SUMO take a step, and put back the speeds of its vehicles, those that move at least at `at_least_mps`."""
         self.world.step()
         self._settle()
         for vehicle in self.sumo_vehicles.values():

@@ -245,11 +245,7 @@ class SumoTraffic:
         record["cruise"], record["ordered"] = speed_mps, np.nan
 
     def follow(self) -> tuple[str, ...]:
-        """Move every vehicle to where SUMO has it after a step.
-
-        Returns:
-            The ids of those that have left the world.
-        """
+        """Move every vehicle to where SUMO has it after a step; return the ids of those that have left the world."""
         names, places, speeds, changed = self._world.vehicles()
         left: tuple[str, ...] = ()
         if names is not self._names:

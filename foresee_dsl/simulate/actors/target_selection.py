@@ -58,13 +58,10 @@ class TargetSelection:
     def targets(
         self, state: BicycleState, s: float, others: Sequence[Mover], *, strays: bool, yields: bool
     ) -> Iterator[Target]:
-        """Yield everything in the way.
+        """Yield everything in the way of a vehicle that is `s` along the line.
 
-        Args:
-            state: of the vehicle. s: how far along the line it is.
-            others: everybody else; NaN where absent.
-            strays: it does not keep its lane now, so that its wheels say where it goes.
-            yields: False: actors that are about to cross its path are no targets, only those on it.
+        `others`: all others; NaN where absent. `strays`: it does not keep its lane now, so that its wheels say where it
+        goes. Without `yields`, actors that are about to cross its path are no targets, only those on it.
         """
         arc = tan(state.steer) / self._limits.wheelbase_m
         c, si = cos(state.heading), sin(state.heading)

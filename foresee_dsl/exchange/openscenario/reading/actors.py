@@ -53,10 +53,9 @@ class ActorBuilder:
     def actor(self, state: EntityState, routing: Element | None, *, at_start: bool, acts: bool) -> BuiltActor | None:
         """Return an entity as an actor, or None where it has no place on the network.
 
-        Args:
-            state: the entity; gets the speeds of its trajectory, if an event is to start that.
-            routing: its route, target or trajectory. at_start: that is its way from the beginning.
-            acts: an event is about it; an entity that neither acts nor moves is only placed.
+        `state` gets the speeds of its trajectory, if an event is to start that. `routing`: its route, target or
+        trajectory, which is its way from the beginning with `at_start`. An entity that neither `acts` (in an event) nor
+        moves is only placed.
         """
         entity = state.entity
         try:

@@ -26,12 +26,8 @@ class Places:
     _working: list[str] = field(default_factory=list)
 
     def initial(self, entity: str) -> Pose:
-        """Return the pose of an entity's reference point at the beginning.
-
-        Raises:
-            NotExpressed: it has no position, or one that we do not know.
-            ExchangeError: its position is not on the map.
-        """
+        """Return the pose of an entity's reference point at the beginning; `NotExpressed` where it has none that we
+        know."""
         if entity not in self.inits:
             raise NotExpressed("entities without a place at the beginning")
         if entity in self._working:
