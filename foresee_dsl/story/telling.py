@@ -61,7 +61,8 @@ def _moments(facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, foun
         if other is not None and other.facts is not facts:
             text = f"{name_of(facts.info(other.actor))} is nearest, {metres(other.ahead_m(other.facts.last))} away"
             moments.append(Moment(other.facts.end_s, facts.info(other.actor).id, "nearest", text))
-        moments.append(Moment(facts.end_s, "ego", "ends", f"the run ends: {facts.verdict.label}"))
+        ends = "the ego leaves the road" if facts.verdict is Verdict.F1 else f"the run ends: {facts.verdict.label}"
+        moments.append(Moment(facts.end_s, "ego", "ends", ends))
     return tuple(sorted(moments, key=lambda moment: moment.time_s))
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import notes_of, run_test_case
+from foresee_dsl.campaign.failures import explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
-from foresee_dsl.derive.preventability import Preventability, assess
+from foresee_dsl.derive.preventability import Preventability
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.parser import parse
@@ -21,7 +22,6 @@ from foresee_dsl.language.project.expand import expand_mutant
 from foresee_dsl.language.syntax.nodes import Key
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.story import tell
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
@@ -86,9 +86,8 @@ def run_child(
     """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it."""
     case = expand_mutant(mutant, clip_case, source=file)
     result = run_test_case(case, driver, seed, deadlines=deadlines)
-    avoided = assess(case, result) if result.verdict.is_failure else None
+    avoided, story = explained(case, result)
     mutant = with_found(mutant, result.reason, avoided)
-    story = tell(result.trace, case) if result.verdict.is_failure else None
     outcome = ChildOutcome(
         name=mutant.name,
         file=file.as_posix(),

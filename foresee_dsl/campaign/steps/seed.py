@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.failures import explained
 from foresee_dsl.campaign.records import SeedOutcome
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
-from foresee_dsl.derive.preventability import assess
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.story import tell
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
@@ -56,7 +55,7 @@ class SeedStep(Step[None, None]):
         """Run the test case."""
         started = time.perf_counter()
         result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
-        avoided = assess(case, result) if result.verdict.is_failure else None
+        avoided, story = explained(case, result)
         outcome = SeedOutcome(
             id=case.id,
             family=case.family,
@@ -68,7 +67,7 @@ class SeedStep(Step[None, None]):
             impact=result.impact,
             near=result.near_misses,
             preventability=avoided,
-            story=tell(result.trace, case) if result.verdict.is_failure else None,
+            story=story,
             notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace
