@@ -85,6 +85,7 @@ def show(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Simulate, even where a campaign has kept the trace of the same run.")
     ] = False,
+    full: Annotated[bool, typer.Option("--full", help="A finding as it was found, not minimised.")] = False,
     allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Show what happens in a run: sentences with times, a timeline, and the important moments from above.
@@ -100,7 +101,7 @@ def show(
     from foresee_dsl.report.show.sources import Wish, find
 
     _one_file(targets, png, svg)
-    wish = Wish(driver, seed, campaign, allow_outside, fresh)
+    wish = Wish(driver, seed, campaign, allow_outside, fresh, full)
     console = _console()
     for number, target in enumerate(targets):
         if number:
@@ -204,7 +205,8 @@ def _write(file: Path, strips: tuple[Strip, ...], label: str, *, as_png: bool) -
     from foresee_dsl.report.show.png import png_of
     from foresee_dsl.report.strip import svg_of
 
-    data = png_of(strips, per_row=3) if as_png else svg_of(strips, label).encode()
+    per_row = 3 if len(strips) == 1 else 6  # a mutant's moments right below those of its parent
+    data = png_of(strips, per_row=per_row) if as_png else svg_of(strips, label, per_row=per_row).encode()
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as temporary:
         temporary.write_bytes(data)

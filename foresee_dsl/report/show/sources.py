@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from foresee_dsl.campaign.asked import asked
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, ForeseeError
@@ -47,14 +47,20 @@ class Shown:
 
 @dataclass(frozen=True)
 class Wish:
-    """What the user asked for: the driver ("": the recorded one, else pdm), the seed (None: likewise), the campaign's
-    folder, whether files may use others outside the project, and whether a kept trace will do."""
+    """What the user asked for.
+
+    Attributes:
+        driver: "": the recorded one, else pdm. seed: None: likewise. campaign: the campaign's folder.
+        allow_outside: files may use others outside the project. fresh: no kept trace will do.
+        full: a finding as it was found, not minimised.
+    """
 
     driver: str = ""
     seed: int | None = None
     campaign: Path = Path("out")
     allow_outside: bool = False
     fresh: bool = False
+    full: bool = False
 
 
 def find(target: str, wish: Wish) -> Shown:
@@ -68,7 +74,7 @@ def find(target: str, wish: Wish) -> Shown:
         return _of_trace(Path(target), wish)
     file, _ = parse_address(target)
     if not is_file(file) and "::" not in target and "/" not in target and not target.endswith(".foresee"):
-        target = _file_of_finding(target, wish.campaign)
+        target = _file_of_finding(target, wish)
     return of_address(target, wish)
 
 
@@ -80,7 +86,7 @@ def of_address(address: str, wish: Wish) -> Shown:
         for file in _kept(case, wish):
             trace = _same(file, case, driver, seed)
             if trace is not None:
-                return Shown(address, case, trace, driver, seed, file)
+                return Shown(address, case, trace, driver, seed, Path(_relative(file.as_posix())))
     return Shown(address, case, run_test_case(case, driver, seed).trace, driver, seed)
 
 
@@ -124,6 +130,9 @@ def _locate(address: str, trace: Path) -> str:
 
 def _kept(case: TestCase, wish: Wish) -> Iterator[Path]:
     """Yield the files where a campaign keeps a run's trace: the campaign's folder, and that which the file is in."""
+    beside = case.source.with_suffix(".npz")  # that of a minimised finding
+    if is_file(beside):
+        yield beside
     folders = [wish.campaign, *(above for above in case.source.parents if (above / "traces").is_dir())]
     for folder in dict.fromkeys(folders):
         file = folder / "traces" / f"{case_name(case)}.npz"
@@ -158,29 +167,11 @@ def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
     return wish.driver or recorded, seed if wish.seed is None else wish.seed
 
 
-def _file_of_finding(name: str, campaign: Path) -> str:
-    """Return the address of what a campaign calls `name`: a finding, or one of its siblings."""
-    file = campaign / "campaign.json"
-    if not is_file(file):
-        raise ForeseeError(
-            f"'{name}' is no file, and there is no campaign in '{campaign}' whose finding it could be: write a file, "
-            "FILE::CASE, or --campaign OUT"
-        )
-    try:
-        findings = json.loads(file.read_text(encoding="utf-8")).get("findings", [])
-    except ValueError as err:
-        raise ForeseeError(f"{file} is damaged: {err}") from err
-    names: dict[str, str] = {}
-    for finding in findings:
-        names[finding["name"]] = finding["file"]
-        names.update(zip(finding["siblings"], finding["sibling_files"], strict=False))
-    if name not in names:
-        from foresee_dsl.language.messages.suggest import did_you_mean
-
-        help = did_you_mean(name, names) or "it has no findings"
-        raise ForeseeError(f"'{name}' is no file, and no finding of the campaign in '{campaign}': {help}")
-    beside = campaign / names[name]
-    return beside.as_posix() if is_file(beside) else names[name]
+def _file_of_finding(name: str, wish: Wish) -> str:
+    """Return the address of what a campaign calls `name`: a finding (minimised where it is), or another failure."""
+    found = asked(name, wish.campaign, tests=True).file
+    small = wish.campaign / "findings" / name / f"{name}.foresee"
+    return (found if wish.full or not is_file(small) else small).as_posix()
 
 
 def _relative(address: str) -> str:
