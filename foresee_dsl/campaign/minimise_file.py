@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -22,7 +22,9 @@ from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import cache_folder, write_whole
 from foresee_dsl.language.model import Clip, Mutant, Origin
-from foresee_dsl.language.project.addresses import absolute, kind_of
+from foresee_dsl.language.parser import load
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.addresses import absolute, relative_to
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 
@@ -58,14 +60,10 @@ def minimise_file(
     its = minimising_key(MinimiseStep, key, child=child, risk=risk_hash(clip), run_seed=run_seed, limit_m=limit_m,
                          budget=budget)  # fmt: skip
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
+    folder = folder or cache_folder("minimised")
     if (known := _known(folder, its)) is not None:
-        return _checked(known), parent, 0
-    with Store(folder or cache_folder("minimised")) as store:
-        row = store.get(its)
-        if row is not None and not row.broken:
-            record = decode(row.record, Minimised)
-            assert isinstance(record, Minimised)  # noqa: S101  (it was asked for)
-            return _checked(record), parent, 0
+        return _checked(_called(known, mutant, clip)), parent, 0
+    with Store(folder) as store:
         trace = run_test_case(parent, address, run_seed).trace
         subject = Subject(parent, clip, mutant, trace, absolute(wanted.file).parent)
         found, last = minimised(subject, driver=address, seed=seed, limit_m=limit_m, budget=budget)
@@ -99,10 +97,12 @@ class Texts:
         Raises:
             InputError: the file has mistakes or is stale.
         """
-        _, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
+        case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
         parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
-        texts = [file.read_text(encoding="utf-8") for file in (wanted.file, wanted.file.parent / mutant.parent)]
-        return cls(mutant.name, texts[0], clip.name, texts[1], parent)
+        clip_text = (wanted.file.parent / mutant.parent).read_text(encoding="utf-8")
+        own = case.mutant is not None and mutant.changes == case.mutant.changes
+        text = wanted.file.read_text(encoding="utf-8") if own else print_model(mutant)
+        return cls(mutant.name, text, clip.name, clip_text, parent)
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """Write both into a folder; return their files, the mutant's first."""
@@ -122,9 +122,14 @@ def _checked(found: Minimised) -> Minimised:
     return found
 
 
-def _known(folder: Path | None, its: str) -> Minimised | None:
-    """Return what the campaign's store has; reading it needs no lock, so that it works while a campaign runs."""
-    if folder is None or not (folder / "runs.sqlite").is_file():
+def _called(found: Minimised, mutant: Mutant, clip: Clip) -> Minimised:
+    """Return what was stored of the same meaning under other names with these."""
+    return replace(found, clip=clip.name, child=replace(found.child, name=mutant.name))
+
+
+def _known(folder: Path, its: str) -> Minimised | None:
+    """Return what a store has; reading it needs no lock, so that it works while a campaign runs."""
+    if not (folder / "runs.sqlite").is_file():
         return None
     with Store(folder, write=False) as store:
         row = store.get(its)
@@ -136,11 +141,11 @@ def _loaded(file: Path, *, allow_outside: bool) -> tuple[TestCase, Clip, Mutant]
     case = load_test_case(str(file), allow_outside=allow_outside)
     if case.mutant is None or case.clip is None:
         raise ForeseeError(f"{file} holds no mutant, so that there is nothing to minimise")
-    above = file.parent / case.mutant.parent
-    if kind_of(above) != "clip":
-        raise ForeseeError(f"{file} is a mutant of a mutant: write its changes and those of {above} into one mutant of "
-                           "the clip, and minimise that")  # fmt: skip
-    return case, case.clip, case.mutant
+    mutant, above = case.mutant, absolute(file.parent / case.mutant.parent)
+    while isinstance(other := load(above).model, Mutant):  # a mutant of a mutant: all changes, as one of the clip
+        mutant = mutant.model_copy(update={"pin": other.pin, "body": (*other.changes, *mutant.body)})
+        above = absolute(above.parent / other.parent)
+    return case, case.clip, mutant.model_copy(update={"parent": relative_to(absolute(file).parent, above)})
 
 
 def _parent_of(file: Path, clip: Clip, mutant: Mutant, *, allow_outside: bool) -> TestCase:

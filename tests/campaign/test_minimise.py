@@ -102,6 +102,30 @@ def test_any_failing_child_can_be_minimised_once(done: Path, tmp_path: Path) -> 
     assert {**again, "runs_now": 0} == {**first, "runs_now": 0}
 
 
+def test_a_mutant_of_a_mutant_is_one_mutant_of_the_clip(done: Path, names: list[str], tmp_path: Path) -> None:
+    """Its own change does nothing to the failure, and goes."""
+    small = next(done / "out" / f["minimised"]["file"] for f in published(done / "out")["json"]["findings"]
+                 if f["name"].startswith("beside"))  # fmt: skip
+    case = load_test_case(str(small))
+    more = small.with_name("more.foresee")
+    more.write_text(f"""foresee 1
+
+mutant more of "{small.name}" pin {case.meaning} {{
+  change weather.wetness: 0 => 0.1
+
+  origin {{
+    driver "idm 1"
+  }}
+}}
+""")
+    try:
+        said = json.loads(foresee("minimise", more, "--out", tmp_path / "small", "--allow-outside", "--json").stdout)
+    finally:
+        more.unlink()
+    assert said["changes"] == {"before": 2, "now": 1}
+    assert case.mutant is not None and said["changed"][0].startswith("neighbour.steer: 0.00 => ")
+
+
 def test_the_unreduced_files_can_be_had(done: Path, names: list[str], tmp_path: Path) -> None:
     said = foresee("minimise", names[0], "--campaign", done / "out", "--full", "--out", tmp_path / "raw",
                    "--allow-outside")  # fmt: skip
