@@ -11,6 +11,7 @@ from typing import Any
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.regression.edits import line_of, with_expected
 from foresee_dsl.campaign.regression.expectations import (
     Ending,
@@ -136,15 +137,16 @@ def _run(tests: Sequence[SuiteTest], driver: str, jobs: int, *, check_pin: bool 
 
 def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
     """Return what is told of a run that gave nothing."""
-    late = broken.how == "timeout"
+    verdict, reason = broken_verdict(broken)
+    ending = Ending(verdict, hangs=verdict is Verdict.TIMEOUT)
     expected = expected_in(test.stated, test.case, names_of(driver or test.driver, ""), test.origin)
     return Recheck(
         file=test.address,
-        status=Status.TIMED_OUT if late else Status.CRASHED,
+        status=judge(expected, ending),
         was=in_words(expected),
-        now=broken.reason,
+        now=reason,
         driver=driver or test.driver,
-        ending=Ending(Verdict.TIMEOUT if late else Verdict.CRASH),
+        ending=ending,
         case=test.case,
     )
 
@@ -156,7 +158,7 @@ def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True) -> Recheck:
     except InputError as err:
         return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
     result = run_test_case(case, driver, test.seed)
-    ending = Ending(result.verdict, result.with_)
+    ending = Ending(result.verdict, result.with_, hangs=result.notes.hang is not None)
     version = str(result.trace.meta.get("driver_version", ""))
     stated = stated_in(case.document) if case.document is not None else test.stated
     expected = expected_in(stated, test.case, names_of(driver, version), test.origin)
@@ -176,7 +178,7 @@ def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True) -> Recheck:
 def reached(files: Sequence[Path]) -> dict[Path, str]:
     """Return for each stale child why it cannot be run; "" for one that the edit of its parent does not reach.
 
-    A child whose parent's old version is not in git is left out: nothing is known of the edit.
+    A child that no longer fits its parent is left out: its own message says why.
     """
     if not files:
         return {}
@@ -191,12 +193,14 @@ def reached(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _why_stale(child: Child | None) -> str | None:
-    """Return what speaks against running a child under its edited parent; None where its old parent is unknown."""
-    if child is None or child.state in (State.CONFLICT, State.BLOCKED):
-        found = [one.message for one in child.mistakes if one.code != STALE_PIN] if child is not None else []
+    """Return what speaks against running a child under its edited parent; "" for nothing, None where it cannot be."""
+    if child is None:
+        return None
+    if child.state in (State.CONFLICT, State.BLOCKED):
+        found = [one.message for one in child.mistakes if one.code != STALE_PIN]
         return f"it no longer fits its parent: {found[0]}" if found else None
     if not child.known or child.old is None or child.new is None:
-        return None
+        return "git has no version of the parent with this pin, so that the edit is unknown"
     return "the edit reaches it: " + "; ".join(map(str, child.reaching)) if child.reaching else ""
 
 

@@ -37,8 +37,8 @@ def keep(
 ) -> None:
     """Keep failures as regression tests: copy them with all that they need into a folder that stands on its own.
 
-    Each test says what is expected of the driver that failed in it; `foresee verify` compares. The folder's README.md
-    lists the tests. Keeping a test again changes nothing.
+    Each test says what is expected of the driver; `foresee verify` compares.
+    The folder's README.md lists the tests. Keeping a test again changes nothing.
 
     [dim]foresee keep behind_the_bus_commuter_p1_m1 --to regressions
     foresee keep out/children/behind_the_bus/behind_the_bus_commuter_p1_m1.foresee
@@ -100,8 +100,8 @@ def verify(
 ) -> None:
     """Run test cases again and compare with what is expected: as expected, fixed, came back, changed, stale, new?
 
-    Exit code 1 when something is not as expected, a test that passes now included: `--update` writes that down. A
-    mutant without an `expected` line is expected to fail as its file records.
+    Exit code 1 when something is not as expected, a failure that is gone too.
+    A mutant without an `expected` line is expected to fail as it did when found.
 
     [dim]foresee verify regressions --driver pdm
     foresee verify regressions --driver pdm --update
@@ -153,8 +153,8 @@ def compare(
 ) -> None:
     """Compare two versions of a driver on the same test cases: new failures, fixed, still failing, nearer misses.
 
-    Test cases and mutants are paired by what they mean. The exact two-sided test (McNemar's) says whether a difference
-    may be chance. Exit code 1 when there are new failures.
+    Test cases and mutants are paired by what they mean. McNemar's exact test
+    says whether a difference may be chance. Exit code 1 at new failures.
 
     [dim]foresee compare out_main out
     foresee compare --drivers pdm,mine regressions

@@ -112,6 +112,8 @@ def test_a_mutant_without_a_line_is_expected_to_fail_as_found() -> None:
 )
 def test_how_a_run_compares(expected: m.Expected | None, verdict: Verdict, actor: str, status: Status) -> None:
     assert judge(expected, Ending(verdict, actor)) is status
+    if verdict is Verdict.TIMEOUT:
+        assert judge(expected, Ending(verdict, actor, hangs=True)) is Status.TIMED_OUT  # not a result, whatever is said
 
 
 @pytest.mark.parametrize("one", range(9))

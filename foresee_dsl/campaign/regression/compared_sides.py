@@ -10,6 +10,7 @@ from typing import Any
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.regression.comparison import Ran, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.campaign.settings import Limits
@@ -104,8 +105,8 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int) -> Sid
             elif outcome.how == "raised":
                 broken.append(f"{test.address}: {outcome.reason}")
             else:
-                verdict = Verdict.TIMEOUT if outcome.how == "timeout" else Verdict.CRASH
-                found[task.name] = Ran(test.address, test.address, "", verdict, outcome.reason)
+                verdict, reason = broken_verdict(outcome)
+                found[task.name] = Ran(test.address, test.address, "", verdict, reason)
     return Side(label, tuple(found[number] for number in numbers if number in found), tuple(sorted(broken)))
 
 

@@ -58,10 +58,11 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: the verdict, and the other party's id or ""."""
+    """How a run ended: the verdict, the other party's id or "", and whether the driver took too much wall time."""
 
     verdict: Verdict
     actor: str = ""
+    hangs: bool = False
 
     def expected_of(self, driver: str, case: str | None = None) -> m.Expected | None:
         """Return the statement that expects just this; None of what cannot be expected (crash, invalid)."""
@@ -94,7 +95,7 @@ def judge(expected: m.Expected | None, ending: Ending) -> Status:
     verdict = ending.verdict
     if verdict is Verdict.CRASH:
         return Status.CRASHED
-    if expected is not None and _is_met(expected, ending):
+    if expected is not None and not ending.hangs and _is_met(expected, ending):  # in time on another machine, perhaps
         return Status.AS_EXPECTED
     if verdict is Verdict.TIMEOUT:
         return Status.TIMED_OUT
