@@ -89,7 +89,7 @@ class Figures(Listener):
     def ahead(self) -> str:
         """Return how much is done and how long the rest takes, "" while that cannot be told."""
         left_s = self._left.left_s
-        return f"{self._left.share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
+        return f"{self._left.shown_share:.0%} done, about {duration(left_s)} left" if left_s is not None else ""
 
 
 class FirstFailure(Listener):
@@ -139,7 +139,7 @@ class RichProgress(Figures):
     def __init__(self, console: Console, settings: CampaignSettings = CampaignSettings()) -> None:  # noqa: B008
         super().__init__(settings=settings)
         self.bars = bars(console, SpinnerColumn(), TextColumn("{task.description}"), rate=_Rate(), left=False)
-        self._all = self.bars.add_task("altogether", total=None)
+        self._all = self.bars.add_task("altogether", total=None, visible=False)
         self._bars = {kind: self.bars.add_task(title, total=None, visible=False) for kind, title in TITLES.items()}
 
     def planned(self, kind: str, count: int) -> None:
@@ -154,9 +154,8 @@ class RichProgress(Figures):
         if row.kind in self._bars:
             self.bars.update(self._bars[row.kind], completed=self.finished[row.kind])
         if ahead := self.ahead():
-            done, of = sum(self.finished[kind] for kind in TITLES), sum(self.total[kind] for kind in TITLES)
-            self.bars.update(self._all, description=ahead, total=max(of, round(done / max(self._left.share, 1e-3))),
-                             completed=done)  # fmt: skip
+            shown = round(self._left.shown_share * 100)
+            self.bars.update(self._all, visible=True, description=ahead, total=100, completed=shown)
         if self.failures and row.kind == "child":
             counts = "  ".join(f"{kind} [red]{count}[/red]" for kind, count in self.failures.items())
             self.bars.update(self._bars["child"], description=f"{TITLES['child']}  {counts}")

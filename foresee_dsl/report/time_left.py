@@ -23,6 +23,7 @@ _FAILING = 0.1
 _SHOWN_FROM = 0.02
 _SMOOTH = 0.1
 _EVERY_S = 0.5
+_NEARLY = 0.9
 
 
 class TimeLeft:
@@ -41,6 +42,8 @@ class TimeLeft:
         self._here: Counter[str] = Counter()
         self._wall_s: defaultdict[str, float] = defaultdict(float)
         self._whole_s = 0.0
+        self.shown_share = 0.0
+        """The share of the time that is over, by the last `left_s`; it never falls."""
         self._looked_s = self._began_s
 
     def planned(self, kind: str, count: int) -> None:
@@ -94,4 +97,6 @@ class TimeLeft:
             self._whole_s += _SMOOTH * (took_s / share - self._whole_s)
             self._looked_s = now_s
         # Near the end what is left counts, not the average over the whole.
-        return max(took_s * (1 - share) / share if share > 0.9 else 0.0, self._whole_s - took_s, 0.0)
+        left_s = max(took_s * (1 - share) / share if share > _NEARLY else 0.0, self._whole_s - took_s, 0.0)
+        self.shown_share = max(self.shown_share, took_s / (took_s + left_s) if took_s else 0.0)
+        return left_s

@@ -12,7 +12,7 @@ from foresee_dsl.compile.bundle import PlacedActor, Signal
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.states import IntArray, StateTable
 from foresee_dsl.simulate.signals import Signals
-from foresee_dsl.simulate.trace import FIELDS, STEP_S, ActorInfo, Event, Trace
+from foresee_dsl.simulate.trace import FIELDS, SPEED, STEP_S, ActorInfo, Event, Trace
 from foresee_dsl.simulate.triggers.record import DirectorRecord
 
 
@@ -43,6 +43,15 @@ class Recorder:
     def frames(self) -> int:
         """How many were recorded."""
         return len(self._rows)
+
+    def stands_since(self, index: int, slower_mps: float) -> float:
+        """Return since when an actor is slower than that, s; the moment of the last frame where it is not."""
+        count = 0
+        for row in reversed(self._rows):
+            if row.item(index, SPEED) >= slower_mps:
+                break
+            count += 1
+        return max(len(self._rows) - count, 0) * STEP_S
 
     def frame(self, signals: Signals) -> FloatArray:
         """Record where all actors are ([A, 7] the columns of `Trace.states`, not to be changed), and what the signals

@@ -30,6 +30,7 @@ from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.director import Director
+from foresee_dsl.simulate.waiting import waits_for
 from foresee_dsl.simulate.world import World
 
 WAYPOINT_M = 2.0
@@ -39,6 +40,8 @@ CLOSE_AHEAD_M = 15.0
 SIGNAL_AHEAD_M = 30.0
 """A signal that is not green and this near is something to wait for. Ours: the first four cars of a queue; those
 behind have another in front."""
+_LONGEST_WORDS = 200
+"""Characters of what a driver says itself that go into the reason."""
 
 
 def run(
@@ -182,6 +185,8 @@ class _Run:
                 arrived=arrived,
                 may_wait=self._may_wait(),
             )
+        if decision is not None and decision.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
+            decision = replace(decision, reason=f"{decision.reason}; {self._waits_for()}")
         self._expectations.look(simulation.time_s, ego_hit=decision is not None and bool(decision.with_))
         return decision
 
@@ -217,6 +222,13 @@ class _Run:
             and (other.x - simulation.ego.x) * cos + (other.y - simulation.ego.y) * sin > 0
             for other in simulation.others(simulation.ego)
         )
+
+    def _waits_for(self) -> str:
+        """What the ego waits for: by its driver's own words, if it has any, and by the scene."""
+        scene = waits_for(self._simulation, self._recorder, self._world.signals)
+        own = getattr(self._driver, "waits_for", "")
+        own = " ".join(own.split()).replace('"', "'")[:_LONGEST_WORDS] if isinstance(own, str) else ""
+        return f"{scene} (the driver: {own})" if own else scene
 
     def _broken(self, err: BaseException) -> Decision:
         self._watch.calls = 0  # the driver is not called any more
