@@ -13,6 +13,7 @@ from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
+from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, RunResult, Verdict
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
             else Outcome.FAILED,
             rule=one.status.value,
             message=f"{one.status.label}: {one.now or one.status.meaning}",
-            place=place_of(one.file),
+            place=_at_line(place_of(one.file), one.line),
             details=tuple(filter(None, (f"expected {one.was or 'not known'}", f"now {one.now}", one.note))),
             reproduce=f"foresee verify {one.path}" + (f" --driver {driver}" if driver else ""),
         )
@@ -235,6 +236,14 @@ def place_of(address: str, text: str | None = None) -> Place:
     if span.end_line != span.line:  # a block: its first line says what it is
         span = Span(span.line, span.column, span.line, len(source_line) + 1)
     return Place(path, span, source_line)
+
+
+def _at_line(place: Place, line: int | None) -> Place:
+    """Return the place of a mutant's change as it is; of another file, the line that says what is expected."""
+    if line is None or kind_of(Path(place.path)) == "mutant":
+        return place
+    text = Path(place.path).read_text(encoding="utf-8").splitlines()[line - 1]
+    return Place(place.path, Span(line, len(text) - len(text.lstrip()) + 1, line, len(text) + 1), text)
 
 
 def as_diagnostics(results: Iterable[CaseResult]) -> Iterator[Diagnostic]:

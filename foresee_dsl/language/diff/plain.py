@@ -24,8 +24,8 @@ _T = TypeVar("_T", bound=m.Item)
 def plain_text(model: m.Definition, *, people: bool = False) -> str:
     """Return a definition as text: one unit a dimension, no comments, statements in a fixed order.
 
-    Names and labels stay, because other files address by them; with `people` also what only people read: `doc`, tags,
-    risk, fidelity, origin.
+    Names and labels stay, because other files address by them, and expected results, because builds are gated on them;
+    with `people` also what only people read: `doc`, tags, risk, fidelity, origin.
     """
     return print_model(_plain(model, people))
 
@@ -60,7 +60,7 @@ def _plain(item: _T, people: bool) -> _T:
 
 
 def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) -> tuple[object, ...]:
-    meant = [p for p in parts if people or not isinstance(p, NO_MEANING)]
+    meant = [p for p in parts if people or isinstance(p, m.Expected) or not isinstance(p, NO_MEANING)]
     made = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
     if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in made):
         return tuple(made)

@@ -71,12 +71,9 @@ class History:
             answer = _git(file.parent, "rev-parse", "--show-toplevel")
             root = Path(answer.decode().strip()) if answer else None
             name = _within(root, file) if root is not None else None
-            commits: list[str] = []
-            if root is not None and name is not None:
-                log = ("log", f"--max-count={COMMITS}", "--format=%H", "--", *_files_used(root, file))
-                commits = (_git(root, *log) or b"").decode().split()
+            commits = _commits(root, name, _files_used(root, file)) if root is not None and name is not None else ()
             base = Path(self._folder.name) / str(len(self._versions))
-            self._versions[file] = tuple(_Version(root or file.parent, c, name or "", base / c) for c in commits)
+            self._versions[file] = tuple(_Version(root or file.parent, c, n, base / c) for c, n in commits)
         return self._versions[file]
 
 
@@ -99,6 +96,35 @@ class _Version:
             return self._project.test_case(f"{there}::{case}" if case else there)
         except InputError:
             return None
+
+
+def _commits(root: Path, name: str, used: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    """Return the commits that touch a file or what it uses, newest first, each with the file's name in it.
+
+    Files that were moved are followed, each for itself: `git log` follows one file at a time.
+    """
+    own = _followed(root, name)
+    touching = {commit: made for each in used for made, commit, _ in (own if each == name else _followed(root, each))}
+    names = {commit: there for _, commit, there in own}
+    found: list[tuple[str, str]] = []
+    for commit, made in sorted(touching.items(), key=lambda one: -one[1])[:COMMITS]:
+        there = names.get(commit) or next((before for at, _, before in own if at <= made), None)
+        if there is not None:
+            found.append((commit, there))
+    return tuple(found)
+
+
+def _followed(root: Path, name: str) -> list[tuple[int, str, str]]:
+    """Return the commits that touch a file, newest first: when, which, and its name in it."""
+    log = ("log", "--follow", f"--max-count={COMMITS}", "--name-only", "--format=%x01%ct %H", "-z", "--", name)
+    entries = (_git(root, *log) or b"").decode(errors="replace").split("\x01")[1:]
+    found = []
+    for entry in entries:
+        head, *names = (part.strip("\n") for part in entry.split("\0"))
+        made, _, commit = head.partition(" ")
+        there = next((part for part in names if part), name)
+        found.append((int(made), commit, there))
+    return found
 
 
 def _within(root: Path, file: Path) -> str | None:
