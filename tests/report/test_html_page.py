@@ -18,12 +18,14 @@ import numpy as np
 import pytest
 
 from foresee_dsl.kernels.boxes import box_overlap
-from foresee_dsl.report.page.contents import Contents, Found, Table
+from foresee_dsl.report.page.contents import Contents
+from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
 from foresee_dsl.report.page.recorded import Preventability, campaign_folders
 from foresee_dsl.report.page.runs import Outcome, Reader, Run
 from foresee_dsl.report.page.single import write_view
+from foresee_dsl.report.page.tables import Table
 from foresee_dsl.story import Moment
 from tests.support.small_campaign import campaign, write_project
 
@@ -235,6 +237,19 @@ def test_one_file_has_a_page(browser: Any, out: Path, findings: list[dict[str, A
     one.close()
     trace = next(iter(sorted((out / "traces").glob("*.npz"))))
     assert write_view(str(trace), tmp_path / "trace.html").stat().st_size > 10_000
+
+
+@needs_chromium
+def test_a_campaign_without_failures_has_a_page(browser: Any, tmp_path: Path) -> None:
+    file = tmp_path / "nothing.html"
+    near = Table("Nearest misses that passed", ("run", "TTC s"), (("crosser", "1.20"),))
+    file.write_text(rendered(Contents("idm", "No failures", "", (), (), (near,)), Reader()))
+    one = Opened(browser, file)
+    assert "Nothing failed" in one.page.inner_text("#findings")
+    one.page.keyboard.press("j")
+    one.page.click("nav a[href='#overview']")
+    assert one.page.is_visible("#overview caption")
+    one.close()
 
 
 # ---- without a browser ----------------------------------------------------------------------------------------------

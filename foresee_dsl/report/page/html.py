@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.files import data_folder, write_whole
-from foresee_dsl.report.page.contents import Contents, contents_of, family_title, options_of
+from foresee_dsl.report.page.contents import Contents, contents_of
+from foresee_dsl.report.page.entries import family_title, options_of
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.templates import environment

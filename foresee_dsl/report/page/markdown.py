@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from foresee_dsl.files import write_whole
-from foresee_dsl.report.page.contents import Contents, Found, contents_of
+from foresee_dsl.report.page.contents import Contents, contents_of
+from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.runs import Reader, Run
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.templates import environment

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from foresee_dsl.report.page.contents import Contents, Found
+from foresee_dsl.report.page.contents import Contents
+from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.runs import Run
 from foresee_dsl.report.safe_text import safe
 

@@ -40,6 +40,7 @@ class Child(_Part):
     with_: str = Field("", alias="with")
     reason: str = ""
     file: str | None = None
+    near_misses: dict[str, Nearest | None] | None = None
     preventability: Preventability | None = None
 
 

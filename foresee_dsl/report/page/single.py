@@ -15,7 +15,8 @@ from foresee_dsl.files import write_whole
 from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.report.page.contents import Contents, Found
+from foresee_dsl.report.page.contents import Contents
+from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.html import rendered
 from foresee_dsl.report.page.playback import Parent
 from foresee_dsl.report.page.recorded import Preventability

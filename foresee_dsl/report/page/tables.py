@@ -1,0 +1,172 @@
+"""A report's tables: findings counted by what they have in common, near misses, and the raw numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.report.page.entries import Found, Source, family_title
+from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
+
+MOST_NEAR = 10
+"""Near misses in the overview (ours: a screen)."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of plain values; the first column is text, `total` the last row."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    total: tuple[str, ...] = ()
+    texts: int = 1
+    """How many of the first columns hold text, not numbers."""
+
+
+def overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[Table]:
+    """Yield the tables to begin with."""
+    several = len(sources) > 1
+    yield _by("family", findings, lambda f: family_title(f.family))
+    yield _by("kind", findings, lambda f: f"{f.verdict} {f.label}")
+    yield _by("class", findings, lambda f: f.class_ or "not told")
+    if several:
+        yield _by("driver", findings, lambda f: f.driver)
+    failed = [
+        (
+            *((source.campaign.driver,) if several else ()),
+            case.test_case,
+            case.verdict,
+            case.reason,
+            case.preventability.verdict if case.preventability else "",
+        )
+        for source in sources
+        for case in source.campaign.test_cases
+        if case.verdict != Verdict.PASS.value
+    ]
+    if failed:
+        headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", "preventable?")
+        yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=len(headings))
+    if (nearest := _nearest(sources)).rows:
+        yield nearest
+
+
+def _nearest(sources: Sequence[Source]) -> Table:
+    """Return the runs that passed with the smallest time to collision: where to look where nothing failed."""
+    found: list[tuple[float, tuple[str, ...]]] = []
+    for source in sources:
+        campaign = source.campaign
+        runs = [(case.test_case, case.verdict, case.near_misses) for case in campaign.test_cases]
+        runs += [(c.mutant, c.verdict, c.near_misses) for clip in campaign.clip_runs for c in clip.children]
+        for name, verdict, near in runs:
+            first = (near or {}).get("ttc_s")
+            if verdict == Verdict.PASS.value and near and first is not None and first.value is not None:
+                row = (name, first.with_, f"{first.time_s:.2f}", *_misses(near))
+                found.append((first.value, row))
+    found.sort()
+    headings = ("run", "with", "at s", "nearest m", "TTC s", "PET s", "braking m/s²")
+    return Table("Nearest misses that passed", headings, tuple(row for _, row in found[:MOST_NEAR]), texts=2)
+
+
+def _misses(near: Mapping[str, Nearest | None]) -> tuple[str, ...]:
+    """Return distance, time to collision, post-encroachment time and braking needed, each "" where there is none."""
+    values = (near.get(name) for name in ("distance_m", "ttc_s", "pet_s", "drac_mps2"))
+    return tuple("" if v is None or v.value is None else f"{v.value:.2f}" for v in values)
+
+
+def _by(what: str, findings: Sequence[Found], key: Callable[[Found], str]) -> Table:
+    """Return findings and failing runs by something, and what a careful driver would have avoided."""
+    names = list(dict.fromkeys(map(key, findings)))
+    rows = [_row(name, [f for f in findings if key(f) == name]) for name in sorted(names)]
+    headings = (what, "findings", "runs", *(answer.value for answer in Preventable))
+    return Table(f"By {what}", headings, tuple(rows), _row("all", findings) if len(rows) > 1 else ())
+
+
+def _row(name: str, findings: Sequence[Found]) -> tuple[str, ...]:
+    answers = Counter(f.preventability for f in findings)
+    counts = (len(findings), sum(f.count for f in findings), *(answers[answer.value] for answer in Preventable))
+    return (name, *map(str, counts))
+
+
+def numbers(sources: Sequence[Source]) -> Iterator[Table]:
+    """Yield all numbers of each campaign."""
+    for source in sources:
+        campaign, driver = source.campaign, source.campaign.driver if len(sources) > 1 else ""
+        yield Table(f"The campaign {driver}".strip(), ("", "value"), tuple(_figures(campaign)))
+        yield _family_table(campaign, driver)
+        yield _operator_table(campaign, driver)
+        yield Table(
+            f"Test cases {driver}".strip(),
+            ("test case", "verdict", "how it ended", "points", "nearest m", "TTC s", "PET s", "braking m/s²"),
+            tuple(_case_row(case) for case in campaign.test_cases),
+            texts=3,
+        )
+
+
+def _figures(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    others = campaign.fidelity.get("others", {})
+    yield "test cases", str(len(campaign.test_cases))
+    yield "risky points", str(campaign.risky_points)
+    yield "clips", str(campaign.clips)
+    yield "children", str(campaign.children)
+    yield "failing children", str(sum(campaign.failures.values()))
+    for answer, count in campaign.preventability.items():
+        yield f"  {answer}", str(count)
+    yield "simulated", _duration(campaign.simulated_s)
+    yield "time it took", _duration(campaign.wall_s)
+    if isinstance(others, dict) and others.get("within_0.1_m") is not None:
+        yield "other actors of clips within 0.1 m of their parent", f"{float(others['within_0.1_m']):.1%}"
+
+
+def _family_table(campaign: Campaign, driver: str) -> Table:
+    kinds = [verdict.value for verdict in FAILURES]
+    headings = ("family", "cases", "not passed", "points", "clips", "children", *kinds, "failing children")
+    families = {case.test_case: case.family for case in campaign.test_cases}
+    rows = [
+        _family_row(campaign, families, {family}, family_title(family)) for family in sorted(set(families.values()))
+    ]
+    total = _family_row(campaign, families, set(families.values()), "all")
+    return Table(f"By family {driver}".strip(), headings, tuple(rows), total)
+
+
+def _family_row(campaign: Campaign, families: dict[str, str], which: set[str], name: str) -> tuple[str, ...]:
+    cases = [case for case in campaign.test_cases if case.family in which]
+    clips = [clip for clip in campaign.clip_runs if families.get(clip.test_case, "") in which]
+    verdicts = Counter(child.verdict for clip in clips for child in clip.children)
+    kinds = [verdicts[verdict.value] for verdict in FAILURES]
+    counts = (
+        len(cases),
+        sum(case.verdict != Verdict.PASS.value for case in cases),
+        sum(case.risky_points for case in cases),
+        len(clips),
+        sum(len(clip.children) for clip in clips),
+        *kinds,
+        sum(kinds),
+    )
+    return (name, *map(str, counts))
+
+
+def _operator_table(campaign: Campaign, driver: str) -> Table:
+    ran: Counter[str] = Counter()
+    failed: Counter[str] = Counter()
+    for clip in campaign.clip_runs:
+        for child in clip.children:
+            names = " + ".join(child.operators) or "none"
+            ran[names] += 1
+            failed[names] += child.file is not None
+    rows = [(name, str(ran[name]), str(failed[name]), f"{failed[name] / ran[name]:.1%}") for name in sorted(ran)]
+    return Table(f"By operator {driver}".strip(), ("operators", "children", "failing", "share"), tuple(rows))
+
+
+def _case_row(case: CaseRun) -> tuple[str, ...]:
+    shown = _misses(case.near_misses or {})
+    return (case.test_case, case.verdict, case.reason, str(case.risky_points), *shown)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d} h" if hours else f"{minutes}:{rest:02d} min"
