@@ -186,7 +186,7 @@ def _as_picture(strips: tuple[Strip, ...], picture: Picture) -> str:
 
     way = Pictures(picture.value)
     if way is Pictures.AUTO:
-        way = detect()
+        way = Pictures.NONE if os.environ.get("NO_COLOR") else detect()
     if way is Pictures.NONE:
         return ""
     from foresee_dsl.report.show.png import as_png, image_of

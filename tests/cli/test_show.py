@@ -19,10 +19,20 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A scenario, a trace of it, a clip and two mutants."""
     folder = tmp_path_factory.mktemp("project")
     (folder / "hidden_walker.foresee").write_text(TEXT)
-    _said(["run", str(folder / "hidden_walker.foresee"), "--driver", "idm", "--out", str(folder / "out" / "traces")])
+    _said(
+        [
+            "run",
+            str(folder / "hidden_walker.foresee"),
+            "--driver",
+            "idm",
+            "--exit-zero",
+            "--out",
+            str(folder / "out" / "traces"),
+        ]
+    )
     trace = folder / "out" / "traces" / "hidden_walker.npz"
     _said(["clip", str(trace), "--before", "2", "--after", "2", "--out", str(folder)])
-    _said(["mutate", str(folder / "hidden_walker_p1.foresee"), "--driver", "idm", "--children", "1"])
+    _said(["mutate", str(folder / "hidden_walker_p1.foresee"), "--driver", "idm", "--children", "1", "--exit-zero"])
     return folder
 
 
@@ -77,7 +87,7 @@ def test_a_name_that_is_nothing_is_explained(project: Path) -> None:
 def test_a_trace_of_another_meaning_is_refused(project: Path, tmp_path: Path) -> None:
     file = tmp_path / "hidden_walker.foresee"
     file.write_text(TEXT)
-    _said(["run", str(file), "--driver", "idm", "--out", str(tmp_path)])
+    _said(["run", str(file), "--driver", "idm", "--exit-zero", "--out", str(tmp_path)])
     file.write_text(TEXT.replace("1.8 m/s", "1.7 m/s"))
     result = CliRunner().invoke(app, ["show", str(tmp_path / "hidden_walker.npz")])
     assert "means something else now" in str(result.exception)

@@ -16,7 +16,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.show.measures import measure
 from foresee_dsl.report.show.page import Page
-from foresee_dsl.report.show.png import png_of
+from foresee_dsl.report.show.png import image_of, png_of
 from foresee_dsl.report.show.sources import Shown
 from foresee_dsl.report.show.terminal_pictures import Pictures, encoded, sixel, way_of
 from foresee_dsl.simulate.runner import run
@@ -113,9 +113,17 @@ def test_sixels_decode_to_the_picture() -> None:
     assert np.array_equal(_decoded(text, 13, 20), pixels)
 
 
+def test_the_opponent_is_red_in_sixels_too(shown: Shown) -> None:
+    pytest.importorskip("PIL.Image")
+    picture = image_of(Page(shown, None).strips)
+    found = _decoded(sixel(picture), picture.height, picture.width).astype(int)
+    red = (found[..., 0] > 180) & (found[..., 1] < 90) & (found[..., 2] < 110)
+    assert red.sum() > 50
+
+
 def _decoded(text: str, rows: int, columns: int) -> np.ndarray:
     """Read sixels as a terminal does."""
-    body = text.removeprefix('\x1bPq"1;1;20;13').removesuffix("\x1b\\\n")
+    body = text.removeprefix(f'\x1bPq"1;1;{columns};{rows}').removesuffix("\x1b\\\n")
     colours: dict[int, tuple[int, int, int]] = {}
     found = np.zeros((rows + 6, columns, 3), np.uint8)
     x = y = colour = 0

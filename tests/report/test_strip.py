@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import unicodedata
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,7 +13,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.kernels.boxes import box_distance
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.show.panels import Role, Strip
-from foresee_dsl.report.strip import make_strip, strip_svg
+from foresee_dsl.report.strip import make_strip, strip_svg, svg_of
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.story import tell
@@ -87,3 +89,15 @@ def test_a_ghost_is_drawn_where_the_parent_s_ego_was(trace: Trace, case: TestCas
         f for panel in make_strip(trace, case, ghost=trace).panels for f in panel.footprints if f.role is Role.GHOST
     ]
     assert {ghost.actor for ghost in ghosts} == {"ego", "walker"}
+
+
+@pytest.mark.parametrize("name", ["<script>alert(1)</script>", '"><b>', "\x1b[31mred", "\u202eturned", "w" * 10_000])
+def test_hostile_names_are_text_in_the_svg(trace: Trace, case: TestCase, name: str) -> None:
+    strip = make_strip(trace, case, tell(trace, case), title=name)
+    panels = tuple(replace(p, footprints=tuple(replace(f, actor=name) for f in p.footprints)) for p in strip.panels)
+    text = svg_of([replace(strip, opponent=name, panels=panels)], name)
+    root = ElementTree.fromstring(text)
+    drawn = {"svg", "title", "rect", "text", "tspan", "g", "path"}
+    assert {node.tag.rpartition("}")[2] for node in root.iter()} <= drawn
+    assert not [sign for sign in text if unicodedata.category(sign) in ("Cc", "Cf") and sign != "\n"]
+    assert len(text) < 200_000

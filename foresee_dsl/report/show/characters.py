@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -196,11 +198,11 @@ class _Screen:
         """Return the rows."""
         found = []
         for row in range(self._rows):
+            signs = (sign or (chr(0x2800 + bits) if bits else " ")
+                     for sign, bits in zip(self._signs[row], self._bits[row].tolist(), strict=True))  # fmt: skip
             line = Text()
-            for column in range(self._columns):
-                bits = int(self._bits[row, column])
-                sign = self._signs[row, column] or (chr(0x2800 + bits) if bits else " ")
-                line.append(sign, style=self._styles[row, column] or None)
+            for style, part in groupby(zip(self._styles[row], signs, strict=True), key=itemgetter(0)):
+                line.append("".join(sign for _, sign in part), style=style or None)
             found.append(line)
         return found
 

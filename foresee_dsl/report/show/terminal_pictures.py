@@ -119,7 +119,10 @@ def _kitty(png: bytes) -> Iterator[str]:
 
 def sixel(picture: Image) -> str:
     """Return a picture as sixels: for each band of six rows, and each colour in it, a run of signs."""
-    paletted = picture.convert("RGB").quantize(_COLOURS)
+    from PIL.Image import Quantize
+
+    # Median cut, the default, would make a small red opponent brown.
+    paletted = picture.convert("RGB").quantize(_COLOURS, method=Quantize.MAXCOVERAGE)
     colours = np.array(paletted.getpalette()).reshape(-1, 3)
     pixels = np.asarray(paletted)
     parts = [f'\x1bPq"1;1;{picture.width};{picture.height}']
