@@ -107,7 +107,7 @@ app = typer.Typer(
     help="Write traffic situations as text, drive your software through them, "
     "and find the failures behind the near misses.",
     epilog="A test case is addressed like a pytest node: [cyan]scenarios/scenario7.foresee::r03[/cyan]. "
-    "Exit codes: 0 done, 1 the input has errors or the check failed, 2 wrong usage, 3 our own fault.",
+    "Exit codes: 0 nothing failed, 1 failures were found or the input has errors, 2 wrong usage, 3 our own fault.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
