@@ -66,6 +66,7 @@ const wide = () => window.matchMedia('(min-width: 821px)').matches;
 const route = () => {
   let id = '';
   try { id = decodeURIComponent(location.hash.slice(1)); } catch { /* not one of ours */ }
+  if (document.querySelector('#findings.single') && !parts.some((one) => one.id === id && one.id !== 'findings')) [id] = articles.keys();
   const chosen = articles.has(id);
   const part = chosen ? 'findings' : parts.some((one) => one.id === id) ? id : 'findings';
   for (const one of parts) one.classList.toggle('current', one.id === part);
@@ -223,7 +224,7 @@ window.addEventListener('beforeprint', () => {
     const run = new Run(read(id));
     const canvas = document.createElement('canvas');
     [canvas.width, canvas.height] = [640, 400];
-    drawScene(canvas, run, groundOf(run.raw.roads), run.contact ? run.contact[0] : run.end, fitted(run, canvas),
+    drawScene(canvas, run, groundOf(run.raw.roads), keyTime(run), fitted(run, canvas),
       { ghosts: true, sight: false }, light);
     const still = document.createElement('img');
     still.className = 'still';

@@ -119,7 +119,7 @@ class Player {
     this.moved = false;
     this.view = fitted(run, this.canvas);
     this.change('follow', run.end > 20);
-    this.seek(run.contact ? run.contact[0] : run.end);
+    this.seek(keyTime(run));
   }
 
   change(name, on) {

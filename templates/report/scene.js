@@ -296,9 +296,16 @@ const drawScale = (ctx, height, view, c) => {
   ctx.fillText(`${metres} m`, 16, height - 15);
 };
 
+// The moment that matters: the contact, else when the two were nearest, else the end.
+const keyTime = (run) => {
+  if (run.contact) return run.contact[0];
+  const there = run.raw.gap.filter((value) => value >= 0);
+  return there.length ? run.timeOf(run.raw.gap.indexOf(Math.min(...there))) : run.end;
+};
+
 // A view in which ego and opponent are seen during the last seconds before the contact (or the end).
 const fitted = (run, canvas) => {
-  const key = run.contact ? run.contact[0] : run.end;
+  const key = keyTime(run);
   let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
   for (let at = Math.max(0, key - 3); at <= key + 1e-6; at += 0.25) {
     for (const actor of [run.ego, run.opponent]) {
