@@ -75,7 +75,9 @@ class Review:
             "schema": 1,
             "finding": dict(self.finding),
             "asked": self.asked,
-            "others": [{**vars(one), "changes": list(one.changes)} for one in self.others],
+            "others": [
+                {**vars(one), "changes": list(one.changes), "margins": one.margins or None} for one in self.others
+            ],
             "withstood": [one.name for one in self.withstood],
             "files": {"as_found": self.finding["file"], "to_look_at": self.file},
             "commands": [command for _, command in self.commands],

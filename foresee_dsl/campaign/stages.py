@@ -135,15 +135,15 @@ class Stages:
         return self._after.get(node, ())
 
     def choose(self, names: Container[str]) -> tuple[Node, ...]:
-        """Return the steps that follow from the chosen ones of all the steps before them; `walk` then ends with them.
+        """Return the steps that follow from the chosen ones of all that were looked at; `walk` then ends with them.
 
         These steps are known only once all of those are: `names` are of the findings' representatives.
         """
-        self.last = ()
         found = []
-        for node, row in self.walk():
-            step = _NEXT.get(node.step.kind)
-            if step is not None and row is not None and node.step.name in names and self.may_be_chosen(node, row):
+        known = (node for nodes in (self.seeds, *self._after.values()) for node in nodes if node.step.name in names)
+        for node in sorted(known, key=lambda node: node.step.name):
+            step, row = _NEXT.get(node.step.kind), self.row(node)
+            if step is not None and row is not None and self.may_be_chosen(node, row):
                 result = decode(row.record, node.step.record)
                 found += [Node(new, node.case, node) for new in step.following(node.step, result, self._campaign)]
         self.last = tuple(found)

@@ -21,6 +21,7 @@ from typing_extensions import TypedDict
 from foresee_dsl.campaign.regression.expectations import Status
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.maintenance import Statistics
+from foresee_dsl.derive.minimise.outcome import Dropped, Tried
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.errors import Span
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Hang, Verdict
@@ -355,8 +356,8 @@ class CampaignCase(_Details):
 CampaignChild = TypedDict(
     "CampaignChild",
     {
-        "mutant": str, "operators": list[str], "verdict": Verdict, "with": str, "reason": str, "digest": str,
-        "file": str | None, "impact": Impact | None, "near_misses": NearMisses | None,
+        "mutant": str, "operators": list[str], "changes": list[str], "verdict": Verdict, "with": str, "reason": str,
+        "digest": str, "file": str | None, "impact": Impact | None, "near_misses": NearMisses | None,
         "preventability": Preventability | None, "story": Story | None,
     },
 )  # fmt: skip
@@ -372,15 +373,93 @@ class CampaignClip(TypedDict):
     children: list[CampaignChild]
 
 
+class FindingBoundary(TypedDict):
+    """Where a number begins to fail; `also_fails`: in another way. `tried`: what was run, from `was` outwards."""
+
+    change: str
+    unit: str
+    step: float
+    was: float
+    first: float
+    fails: float
+    also_fails: float
+    passes: float
+    sharp: bool
+    sentence: str
+    tried: list[Tried]
+
+
+class Minimised(TypedDict):
+    """What minimising a mutant gave. `changed`: its change lines. `complete`: whether its budget was enough."""
+
+    changed: list[str]
+    reason: str
+    sentence: str | None
+    preventability: Preventable | None
+    dropped: Dropped
+    changes: dict[Literal["before", "now"], int]
+    actors: dict[Literal["before", "now"], int]
+    clip_lines: dict[Literal["before", "now"], int]
+    boundary: list[FindingBoundary]
+    runs: int
+    complete: bool
+    note: str
+
+
+class MinimisedFinding(Minimised):
+    """The representative of a finding, minimised; paths are relative to the campaign's folder."""
+
+    file: str
+    clip: str
+
+
 Finding = TypedDict(
     "Finding",
     {
         "name": str, "sentence": str, "class": ContactClass, "verdict": Verdict, "test_case": str, "family": str,
         "file": str, "clip": str | None, "count": int, "siblings": list[str], "sibling_files": list[str],
-        "preventability": Preventable | None, "why": str | None,
+        "preventability": Preventable | None, "why": str | None, "minimised": MinimisedFinding | None,
     },
 )  # fmt: skip
-"""Failures that tell the same story, by the simplest of them."""
+"""Failures that tell the same story, by the simplest of them; a test case that fails unmutated is not minimised."""
+
+
+class MinimisedMutant(Minimised):
+    """`foresee minimise --json`; `runs_now`: 0 where the result was known."""
+
+    mutant: str
+    full: Literal[False]
+    files: list[str]
+    runs_now: int
+
+
+class UnreducedMutant(TypedDict):
+    """`foresee minimise --full --json`."""
+
+    mutant: str
+    full: Literal[True]
+    files: list[str]
+
+
+class ReviewedMutation(TypedDict):
+    """Another mutation of a finding's clip; `margins`: its near misses."""
+
+    name: str
+    changes: list[str]
+    verdict: Verdict
+    reason: str
+    margins: NearMisses | None
+
+
+class Review(TypedDict):
+    """`foresee review --json`; `asked`: the name that was asked for. `withstood`: names of mutations that passed."""
+
+    finding: Finding
+    asked: str
+    others: list[ReviewedMutation]
+    withstood: list[str]
+    files: dict[Literal["as_found", "to_look_at"], str]
+    commands: list[str]
 
 
 class Seeds(TypedDict):
@@ -664,11 +743,13 @@ DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "forecast": (1, Forecast),
     "import": (1, Exchanged),
     "keep": (1, Keep),
+    "minimise": (1, MinimisedMutant | UnreducedMutant),
     "models": (1, Models),
     "mutate": (1, Mutate),
     "plan": (1, Plan),
     "repin": (1, Repin),
     "report": (1, Report),
+    "review": (1, Review),
     "run": (1, Run),
     "runs": (1, Runs),
     "sample": (1, Sample),

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
-from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
@@ -18,6 +20,7 @@ from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
+from tests.support.first_project import checked
 from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 from tests.support.small_street import STREET
 
@@ -79,7 +82,7 @@ def test_the_minimised_files_go_through_every_command(done: Path, names: list[st
 
 def test_the_command_takes_what_the_campaign_found(done: Path, names: list[str], tmp_path: Path) -> None:
     arguments = ("minimise", names[0], "--campaign", done / "out", "--out", tmp_path / "small", "--allow-outside")
-    said = json.loads(foresee(*arguments, "--json").stdout)
+    said = checked(foresee(*arguments, "--json").stdout)
     assert said["runs_now"] == 0 and said["runs"] > 0
     there = done / "out" / "findings" / names[0]
     for file in map(Path, said["files"]):
@@ -145,7 +148,7 @@ def test_a_review_fits_the_screen_and_says_all(done: Path, names: list[str]) -> 
     (edge,) = finding["minimised"]["boundary"]
     assert f"fails at {edge['fails']:.2f}" in text and f"passes at {edge['passes']:.2f}" in text
     assert finding["preventability"] in text
-    data = json.loads(foresee("review", names[0], "--campaign", out, "--json").stdout)
+    data = checked(foresee("review", names[0], "--campaign", out, "--json").stdout)
     runs = [child for clip in published(out)["json"]["clip_runs"] for child in clip["children"]]
     passed = {child["mutant"] for child in runs if child["verdict"] == "pass"}
     assert set(data["withstood"]) <= passed and data["finding"]["name"] == names[0]
@@ -194,6 +197,40 @@ def test_a_mutant_that_passes_is_refused_in_words(done: Path, names: list[str], 
         passing.unlink()
     assert said.exit_code == 1 and "does not fail" in str(said.exception)
     assert not list(tmp_path.iterdir())
+
+
+def raises(_: object) -> None:
+    raise ValueError("the disk of the worker is full")
+
+
+class Raising(WorkerPool):
+    """Worker processes in which nothing can be minimised."""
+
+    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+        kinds = {task: getattr(task.argument, "steps", ())[0].kind for task in tasks}
+        super().add((replace(t, function=raises) if kind == "minimise" else t for t, kind in kinds.items()), priority)
+
+
+def test_a_finding_that_cannot_be_minimised_is_kept_as_it_was_found(
+    done: Path, names: list[str], tmp_path: Path
+) -> None:
+    files = [done / "crosser.foresee", done / "street.foresee"]
+    shutil.copytree(done / "out" / "store", tmp_path / "store")
+    with Store(tmp_path / "store") as store:
+        store.execute("DELETE FROM runs WHERE kind = 'minimise'")
+    options = RunOptions(executor=lambda how: Raising(how.jobs))
+    result, _ = campaign(files, done / "out3", store=tmp_path / "store", options=options)
+    assert [small.child.name for small in result.minimised] == sorted(names) and not result.broken
+    for finding in published(done / "out3")["json"]["findings"]:
+        assert "the disk of the worker is full" in finding["minimised"]["note"]
+        found, small = (done / "out3" / name for name in (finding["file"], finding["minimised"]["file"]))
+        assert found.read_text() == small.read_text()
+    assert not check_paths([str(done / "out3" / "findings")]).diagnostics
+    _, heard = campaign(files, done / "out3", store=tmp_path / "store")
+    assert heard.kinds == []
+    _, heard = campaign(files, done / "out3", store=tmp_path / "store", options=RunOptions(retry=True))
+    assert heard.kinds == ["minimise"] * len(names)
+    assert published(done / "out3")["json"] == published(done / "out")["json"]
 
 
 class Stopping(Heard):

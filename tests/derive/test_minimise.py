@@ -133,7 +133,7 @@ def _only_steer(mutant: m.Mutant) -> m.Mutant:
 def test_a_failure_that_needs_everything_stays_as_it_is(street: Street, small: Minimal) -> None:
     subject = Subject(street.case, small.clip, small.mutant, street.trace, street.case.source.parent)
     found = minimise(subject, JUDGE, limit_m=0.75)
-    assert not found.dropped.text and found.clip is small.clip
+    assert not found.dropped.text and found.clip == small.clip
     assert found.mutant.changes == small.mutant.changes
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import relative_path, run_test_case
-from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft
+from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, changes_in
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
 from foresee_dsl.campaign.steps.clip_text import clip_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
@@ -77,7 +77,7 @@ class MinimiseStep(ClipPart[ChildStep, ChildOutcome]):
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> Minimised:  # noqa: ARG002
         """Return the unreduced mutant, with how its minimising broke."""
         child = ChildOutcome(self.name, file, self.found, (), verdict, "", reason, 0.0, 0.0, "")
-        return Minimised(child, self.draft.name, self.draft.text, complete=False, note=f"not minimised: {reason}")
+        return _as_found(child, clip_of(self.draft.text), f"not minimised: {reason}")
 
 
 def minimising_key(
@@ -103,10 +103,8 @@ def minimised(
         found = minimise(subject, judge_of(driver, seed), limit_m=limit_m, budget=budget)
     except CannotMinimiseError as err:
         child, result = _run(subject, before, subject.mutant, driver, seed)
-        return Minimised(child, before.name, print_model(before), note=f"not minimised: {err}"), result.trace
+        return _as_found(child, before, f"not minimised: {err}"), result.trace
     child, result = _run(subject, found.clip, found.mutant, driver, seed)
-    actors = tuple(sum(isinstance(item, Actor) for item in clip.body) for clip in (before, found.clip))
-    lines = tuple(print_model(clip).count("\n") for clip in (before, found.clip))
     notes = (
         "" if found.complete else f"the budget of {budget} runs was not enough for all reductions",
         "" if found.cut_again else "not shortened: the run that its clip was cut from is not known",
@@ -118,13 +116,25 @@ def minimised(
         dropped=found.dropped,
         boundaries=found.boundaries,
         changes=(len(subject.mutant.changes), len(found.mutant.changes)),
-        actors=(actors[0], actors[1]),
-        clip_lines=(lines[0], lines[1]),
+        actors=(_actors(before), _actors(found.clip)),
+        clip_lines=(print_model(before).count("\n"), print_model(found.clip).count("\n")),
         runs=found.runs,
         complete=found.complete,
         note="; ".join(note for note in notes if note),
     )
     return record, result.trace
+
+
+def _as_found(child: ChildOutcome, clip: Clip, note: str) -> Minimised:
+    """Return what says why a mutant is as it was."""
+    text, changes, actors = print_model(clip), len(changes_in(child.text)), _actors(clip)
+    lines = text.count("\n")
+    return Minimised(child, clip.name, text, changes=(changes, changes), actors=(actors, actors),
+                     clip_lines=(lines, lines), complete=False, note=note)  # fmt: skip
+
+
+def _actors(clip: Clip) -> int:
+    return sum(isinstance(item, Actor) for item in clip.body)
 
 
 def judge_of(driver: str, seed: int) -> Judge:

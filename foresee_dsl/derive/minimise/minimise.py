@@ -64,9 +64,10 @@ def minimise(subject: Subject, judge: Judge, *, limit_m: float, budget: int = RU
     if built is None:
         raise RuntimeError("a candidate that failed was never built")
     edges, dropped = boundaries(trials, whole, found), _dropped(subject, whole, found, built.clip)
+    trials.stands(found)  # for the fidelity of a clip that was not reduced
     strays = trials.fidelity(found)
     clip = subject.clip if built.clip_case.meaning == _clip_meaning(trials, whole) else built.clip
-    if clip is not subject.clip and strays is not None and strays.actors:
+    if strays is not None and subject.cut_again:
         clip = with_fidelity(clip, strays)
     return Minimal(
         clip=clip,

@@ -9,8 +9,10 @@ from typing import Literal, TypeVar
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation
 from foresee_dsl.derive.minimise.candidate import Built, Candidate, Subject, build
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.language.model import Actor
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.trace import Trace
 
 T = TypeVar("T")
 
@@ -68,6 +70,8 @@ class Trials:
         self._clips: dict[str, Deviation | None] = {}
         self._answers: dict[Candidate, str] = {}
         self._wanted: tuple[str, ...] | None = None
+        self._own: tuple[Trace | None, ...] = ()
+        """The unreduced clip's unmutated run, once it was needed."""
 
     @property
     def left(self) -> int:
@@ -162,14 +166,29 @@ class Trials:
         return found is not None and found.largest_m <= self._limit_m
 
     def _strays(self, built: Built, candidate: Candidate) -> Deviation | None:
-        """Return how far the unmutated clip strays from its parent; None where it does not pass."""
+        """Return how far the unmutated clip strays; None where it does not pass."""
+        there = self._reference()
+        trace = self._passed(built)
+        if there is None or trace is None:
+            return None
+        left = {"ego", *(item.name for item in built.clip.body if isinstance(item, Actor))}
+        gone = frozenset(info.id for info in there.actors) - left
+        first = candidate.first if self.subject.cut_again else 0
+        return deviation(there, first, trace, without=gone)
+
+    def _reference(self) -> Trace | None:
+        """Return the run that clips have to be near: their parent's; of an edited clip, that of itself, unmutated."""
+        if self.subject.cut_again:
+            return self.subject.trace
+        if not self._own:
+            built = self.trial(self.subject.whole).built
+            self._spend(1)
+            self._own = (self._passed(built) if built is not None else None,)
+        return self._own[0]
+
+    def _passed(self, built: Built) -> Trace | None:
         try:
             result = self._judge.drive(built.clip_case)
         except ForeseeError:
             return None
-        if result.verdict is not Verdict.PASS:
-            return None
-        trace = self.subject.trace
-        if trace is None:
-            return Deviation({}, 0)
-        return deviation(trace, candidate.first, result.trace, without=candidate.actors)
+        return result.trace if result.verdict is Verdict.PASS else None
