@@ -25,7 +25,7 @@ from foresee_dsl.campaign.regression.expectations import (
 from foresee_dsl.campaign.regression.index import write_index
 from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
 from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
-from foresee_dsl.campaign.settings import Limits
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import DRIVERS, recorded_address, recorded_driver
 from foresee_dsl.errors import DriverError, InputError
 from foresee_dsl.files import write_whole
@@ -38,8 +38,9 @@ from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.language.repinning.repin import Child, State, plan
 from foresee_dsl.simulate.results.verdict import Verdict
 
-_LONGEST_RUN_S = Limits().for_run(300)
-"""Wall time after which a worker is ended. Ours: for runs of 300 s; no test case of the library is longer."""
+LONGEST_S = 300.0
+"""Simulated time of a run, from which the wall time follows after which its process is ended. Ours: no test case of the
+library is longer; the run ends itself before, by its own length."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,12 @@ class Recheck:
 
 
 def verify_files(
-    paths: Iterable[str | Path], *, driver: str = "", run_programs: bool = False, jobs: int = 1
+    paths: Iterable[str | Path],
+    *,
+    driver: str = "",
+    run_programs: bool = False,
+    jobs: int = 1,
+    deadlines: Deadlines = DEADLINES,
 ) -> tuple[Recheck, ...]:
     """Run the tests of a suite (`suite_of(paths)`) again, in new processes, and compare with what is expected.
 
@@ -96,6 +102,7 @@ def verify_files(
         driver: by default the one that each file records.
         run_programs: start the programs that files record as their drivers (`external:python3 my_driver.py`). Checking
             a file that came from elsewhere must not run a command.
+        deadlines: wall times of the driver.
 
     Raises:
         InputError: a path does not exist, or a named file holds no test.
@@ -108,11 +115,12 @@ def verify_files(
         _refuse_programs(
             (test.driver for test in tests), "--run-programs starts what the files say, --driver names another driver"
         )
-    found = dict(zip(tests, _run(tests, driver, jobs), strict=True))
+    pool = _Pool(driver, jobs, deadlines)
+    found = dict(zip(tests, pool.run(tests), strict=True))
     stale = [test for test, seen in found.items() if seen.status is Status.STALE and test.case is None]
     notes = reached([test.file for test in stale])
     harmless = [test for test in stale if notes.get(test.file) == ""]
-    for test, seen in zip(harmless, _run(harmless, driver, jobs, check_pin=False), strict=True):
+    for test, seen in zip(harmless, pool.run(harmless, check_pin=False), strict=True):
         note = "its parent was edited, and the edit does not reach it: `foresee repin --write` writes the new pins"
         found[test] = replace(seen, note=note)
     for test in stale:
@@ -121,18 +129,29 @@ def verify_files(
     return tuple(found.values())
 
 
-def _run(tests: Sequence[SuiteTest], driver: str, jobs: int, *, check_pin: bool = True) -> tuple[Recheck, ...]:
-    numbers = {str(k): test for k, test in enumerate(tests)}
-    found: dict[str, Recheck] = {}
-    with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
-        pool.add(
-            Task(number, partial(recheck, test, check_pin=check_pin), driver or test.driver, _LONGEST_RUN_S)
-            for number, test in numbers.items()
-        )
-        for task, outcome in pool.results():
-            test = numbers[task.name]
-            found[task.name] = _broken(test, outcome, driver) if isinstance(outcome, Broken) else outcome
-    return tuple(found[number] for number in numbers)
+@dataclass(frozen=True)
+class _Pool:
+    """How tests are run: with which driver ("": each with its own), in how many processes, for how long at most."""
+
+    driver: str
+    jobs: int
+    deadlines: Deadlines
+
+    def run(self, tests: Sequence[SuiteTest], *, check_pin: bool = True) -> tuple[Recheck, ...]:
+        """Run tests; return what became of each, in their order."""
+        numbers = {str(k): test for k, test in enumerate(tests)}
+        found: dict[str, Recheck] = {}
+        longest_s = self.deadlines.for_run_s(LONGEST_S)
+        with WorkerPool(min(self.jobs, max(len(tests), 1))) as pool:
+            pool.add(
+                Task(number, partial(recheck, test, check_pin=check_pin, deadlines=self.deadlines),
+                     self.driver or test.driver, longest_s)
+                for number, test in numbers.items()
+            )  # fmt: skip
+            for task, outcome in pool.results():
+                test = numbers[task.name]
+                found[task.name] = _broken(test, outcome, self.driver) if isinstance(outcome, Broken) else outcome
+        return tuple(found[number] for number in numbers)
 
 
 def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
@@ -151,13 +170,13 @@ def _broken(test: SuiteTest, broken: Broken, driver: str) -> Recheck:
     )
 
 
-def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True) -> Recheck:
+def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True, deadlines: Deadlines = DEADLINES) -> Recheck:
     """Run one test again and compare; `check_pin`: a child whose parent was edited is stale and is not run."""
     try:
         case = load_test_case(test.address, check_pin=check_pin)
     except InputError as err:
         return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
-    result = run_test_case(case, driver, test.seed)
+    result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     ending = Ending(result.verdict, result.with_, hangs=result.notes.hang is not None)
     version = str(result.trace.meta.get("driver_version", ""))
     stated = stated_in(case.document) if case.document is not None else test.stated

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from foresee_dsl.cli.campaign_options import CPUS, Jobs
-from foresee_dsl.cli.common import FAILED, ExitZeroOption, JsonOption, console, give, json_document, print_json
+from foresee_dsl.cli.common import (
+    FAILED,
+    DeadlineOption,
+    ExitZeroOption,
+    JsonOption,
+    StepDeadlineOption,
+    console,
+    give,
+    json_document,
+    print_json,
+)
 from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
@@ -93,6 +103,8 @@ def verify(
         bool, typer.Option("--update", help="Write what is found as what is expected from now on, and exit with 0.")
     ] = False,
     exit_zero: ExitZeroOption = False,
+    step_deadline: StepDeadlineOption = None,
+    deadline: DeadlineOption = None,
     jobs: Jobs = CPUS,
     format_: FormatOption = ReportFormat.text,
     junit: JunitOption = None,
@@ -110,10 +122,12 @@ def verify(
     from foresee_dsl.campaign.regression.expectations import Status
     from foresee_dsl.campaign.verify import as_dict, verify_files
     from foresee_dsl.campaign.verify import update as write_expected
+    from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.report.case_results import of_rechecks
     from foresee_dsl.report.verification import print_verification
 
-    rechecks = verify_files(paths, driver=driver, run_programs=run_programs, jobs=jobs)
+    deadlines = Deadlines(step_deadline, deadline)
+    rechecks = verify_files(paths, driver=driver, run_programs=run_programs, jobs=jobs, deadlines=deadlines)
     written = write_expected(rechecks) if update else None
     report_results(
         ReportFormat.json if json else format_,
@@ -148,6 +162,8 @@ def compare(
         Format, typer.Option("--format", help="text: for a terminal; markdown: for a pull request; json: for tools.")
     ] = Format.TEXT,
     exit_zero: ExitZeroOption = False,
+    step_deadline: StepDeadlineOption = None,
+    deadline: DeadlineOption = None,
     jobs: Jobs = CPUS,
     json: JsonOption = False,
 ) -> None:
@@ -163,6 +179,7 @@ def compare(
     from foresee_dsl.campaign.regression.compared_sides import side_of_campaign, side_of_driver, tests_under
     from foresee_dsl.campaign.regression.comparison import Change
     from foresee_dsl.campaign.regression.comparison import compare as paired
+    from foresee_dsl.drivers.deadlines import Deadlines
 
     names = [name.strip() for name in drivers.split(",") if name.strip()]
     if drivers and len(names) != PAIR:
@@ -170,8 +187,8 @@ def compare(
     if not drivers and len(paths) != PAIR:
         raise typer.BadParameter("two campaigns' folders, or --drivers OLD,NEW and what to run", param_hint="PATH")
     if drivers:
-        tests = tests_under(paths)
-        base, new = (side_of_driver(tests, name, jobs=jobs) for name in names)
+        tests, deadlines = tests_under(paths), Deadlines(step_deadline, deadline)
+        base, new = (side_of_driver(tests, name, jobs=jobs, deadlines=deadlines) for name in names)
     else:
         base, new = (side_of_campaign(Path(path)) for path in paths)
     found = paired(base, new)

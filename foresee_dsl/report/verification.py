@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from foresee_dsl.campaign.regression.expectations import Status
+from foresee_dsl.campaign.regression.expectations import Status, in_words
 from foresee_dsl.campaign.verify import Recheck
 
 _ORDER = {status: rank for rank, status in enumerate(Status)}
@@ -41,7 +41,7 @@ def _was(one: Recheck) -> tuple[str, ...]:
     """The line about what is expected; none of a stale test, of which nothing was compared."""
     if one.status is Status.STALE:
         return ()
-    if one.status is Status.NEW:
+    if one.was == in_words(None):
         return (f"expected  nothing is recorded for {one.driver}",)
     return (f"expected  {one.was} ({one.driver})",)
 

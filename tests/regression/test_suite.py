@@ -81,6 +81,18 @@ def test_the_index_is_for_people(project: Project) -> None:
     assert text.startswith("# Ours\n\nAsk Ana.\n") and text.endswith("\nThanks.\n") and "[crosser_later]" in text
 
 
+def test_a_test_case_that_failed_unmutated_is_a_finding_too(project: Project) -> None:
+    file = project.root / "out/campaign.json"
+    data = json.loads(file.read_text())
+    (case,) = [one for one in data["test_cases"] if one["test_case"].endswith("::later")]
+    case["reason"] = "F4 lateral collision with other (car) at 3.00 s, 5.0 m/s"
+    told = {"name": "crosser_later", "sentence": 'other is "hit"', "file": case["test_case"]}
+    file.write_text(json.dumps(data | {"findings": [told]}))
+    project.foresee("keep", "crosser_later")
+    text = (project.root / "regressions/crosser_later.foresee").read_text()
+    assert "doc \"other is 'hit'\"" in text and "expected idm fails F4 with other" in text and "param" not in text
+
+
 def test_keeping_again_changes_nothing(project: Project) -> None:
     told = project.foresee("keep", MUTANT, "crosser.foresee::last")
     assert told.count("kept already") == 2 and "copied" not in told

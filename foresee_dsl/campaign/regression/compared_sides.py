@@ -13,15 +13,15 @@ from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.regression.comparison import Ran, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
-from foresee_dsl.campaign.settings import Limits
+from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import DRIVERS, recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.addresses import is_folder, parse_address
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 
-_LONGEST_RUN_S = Limits().for_run(300)
-"""Wall time after which a worker is ended. Ours: for runs of 300 s; no test case of the library is longer."""
+LONGEST_S = 300.0
+"""As of `campaign.verify`: no test case of the library is simulated for longer."""
 
 
 def side_of_campaign(folder: Path) -> Side:
@@ -85,7 +85,7 @@ def _named_test(path: str) -> tuple[SuiteTest, ...]:
         return ()
 
 
-def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int) -> Side:
+def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadlines: Deadlines = DEADLINES) -> Side:
     """Run tests with a driver, in new processes.
 
     Raises:
@@ -95,9 +95,12 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int) -> Sid
     numbers = {str(k): test for k, test in enumerate(tests)}
     found: dict[str, Ran] = {}
     broken: list[str] = []
-    label = driver
+    label, longest_s = driver, deadlines.for_run_s(LONGEST_S)
     with WorkerPool(min(jobs, max(len(tests), 1))) as pool:
-        pool.add(Task(number, partial(_run, test), driver, _LONGEST_RUN_S) for number, test in numbers.items())
+        pool.add(
+            Task(number, partial(_run, test, deadlines=deadlines), driver, longest_s)
+            for number, test in numbers.items()
+        )
         for task, outcome in pool.results():
             test = numbers[task.name]
             if not isinstance(outcome, Broken):
@@ -110,9 +113,9 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int) -> Sid
     return Side(label, tuple(found[number] for number in numbers if number in found), tuple(sorted(broken)))
 
 
-def _run(test: SuiteTest, driver: str) -> tuple[Ran, str]:
+def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Ran, str]:
     case = load_test_case(test.address)
-    result = run_test_case(case, driver, test.seed)
+    result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
     reason = result.reason or result.verdict.label
     near = result.near_misses.as_dict()

@@ -78,9 +78,13 @@ def with_doc(text: str, sentence: str) -> str:
     lines = re.split(r"(\r\n|\r|\n)", text)  # lines and line ends in turn
     if not lines[2 * (head - 1)].split("#")[0].rstrip().endswith("{"):
         return text
-    plain = " ".join(sentence.replace('"', "'").split())[:_LONGEST]
-    lines.insert(2 * head, f'{_INDENT}doc "{plain}"{lines[1]}{lines[1]}')
+    lines.insert(2 * head, f'{_INDENT}doc "{as_text(sentence)}"{lines[1]}{lines[1]}')
     return "".join(lines)
+
+
+def as_text(sentence: str) -> str:
+    """Return a sentence as a text of the language can hold it: on one line, without double quotes, not too long."""
+    return " ".join(sentence.replace('"', "'").split())[:_LONGEST]
 
 
 def sentence_in(document: Document) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.driving import case_name
+from foresee_dsl.campaign.regression.edits import as_text
 from foresee_dsl.campaign.regression.expectations import ending_of, name_to_record, recorded_in
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language import model as m
@@ -99,13 +100,15 @@ def _test_case(address: str, finding: Mapping[str, Any]) -> Source:
     case = load_test_case(address)
     model = expanded_model(case)
     doc = load(case.source).model
-    docs = tuple(item for item in getattr(doc, "body", ()) if isinstance(item, m.Doc))
+    docs = [item for item in getattr(doc, "body", ()) if isinstance(item, m.Doc)]
+    sentence = as_text(str(finding.get("sentence") or ""))
+    docs = [m.Doc(text=sentence), *docs] if sentence else docs
     body = tuple(item for item in model.body if not isinstance(item, m.Doc | m.Expected | m.Param | m.Case | m.Cases))
     name = case_name(case)
     text = print_model(m.Scenario(name=name, body=(*docs, *body)))
     ending = ending_of(str(finding.get("reason") or "")) if finding else None
     expected = ending.expected_of(name_to_record(str(finding["driver"]), "")) if ending else None
-    return Source(name, case.source, text, case, False, str(finding.get("sentence") or ""), expected)
+    return Source(name, case.source, text, case, False, sentence, expected)
 
 
 def _told(campaign: Path) -> dict[str, dict[str, Any]]:
