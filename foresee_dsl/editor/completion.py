@@ -28,13 +28,10 @@ _MOST_ENTRIES = 20_000
 
 @dataclass(frozen=True)
 class Suggestion:
-    """One thing that can be written.
+    """One thing that can be written in place of the word that was begun.
 
     Attributes:
-        text: what is written in place of the word that was begun.
-        kind: what it is, for the picture beside it.
-        detail: a few words beside it.
-        about: a sentence and an example, or empty.
+        kind: for the picture beside it. detail: a few words beside it. about: a sentence and an example, or empty.
     """
 
     text: str

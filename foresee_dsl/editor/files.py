@@ -34,12 +34,8 @@ class Found:
 
 
 class Files:
-    """Texts by absolute path, and the way from a use to its definition.
-
-    Args:
-        overlay: the texts that an editor holds.
-        folders: where other files of the workspace are looked for.
-    """
+    """Texts by absolute path (`overlay`: those that an editor holds), and the way from a use to its definition; other
+    files are looked for in `folders`."""
 
     def __init__(self, overlay: Mapping[Path, str], folders: Iterable[Path] = ()) -> None:
         self.overlay = overlay

@@ -32,12 +32,7 @@ _AT_ONCE_S = 0.0
 
 
 class Positions:
-    """The places of one text: an editor counts from 0, in UTF-16 or what was agreed on; we from 1, in code points.
-
-    Args:
-        text: as the editor holds it.
-        codec: counts the units that client and server agreed on.
-    """
+    """The places of one text: an editor counts from 0, in UTF-16 or what was agreed on; we from 1, in code points."""
 
     def __init__(self, text: str, codec: PositionCodec) -> None:
         self.lines = plain(text).split("\n")
@@ -130,10 +125,8 @@ class ForeseeServer(LanguageServer):
     # ---- diagnostics ----------------------------------------------------------------------------------------------
 
     def check_soon(self, uri: str, *, places: bool) -> None:
-        """Check a document, and the open ones that build on it, once nothing has changed for a moment.
-
-        With `places` also look at where things stand, at once; that takes longer.
-        """
+        """Check a document, and the open ones that build on it, once nothing has changed for a moment; with `places` at
+        once, and also where things stand, which takes longer."""
         changed, files = self.path(uri), self.files(uri)
         for other in list(self.workspace.text_documents):
             if other == uri or changed in files.scope(self.path(other)):

@@ -35,12 +35,8 @@ class Occurrence:
     """A name at a place.
 
     Attributes:
-        kind: what it names.
-        name: as written, without quotes.
-        span: the place, with quotes where it has any.
-        defines: it is the definition, not a use.
-        owner: the node whose field it is.
-        field: that field.
+        name: as written, without quotes. span: the place, with quotes where it has any.
+        defines: it is the definition, not a use. owner, field: the node whose field it is.
         scope: of a stage: its junction. Of a word: its parameter.
     """
 
@@ -173,9 +169,7 @@ def _entries(node: Node, lines: list[str]) -> tuple[Entry, ...]:
     inside.sort(key=lambda entry: (entry.span.line, entry.span.column))
     kind = node.kind
     name = node.fields.get("name")
-    head = (
-        lines[node.span.line - 1][node.span.column - 1 :].split("{")[0].strip() if node.span.line <= len(lines) else ""
-    )
+    head = "".join(lines[node.span.line - 1 : node.span.line])[node.span.column - 1 :].split("{")[0].strip()
     entry = partial(Entry, kind=kind.__name__, span=node.span, children=tuple(inside))
     if kind is m.Ego:
         return (entry("ego", detail=head, name_span=_first_word(node, "ego")),)

@@ -23,8 +23,7 @@ class Syntax:
 
     Attributes:
         root: the definition with every statement that is well-formed, or None where not even its head is.
-        whole: nothing had to be left out.
-        comments: the comments, in order; none where something had to be left out.
+        whole: nothing had to be left out. comments: in order; none where something had to be left out.
     """
 
     root: Node | None

@@ -149,10 +149,8 @@ class BuiltIn(ABC):
 
     @abstractmethod
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:
-        """Return an actor's track ([T, 5] footprints) with a change of this operator's property, without a simulation.
-
-        `boxes`: the track so far.
-        """
+        """Return an actor's track so far ([T, 5] footprints) with a change of this operator's property, without a
+        simulation."""
 
     def letter_target(self, situation: Situation) -> str:
         """Return the target that the paper's wording gives; "" for an operator that the paper does not have."""

@@ -38,11 +38,8 @@ STOPS_MPS2 = 0.3
 
 @dataclass
 class Count:
-    """How often it planned, and what it did where none of the library's trajectories could be driven.
-
-    Attributes:
-        plans: all. kept: it kept the last plan. emergencies: it braked along its present path.
-    """
+    """How often it planned, and where no trajectory of the library could be driven kept the last plan or braked along
+    its present path."""
 
     plans: int = 0
     kept: int = 0

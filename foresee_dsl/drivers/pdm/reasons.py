@@ -44,11 +44,8 @@ Decide = Callable[[Tracks, Mapping[str, SignalColour]], Wish]
 
 
 def reasons_alone(now: Situation, tracks: Tracks, decide: Decide) -> tuple[Reason, ...]:
-    """Return the signals and objects that alone make a driver slower or drive elsewhere, the strongest first.
-
-    Args:
-        now: the situation of this step. tracks: what `now` was read from. decide: the driver's decision.
-    """
+    """Return the signals and objects that alone make a driver slower or drive elsewhere, the strongest first; `tracks`:
+    what `now` was read from."""
     green: dict[str, SignalColour] = {key: "green" for _, key in now.route.signals}
     nobody = only(tracks, None)
     free, real = decide(nobody, green), decide(tracks, now.signals)

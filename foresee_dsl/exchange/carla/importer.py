@@ -292,10 +292,7 @@ def _report_families(town: Town, cases: Sequence[Case]) -> None:
 
 
 def _case(town: Town, route: PlacedRoute, name: str, number: int, net: str, catalogue: Catalogue | None) -> Case | None:
-    """The case of a route: staged where the compiler finds a place for every actor, else open; None for neither.
-
-    Where there are no sidewalks there is no background traffic on foot.
-    """
+    """The case of a route: staged where the compiler finds a place for every actor, else open; None for neither."""
     bridge = placed_route.passes(route, town.bridges)
     for staged in (True, False):
         case = case_of(town.network, town.signals, route, name=name, number=number, staged=staged)

@@ -71,10 +71,7 @@ def run(file: Path, *, out: Path) -> Imported:
 
 
 def _converted(root: Element) -> bytes:
-    """Return the net of an extract.
-
-    netconvert reads what we have parsed, written anew: so it meets no document type that it would fetch.
-    """
+    """Return the net of an extract, written anew for netconvert: so it meets no document type that it would fetch."""
     from xml.etree.ElementTree import tostring
 
     maps = sumo_home() / "data" / "typemap"

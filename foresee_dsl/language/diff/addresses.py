@@ -27,13 +27,8 @@ _RUNS = (m.Scenario, m.Extension, m.Clip, m.Mutant)
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two addresses and what differs between them.
-
-    Attributes:
-        old, new: the addresses.
-        changes: what differs in meaning.
-        texts: what differs without a change of meaning: label, as it was, as it is now.
-    """
+    """Two addresses and what differs between them: `changes` in meaning; `texts` without: label, as it was, as it is
+    now."""
 
     old: str
     new: str

@@ -44,10 +44,7 @@ def means_nothing(item: m.Item) -> tuple[str, ...]:
 
 
 def renames(a: _T, b: m.Item) -> tuple[_T, tuple[tuple[str, str], ...]]:
-    """Find named statements of which only the name changed.
-
-    Returned are `a` with the new names wherever it says the old ones, and the pairs of names.
-    """
+    """Return `a` with the new names of those statements of which only the name changed, and the pairs of names."""
     found: list[tuple[str, str]] = []
     while pair := _one_rename(a, b):
         a = renamed(a, *pair)

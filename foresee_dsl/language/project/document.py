@@ -84,8 +84,7 @@ class TestCase:
         network: in the language, or the (absolute) path of a foreign `.net.xml` or `.xodr`.
         models: every model that may be named, by name (bundled catalogue, then the file's own).
         meaning: `sha256:` and 12 digits, over what the test case means: scenario, network, the models that it names;
-            not over
-            comments, `doc`, tags, layout, file names or the case's name.
+            not over comments, `doc`, tags, layout, file names or the case's name.
         source: the file that was addressed. document: it, parsed (None for one made in memory).
         clip, mutant: set for children.
     """

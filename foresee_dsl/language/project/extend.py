@@ -206,8 +206,7 @@ class _Joiner:
         for name in () if whole else type(new).model_fields:
             value = getattr(new, name)
             fields += [name, *(f"{name}.{k}" for k in range(len(value) if isinstance(value, tuple) else 0))]
-        known = self._spans if spans is self._spans else self._base_spans
-        spans |= {(id(new), f): span for f in fields if (span := known.get((id(old), f))) is not None}
+        spans |= {(id(new), f): span for f in fields if (span := spans.get((id(old), f))) is not None}
 
 
 def _accepted(item: _ItemT, fields: dict[str, object], changed: dict[str, object]) -> _ItemT:

@@ -179,10 +179,7 @@ class Project:
             yield from ((file, None) for file in scenarios)
 
     def whole_scenario(self, file: str | Path, *, drawn: bool = True) -> m.Scenario:
-        """Load a file that holds a scenario, joined with what it extends.
-
-        With `drawn`, each `cases N from seed S` becomes N cases.
-        """
+        """Load a file's scenario, joined with what it extends; if `drawn`, a `cases N from seed S` becomes N cases."""
         path = Path(file)
         self._allow_near(path)
         found = self._whole(self._named(path), ())

@@ -27,12 +27,7 @@ _USED = re.compile(r'"([^"\n]+\.(?:foresee|net\.xml|xodr))"')
 
 @dataclass(frozen=True)
 class OldParent:
-    """A parent as it was when a child pinned it.
-
-    Attributes:
-        case: the parent's test case then.
-        commit: the commit that has it, abbreviated.
-    """
+    """A parent as it was when a child pinned it, and the (abbreviated) commit that has it."""
 
     case: TestCase
     commit: str

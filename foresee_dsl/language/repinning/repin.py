@@ -119,10 +119,8 @@ def write(children: Iterable[Child]) -> tuple[Path, ...]:
 
 
 def with_pin(text: str, document: Document, pin: str) -> str:
-    """Return a child's text with another pin; all else stays, byte for byte (line ends too).
-
-    `document` is the same text, parsed.
-    """
+    """Return a child's text (`document`: the same, parsed) with another pin; all else stays, byte for byte (line ends
+    too)."""
     model = document.model
     span = document.span(model, "pin")
     if not isinstance(model, m.Clip | m.Mutant) or span is None:
@@ -273,10 +271,8 @@ def _because(document: Document, model: m.Clip | m.Mutant, why: str) -> Diagnost
 
 
 def describe(child: Child, verdict: tuple[str, str] | None = None, *, written: bool = False) -> str:
-    """Return the report about one child; empty for one that is up to date.
-
-    `verdict`: what its runs ended with under the old parent ("" where that is unknown) and the new one.
-    """
+    """Return the report about one child, empty for one that is up to date; `verdict`: of its runs under the old parent
+    ("" where that is unknown) and the new one."""
     if child.state is State.FRESH:
         return ""
     lines = [_first_line(child, written)]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import operator
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
-from itertools import combinations
+from itertools import accumulate, combinations
 from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
@@ -40,11 +41,9 @@ _EXACT = 12
 
 @dataclass(frozen=True)
 class Axis:
-    """The values that a parameter can be drawn from: steps of its range, or its options.
+    """The values that a parameter can be drawn from: its options, or else steps of its range.
 
     Attributes:
-        name: of the parameter.
-        options: its options, or None for a range.
         low, step: in `unit`, for a range. size: how many values there are.
         stepped: whether the author gave the step (or options).
     """
@@ -114,16 +113,13 @@ class TooFewError(Exception):
 
 
 def with_drawn_cases(document: Document) -> Document:
-    """Return the scenario with its drawn cases, which have the statement's place, for each `cases` statement.
-
-    The same document where nothing is drawn.
-    """
+    """Return the scenario with its drawn cases, placed at their `cases` statement; the same document where nothing is
+    drawn."""
     scenario = document.model
     if not isinstance(scenario, m.Scenario) or not scenario.all(m.Cases):
         return document
     body: list[m.ScenarioItem] = []
     spans: dict[tuple[int, str], Span] = {}
-    alive: list[m.Item] = []
     for item in scenario.body:
         if not isinstance(item, m.Cases):
             body.append(item)
@@ -137,10 +133,10 @@ def with_drawn_cases(document: Document) -> Document:
         if place is not None:
             spans |= {(id(part), ""): place for case in drawn for part in (case, *case.values)}
         body += drawn
-        alive.append(item)
     model = m.Scenario(name=scenario.name, body=tuple(body))
     spans |= {(id(model), f): s for f in ("", "name") if (s := document.span(scenario, f)) is not None}
-    return replace(document, model=model, spans={**document.spans, **spans}, alive=(*document.alive, *alive, scenario))
+    alive = (*document.alive, *scenario.all(m.Cases), scenario)
+    return replace(document, model=model, spans={**document.spans, **spans}, alive=alive)
 
 
 class _Drawer:
@@ -221,13 +217,8 @@ def _drawn(param: m.Param, axis: Axis, seed: int, case: int, attempt: int) -> m.
 
 def _chosen(bits: int, weights: Sequence[Decimal]) -> int:
     """Return the option that a random number selects, exactly in proportion to the weights."""
-    shares = [Fraction(weight) for weight in weights]
-    rest = Fraction(bits, 1 << _BITS) * sum(shares)
-    for k, share in enumerate(shares):
-        rest -= share
-        if rest < 0:
-            return k
-    return len(shares) - 1
+    ends = list(accumulate(Fraction(weight) for weight in weights))
+    return min(bisect_right(ends, Fraction(bits, 1 << _BITS) * ends[-1]), len(ends) - 1)
 
 
 def _normal(bits: int, axis: Axis, normal: m.Normal) -> int:
@@ -274,14 +265,11 @@ def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | 
             value = values.get(left.name)
             return value == word if isinstance(value, str) else None
         case m.Not(condition=inner):
-            found = holds(inner, values)
-            return None if found is None else not found
-        case m.Both(conditions=several):
-            parts_ = [holds(part, values) for part in several]
-            return False if False in parts_ else None if None in parts_ else True
-        case m.Either(conditions=several):
-            parts_ = [holds(part, values) for part in several]
-            return True if True in parts_ else None if None in parts_ else False
+            held = holds(inner, values)
+            return None if held is None else not held
+        case m.Both(conditions=several) | m.Either(conditions=several):
+            decides, found = isinstance(condition, m.Either), {holds(part, values) for part in several}
+            return decides if decides in found else None if None in found else not decides
     return None  # about the world: the checks report it
 
 

@@ -21,12 +21,7 @@ _NEEDS = re.compile(r"needs (\w+), but")
 
 
 class Builder:
-    """Builds a model from nodes, bottom up; keeps on after an error so that all of them are found.
-
-    Attributes:
-        spans: the place of every item and field that was built, as `Document.spans` wants it.
-        errors: what was wrong.
-    """
+    """Builds a model from nodes, bottom up; keeps on after an error so that all of them (`errors`) are found."""
 
     def __init__(self, *, partial: bool = False) -> None:
         """Make a builder; `partial`: parts of the tree are missing, so what is absent is no error."""

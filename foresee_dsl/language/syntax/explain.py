@@ -74,7 +74,7 @@ class Refusal:
         self.code, self.message, self.help = self._explain(error)
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
-        words, _ = self._literals()
+        words = _words(self._accepted)
         short = self._rule in ("scenario_item", "action") and len(self._text) <= _REACH  # the patterns are quadratic
         for pattern, message, help_ in _OFTEN if short else ():
             found = pattern.match(self._text)
@@ -188,15 +188,11 @@ class Refusal:
             usual = ACTION_USAGE
         return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
-    def _literals(self) -> tuple[list[str], list[str]]:
-        """The words and the signs that were expected, in a fixed order."""
-        signs = [text for name in sorted(self._accepted) if (text := _terminal(name)) and not text[0].isalpha()]
-        return _words(self._accepted), signs
-
     def _expected(self) -> str:
         """What was expected, in people's words, most telling first."""
         accepted = self._accepted
-        words, signs = self._literals()
+        words = _words(accepted)
+        signs = [text for name in sorted(accepted) if (text := _terminal(name)) and not text[0].isalpha()]
         parts: list[str] = []
         if "NUMBER" in accepted:
             parts.append(self._value())

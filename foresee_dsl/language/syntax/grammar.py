@@ -57,10 +57,8 @@ def parse_tree(text: str, start: str = "file") -> tuple[Tree[Token], list[Token]
 
 @functools.cache
 def parser() -> Lark:
-    """Return the parser of whole files; from the cache in about 10 ms, else built in about 100 ms and put there.
-
-    The cache is a convenience: a folder that cannot be made, read or written only costs the time.
-    """
+    """Return the parser of whole files; from the cache in about 10 ms, else built in about 100 ms and put there if
+    possible."""
     return _cached(("file",))
 
 

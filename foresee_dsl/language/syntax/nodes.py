@@ -28,15 +28,13 @@ MAX_DEPTH = 40
 
 @dataclass(slots=True)
 class Node:
-    """One item of the model to be: its class, and its fields with their places.
+    """One item of the model to be: its class, the place of the whole statement, and its fields.
 
     Attributes:
-        kind: the class of the model.
-        span: the whole statement.
         fields: raw values by name: str, Decimal, bool, Node, or a tuple of these.
         places: where each field stands (`green`, and `green.1` for the second element).
         lines: the statements inside its braces: their key in the model's path, their place, their node if they are
-            items themselves.
+        items themselves.
         block: where its braces are, if it has any.
     """
 

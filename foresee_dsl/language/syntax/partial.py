@@ -33,10 +33,8 @@ _QUOTED = re.compile(r"'([^']+)'")
 
 
 def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str, path: str) -> tuple[Diagnostic, ...]:
-    """Add the errors that are certain to those that the text alone shows; in the order of their places.
-
-    The nodes are the definitions, without the statements that could not be parsed.
-    """
+    """Add the errors that are certain, of definitions without what could not be parsed, to those that the text alone
+    shows; in the order of their places."""
     if len(nodes) != 1 or len(found) >= MOST or any(d.code in _WHOLE_FILE for d in found):
         return found
     lines = Lines(text)

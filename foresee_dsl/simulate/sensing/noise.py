@@ -54,10 +54,8 @@ class Streams:
         self._rows: list[list[list[float]]] = []
 
     def normals(self, frame: int) -> list[list[float]]:
-        """Return the errors at an absolute frame, in standard deviations: of each object one a channel.
-
-        They are drawn a block of frames at a time.
-        """
+        """Return the errors at an absolute frame, in standard deviations: of each object one a channel, drawn in blocks
+        of frames."""
         if not self._first <= frame < self._end:
             self._first = frame - frame % self._BLOCK
             self._end = self._first + self._BLOCK

@@ -59,10 +59,8 @@ class Air:
         return high
 
     def signal_range_m(self, clear_m: float) -> float:
-        """Return how far a signal is seen that is seen `clear_m` far in clear air, m.
-
-        In fog no farther than one sees.
-        """
+        """Return how far a signal is seen that is seen `clear_m` far in clear air, m; in fog no farther than one
+        sees."""
         seen_m = clear_m * (1.0 - SUN_LOSES * self.sun) * (1.0 - RAIN_LOSES * self.rain)
         return min(seen_m, FOG_VISIBILITY_M / self.fog) if self.fog > 0.0 else seen_m
 

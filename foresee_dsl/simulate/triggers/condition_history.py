@@ -79,12 +79,9 @@ class Watch:
 
 
 class _Window:
-    """What a `for` remembers: the outcomes of its condition over the time that it asks for.
+    """What a `for` remembers: the outcomes of its condition over the time that it asks for, from `now_s` on.
 
-    Args:
-        condition: the `for`.
-        now_s: when it is looked at first.
-        unsaid: whether a frame without an outcome counts as holding, for `run`.
+    `unsaid`: whether a frame without an outcome counts as holding, for `run`.
     """
 
     def __init__(self, condition: Sustained, now_s: float, *, unsaid: bool) -> None:
@@ -111,10 +108,8 @@ class _Window:
         return (was is None) != (self.run is None)
 
     def outcome(self) -> Outcome | None:
-        """Return whether it has held for so long; None while the run (or the step) is not that old.
-
-        Where it failed once the time does not matter: it has not.
-        """
+        """Return whether it has held for so long; None while the run (or the step) is not that old, unless it failed
+        once."""
         missing = len(self._seen) <= self._frames
         return every(self._seen, unknown=missing)
 

@@ -51,12 +51,7 @@ class Outcome:
 
 
 class Conditions:
-    """Evaluates conditions at one frame of a simulation; `condition_history` follows them over time.
-
-    Args:
-        simulation: at the frame at which conditions are evaluated.
-        signals: the bundle's, by junction.
-    """
+    """Evaluates conditions at the frame that a simulation is at; `condition_history` follows them over time."""
 
     def __init__(self, simulation: Simulation, signals: Mapping[str, Signal]) -> None:
         self._simulation, self._signals = simulation, signals
@@ -231,10 +226,8 @@ def _judged(condition: m.Condition, held: bool, slack: float, bound: m.Quantity 
 
 
 def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:
-    """Return the outcome of `and`.
-
-    One that does not hold decides; otherwise it has none where one of them has none, or with `unknown`.
-    """
+    """Return the outcome of `and`: one that does not hold decides; else none where one of them has none, or with
+    `unknown`."""
     return _joined(tuple(outcomes), enough=False, unknown=unknown)
 
 

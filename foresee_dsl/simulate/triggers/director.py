@@ -30,11 +30,7 @@ IN_LANE_M = 0.2
 
 
 class Director:
-    """Watches the triggers of a scene and carries out what they set off.
-
-    Args:
-        simulation: the actors, at the first frame. recorder: takes the events.
-    """
+    """Watches the triggers of a scene and carries out what they set off, from the first frame on."""
 
     def __init__(self, simulation: Simulation, conditions: Conditions, recorder: Recorder) -> None:
         self._simulation, self._conditions, self._recorder = simulation, conditions, recorder
@@ -106,9 +102,9 @@ class Director:
 
     # --- what triggers need ----------------------------------------------------------------------------------------
 
-    def event(self, what: str, detail: dict[str, Any]) -> None:
-        """Note something about a trigger."""
-        self._recorder.event(self._simulation.time_s, "", what, detail)
+    def event(self, what: str, detail: dict[str, Any], actor: str = "") -> None:
+        """Note something about a trigger, or what an actor does."""
+        self._recorder.event(self._simulation.time_s, actor, what, detail)
 
     def act(self, action: m.Action) -> IsComplete:
         """Begin an action; what comes back says whether it is complete."""
@@ -149,10 +145,9 @@ class Director:
             placed = actor.placed
             if placed.control == "static":
                 continue
-            if placed.waits:
+            if placed.waits or placed.delay_s > 0:
                 self._simulation.order_speed(actor, 0.0)
-            elif placed.delay_s > 0:
-                self._simulation.order_speed(actor, 0.0)
+            if not placed.waits and placed.delay_s > 0:
                 self._starts[actor.id] = placed.delay_s
             for what, junction in placed.ignores:
                 self._ignore(actor, what, junction)
@@ -174,13 +169,9 @@ class Director:
     # --- actions ---------------------------------------------------------------------------------------------------
 
     def _meet(self, actor: Actor, meets: m.Meets) -> IsComplete:
-        detail = {
-            "other": meets.other,
-            "junction": word_of(meets.junction),
-            "gap_s": si_of(meets.gap),
-            "order": meets.order,
-        }
-        self._recorder.event(self._simulation.time_s, actor.id, "meets", detail)
+        junction, gap_s = word_of(meets.junction), si_of(meets.gap)
+        detail = {"other": meets.other, "junction": junction, "gap_s": gap_s, "order": meets.order}
+        self.event("meets", detail, actor.id)
         meeting = Meeting(self._simulation, self._recorder, actor, meets)
         if actor.placed.timing == 1.0:
             return self._order(actor, meeting)
@@ -193,26 +184,25 @@ class Director:
         return lambda: self._latest[actor.id] is not meeting or meeting.complete()
 
     def _ignore(self, actor: Actor, what: str, junction: str | None) -> None:
-        self._recorder.event(self._simulation.time_s, actor.id, "ignores", {"what": what, "junction": junction})
+        self.event("ignores", {"what": what, "junction": junction}, actor.id)
         if junction is None:
             self._simulation.ignore(actor, what)
         else:
             self._bound.append((actor, what, junction))
 
     def _start(self, actor: Actor) -> IsComplete:
-        self._recorder.event(self._simulation.time_s, actor.id, "starts", {"delay_s": actor.placed.delay_s})
+        self.event("starts", {"delay_s": actor.placed.delay_s}, actor.id)
         at = self._starts[actor.id] = self._simulation.time_s + actor.placed.delay_s
         return lambda: self._simulation.time_s >= at - STEP_S / 100
 
     def _change_speed(self, actor: Actor, action: m.ChangesSpeed) -> IsComplete:
         to, over = si_of(action.to), None if action.over is None else si_of(action.over)
-        detail = {"to_mps": to, "over_s": over, "from_mps": actor.speed}
-        self._recorder.event(self._simulation.time_s, actor.id, "changes_speed", detail)
+        self.event("changes_speed", {"to_mps": to, "over_s": over, "from_mps": actor.speed}, actor.id)
         return self._order(actor, Ramp(self._simulation, actor, to * actor.placed.timing, over or 0.0))
 
     def _change_lane(self, actor: Actor, action: m.ChangesLane) -> IsComplete:
         side = word_of(action.side)
-        self._recorder.event(self._simulation.time_s, actor.id, "changes_lane", {"side": side})
+        self.event("changes_lane", {"side": side}, actor.id)
         if actor.id not in self._simulation.world:
             return _at_once
         self._simulation.world.change_lane(actor.id, 1 if side == "left" else -1)
@@ -223,15 +213,17 @@ class Director:
     def _in_lane(self, actor: Actor, target: str) -> bool:
         """Whether an actor has come to a lane, or cannot: there is none, or it has driven on to another road."""
         lane = self._simulation.network.lanes.get(target)
-        if lane is None or lane_kind(actor.placed.model) not in lane.kinds:
-            return True
-        if actor.lane.rpartition("_")[0] != lane.edge:
+        if (
+            lane is None
+            or lane_kind(actor.placed.model) not in lane.kinds
+            or actor.lane.rpartition("_")[0] != lane.edge
+        ):
             return True
         return actor.lane == target and abs(lane.line.project(*actor.front)[1]) <= IN_LANE_M
 
     def _stop(self, actor: Actor, action: m.Stops) -> IsComplete:
         duration = None if action.duration is None else si_of(action.duration)
-        self._recorder.event(self._simulation.time_s, actor.id, "stops", {"duration_s": duration})
+        self.event("stops", {"duration_s": duration}, actor.id)
         return self._order(actor, Stop(self._simulation, actor, duration))
 
     def _keep_bounds(self) -> None:

@@ -35,10 +35,8 @@ class Progress:
         self._spans: dict[tuple[str, str], tuple[float, float] | None] = {}
 
     def of(self, actor: Actor, frame: int) -> tuple[float, float]:
-        """Return the length along its line of an actor's centre, and how far it is to the left of the line.
-
-        NaN for an actor without one.
-        """
+        """Return the length along its line of an actor's centre, and how far it is to the left of it; NaN without a
+        line."""
         last = self._last.get(actor.id)
         if last is not None and last[0] == frame:
             return last[1], last[2]
@@ -68,10 +66,8 @@ class Progress:
         return self._spans[key]
 
     def to_junction(self, actor: Actor, junction: str, frame: int) -> float:
-        """Return how far an actor's front has to go until it enters a junction; negative once it has.
-
-        NaN when it does not come there.
-        """
+        """Return how far an actor's front has to go into a junction, negative once it is in; NaN where it does not come
+        there."""
         span = self.span(actor, junction)
         return math.nan if span is None else span[0] - self.front(actor, frame)
 
@@ -93,10 +89,8 @@ class Progress:
         return max(0.0, next((-room for _, room in self.ahead(actor, frame, 0.0)), 0.0))
 
     def meeting(self, one: Actor, other: Actor, junction: str) -> tuple[float, float] | None:
-        """Return the lengths along both lines of the point where they first come together in a junction.
-
-        None when one has no line or they come nowhere near each other there.
-        """
+        """Return the lengths along both lines of the point where they first come together in a junction; None where one
+        has no line or they come nowhere near each other there."""
         a, b = self._lines.get(one.id), self._lines.get(other.id)
         if a is None or b is None:
             return None

@@ -66,13 +66,11 @@ class BlockState:
 
 @dataclass(frozen=True, slots=True)
 class TriggerState:
-    """How far a trigger has come.
+    """How far a trigger has come, from `time_s` on.
 
     Attributes:
-        time_s: from when on.
-        fired_s: when it fired the last time; None where it has not.
+        fired_s: when it fired the last time; None where it has not. runs: of its condition.
         held: an `every` or `next` waits until its condition ceases to hold before it fires again.
-        runs: of its condition.
         sequence: what it set off, while some of that is not complete; None where nothing waits for anything.
     """
 
@@ -94,16 +92,14 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class ActorOrders:
-    """What triggers have told one actor.
+    """What triggers have told one actor, from `time_s` on.
 
     Attributes:
-        time_s: from when on.
         ignores: the rules that it was told to ignore.
         speed: what sets its speed, None where nothing does: a change of speed that is over has become `cruise`.
         cruise: what it drives since then where nothing hinders it.
         keeps_mps: the speed that it keeps near the junction where it meets another; None before.
-        lane: the last change of lane that it was asked for.
-        started_s: when a trigger started it first.
+        lane: the last change of lane that it was asked for. started_s: when a trigger started it first.
     """
 
     time_s: float = 0.0
@@ -172,10 +168,8 @@ class DirectorRecord:
         return next((at for at in fired if at is not None and at > time_s + _ROUNDING_S), None)
 
     def completes_after(self, trigger: int, place: Place, time_s: float) -> float | None:
-        """Return when an action of a trigger's sequence that is under way at a time will be complete.
-
-        None where the trigger fires again, or the run ends, before that.
-        """
+        """Return when an action that is under way at a time will be complete; None where its trigger fires again, or
+        the run ends, before that."""
         states = self.triggers[trigger]
         fired_s = _at(states, time_s).fired_s
         for state in states:
