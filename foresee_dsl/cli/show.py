@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -162,7 +163,8 @@ def _walk(console: Console, page: Page, from_s: float, to_s: float, every_s: flo
     from foresee_dsl.simulate.trace import STEP_S
 
     by_keys = console.is_terminal and sys.stdin.isatty() and os.name == "posix"
-    steps, same = watched(page.shown, from_s, to_s, every_s or (STEP_S if by_keys else 0.5))
+    with console.status("driving again ...") if by_keys else nullcontext():
+        steps, same = watched(page.shown, from_s, to_s, every_s or (STEP_S if by_keys else 0.5))
     if not same:
         typer.echo(
             "this run differs from the kept trace: the driver has changed (`--fresh` takes the new run)", err=True

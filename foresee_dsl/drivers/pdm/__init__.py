@@ -45,6 +45,7 @@ class _State:
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan: _Plan | None = None
         self._vehicle, self._basis = vehicle, _Basis()
+        self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
 
     def step(self, observation: Observation) -> Control:
         """Decide when the object list is new (the standard sensors make one every second step, and PDM plans at 10 Hz);
@@ -69,6 +70,8 @@ class _State:
         observation, tracks, signals = self._basis
         if observation is None or tracks is None:
             return ()
+        if self._explained[0] is self._basis:  # it holds the decision of the step before
+            return self._explained[1]
         route = self._route
         now = read_situation(route, self._vehicle, observation, tracks, signals)
 
@@ -78,7 +81,8 @@ class _State:
             offset, acceleration, _ = decide(ego_now(now), others.table, *road, braking)
             return Wish(acceleration, offset)
 
-        return reasons_alone(now, tracks, decided)
+        self._explained = self._basis, reasons_alone(now, tracks, decided)
+        return self._explained[1]
 
 
 class PdmDriver(BundledDriver[_State]):

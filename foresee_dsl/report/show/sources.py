@@ -108,7 +108,7 @@ def _of_trace(path: Path, wish: Wish) -> Shown:
     address = str(meta.get("test_case", ""))
     if not address:
         raise ForeseeError(f"{path} does not say which test case it is of; `foresee run FILE --out DIR` writes traces")
-    found = _locate(address, path)
+    found = _relative(_locate(address, path))
     case = load_test_case(found, allow_outside=wish.allow_outside)
     recorded = str(meta.get("meaning", ""))
     if recorded != case.meaning:
