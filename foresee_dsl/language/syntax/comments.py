@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from lark import Token
 
@@ -13,6 +14,7 @@ from foresee_dsl.language.project.document import Comments
 from foresee_dsl.language.syntax.nodes import Key, Node
 
 _Place = tuple[int, int]
+_START = attrgetter("start")
 
 HEADER: Key = ("header",)
 """The key of the line `foresee 1`."""
@@ -71,17 +73,13 @@ def _entry(key: Key, span: Span, node: Node | None) -> _Entry:
     block = _places(node.block) if node is not None and node.block is not None else None
     entry = _Entry(key, *_places(span), block)
     if node is not None:
-        entry.children = sorted((_entry((*key, *inner), at, child) for inner, at, child in node.lines), key=_start)
+        entry.children = sorted((_entry((*key, *inner), at, child) for inner, at, child in node.lines), key=_START)
     return entry
-
-
-def _start(entry: _Entry) -> _Place:
-    return entry.start
 
 
 def _place(container: _Entry, at: _Place, text: str, own_line: bool) -> None:
     """Give one comment to the statement that it belongs to."""
-    k = bisect_left(container.children, at, key=_start)
+    k = bisect_left(container.children, at, key=_START)
     last = container.children[k - 1] if k else None
     if last is not None and last.block is not None and last.block[0] <= at < last.block[1]:
         return _place(last, at, text, own_line)
@@ -111,13 +109,9 @@ def _collect(container: _Entry, found: dict[Key, Comments]) -> None:
     for child in container.children:
         before, blank = _with_gaps(child.before, previous, child.start[0])
         _collect(child, found)  # first, because it finds the comments at the child's end
-        inner = found.get(child.key)
+        at_end = found.get(child.key, Comments()).at_end
         found[child.key] = Comments(
-            before=before,
-            blank_before=blank,
-            after=child.after,
-            at_end=inner.at_end if inner is not None else (),
-            after_end=child.after_end,
+            before=before, blank_before=blank, after=child.after, at_end=at_end, after_end=child.after_end
         )
         if found[child.key] == Comments():
             del found[child.key]

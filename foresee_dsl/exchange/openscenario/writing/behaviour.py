@@ -23,10 +23,10 @@ from foresee_dsl.exchange.openscenario.writing.library import (
 )
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
+from foresee_dsl.language.lints.logic import TURNED
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.trace import Trace
 
-_NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 _RULES = {"<": "lessThan", "<=": "lessOrEqual", ">": "greaterThan", ">=": "greaterOrEqual"}
 _MOST_GROUPS = 16
 """A condition that would need more alternatives is timed instead (ours)."""
@@ -69,7 +69,7 @@ class Conditions:
         if not isinstance(left, m.Measure):
             raise NotExpressed("conditions: parameters")
         value = figure(si_of(condition.right))
-        rule = getattr(osc.Rule, _RULES[_NEGATED[condition.op] if negated else condition.op])
+        rule = getattr(osc.Rule, _RULES[TURNED[condition.op] if negated else condition.op])
         if left.what == "time":
             return _by_value(osc.SimulationTimeCondition(value, rule))
         actor = left.actor or ""
@@ -198,16 +198,14 @@ class _Board:
 
     def when(self, index: int, condition: m.Condition, actions: tuple[m.Action, ...], *, every: bool) -> None:
         """Write what a trigger sets off."""
-        starts = self._start(condition, index, ())
+        starts = self._start(condition, [], index, ())
         if starts is not None:
             self._block(actions, starts, index, (), every=every)
 
-    def _start(self, condition: m.Condition | None, index: int, where: Where) -> list[list[Make]] | None:
-        """Return a condition's alternatives, or the time at which it held in the run."""
+    def _start(self, condition: m.Condition, done: list[Make], index: int, where: Where) -> list[list[Make]] | None:
+        """Return a condition's alternatives, each with what must be done before, or when it held in the run."""
         try:
-            if condition is None:
-                raise NotExpressed("steps that wait for others")
-            return self._conditions.groups(condition)
+            return [[*done, *group] for group in self._conditions.groups(condition)]
         except NotExpressed as err:
             return self._timed(str(err), index, where)
 
@@ -247,12 +245,7 @@ class _Board:
         """Return when a step starts: after all events before it, and once its condition holds."""
         if not done:
             return self._timed("steps that wait for others", index, where)
-        if then.condition is None:
-            return [done]
-        try:
-            return [[*done, *group] for group in self._conditions.groups(then.condition)]
-        except NotExpressed as err:
-            return self._timed(str(err), index, where)
+        return [done] if then.condition is None else self._start(then.condition, done, index, where)
 
     def _action(self, action: m.Action) -> Xosc:
         if isinstance(action, m.Then | m.Wait) or action.actor not in self._placed:
