@@ -174,9 +174,9 @@ def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True, deadlines: 
     """Run one test again and compare; `check_pin`: a child whose parent was edited is stale and is not run."""
     try:
         case = load_test_case(test.address, check_pin=check_pin)
-    except InputError as err:
+        result = run_test_case(case, driver, test.seed, deadlines=deadlines)
+    except InputError as err:  # also of actors that the network has no place for
         return Recheck(test.address, Status.STALE, "", err.diagnostics[0].message, driver=driver, case=test.case)
-    result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     ending = Ending(result.verdict, result.with_, hangs=result.notes.hang is not None)
     version = str(result.trace.meta.get("driver_version", ""))
     stated = stated_in(case.document) if case.document is not None else test.stated

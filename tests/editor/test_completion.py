@@ -115,3 +115,17 @@ def test_every_prefix_of_every_file_has_an_answer(root: Path) -> None:
         bool(complete(Files({path: text[:k]}, []), path, text[:k], k).suggestions) for k in range(0, len(text), 113)
     ]
     assert sum(answers) > len(answers) / 3
+
+
+@pytest.mark.parametrize(
+    ("line", "some"),
+    [
+        ("exp", {"expected"}),
+        ("expected pdm ", {"passes", "fails", "in"}),
+        ("expected pdm fails ", {"F2", "stuck"}),
+        ("expected pdm fails F2 ", {"with"}),
+    ],
+)
+def test_expected_results_are_offered_in_a_mutant(scenarios: Path, line: str, some: set[str]) -> None:
+    text = f'foresee 1\nmutant a of "scenario7.foresee" pin sha256:000000000000 {{\n  {line}'
+    assert some <= set(offered(scenarios, text))

@@ -12,6 +12,7 @@ from foresee_dsl.campaign.regression.index import write_index
 from foresee_dsl.campaign.regression.layout import PARENTS, tests_in
 from foresee_dsl.campaign.regression.sources import Source
 from foresee_dsl.campaign.regression.suite import stated_in
+from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import ForeseeError, InputError
 from foresee_dsl.files import replacing
 from foresee_dsl.language.diff.plain import plain_text
@@ -68,8 +69,10 @@ def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:
         name: what the one source is called in the suite; by default as it is called now.
 
     Raises:
-        ForeseeError: another test case of that name is there.
+        ForeseeError: another test case of that name is there. InputError: a test case is impossible on its network.
     """
+    if mistakes := placement_mistakes([source.case for source in sources]):
+        raise InputError(mistakes)
     writer = _Writer(folder)
     tests = tuple(writer.test(source, name or source.name) for source in sources)
     writer.write(sources, tests)
