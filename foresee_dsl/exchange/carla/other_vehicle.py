@@ -1,4 +1,4 @@
-"""Finds whom the ego meets in a junction: the movement that a family is about, and a stretch of road before it."""
+"""Finds the vehicle that the ego meets in a junction: the movement of the family, and a stretch of road before it."""
 
 from __future__ import annotations
 

@@ -257,7 +257,7 @@ def _in_junction(network: RoadNetwork, signals: Mapping[str, Signal], placed: Pl
 
 
 def _walker(network: RoadNetwork, placed: PlacedRoute, passage: Passage, number: int) -> dict[str, str]:
-    """Somebody on the crossing of the road that the ego turns into."""
+    """A pedestrian on the crossing of the road that the ego turns into."""
     walk = max(min(6.0, placed.line.end_s - passage.exit_s - 0.5), 0.0)
     near, far = kerbs(network, placed.line, passage.exit_s + walk)
     walker, pace = _WALKERS[number % len(_WALKERS)]

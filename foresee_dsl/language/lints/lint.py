@@ -27,7 +27,7 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """Return the lints of a file without mistakes, sorted by place; those that a comment allows are left out.
 
     `cases` are the test cases that it gives (none for a network or a catalogue); what shows in several is reported
-    once. Children are not looked at: what is odd about them is their parents'.
+    once. Children are not looked at: their lints are their parents'.
     """
     found: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):
@@ -187,7 +187,7 @@ _SLACK = 1.01
 
 @dataclass(frozen=True)
 class Found:
-    """A lint before it has its place: the item and its field, the code, what is odd, what to write instead."""
+    """A lint before it has its place: the item and its field, the code, what is unusual, what to write instead."""
 
     item: m.Item
     field: str

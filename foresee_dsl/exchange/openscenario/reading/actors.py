@@ -227,7 +227,7 @@ def _actor(entity: Entity, middle: Pose, speed: float, body: tuple[m.ActorItem, 
 
 
 def _walk(entity: Entity, points: tuple[m.Point, ...], speed: float) -> tuple[m.ActorItem, ...]:
-    """Return what an actor on a path has: its path and speed; pedestrians heed no signals there."""
+    """Return what an actor on a path has: its path and speed; signals mean nothing to pedestrians there."""
     heedless = (m.IgnoresRule(what="signals"),) if entity.kind == "pedestrian" else ()
     return m.Path(points=points), m.CruiseSpeed(speed=quantity(speed, "speed")), *heedless
 

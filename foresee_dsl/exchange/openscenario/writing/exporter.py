@@ -114,7 +114,7 @@ def _as_recorded(case: TestCase, driver: str, seed: int | None) -> tuple[str, in
     origin = case.mutant.origin if case.mutant is not None else None
     if not driver:
         driver = recorded_address((origin.driver if origin else None) or "pdm")
-        if ":" in driver:  # a file that somebody sends must not run a command by being exported
+        if ":" in driver:  # exporting a received file must not run a command
             raise ExchangeError(f"recorded with a program as its driver ({driver}): name it with --driver, or another")
     if seed is None:
         seed = int(origin.seed.value) if origin and origin.seed else 0
