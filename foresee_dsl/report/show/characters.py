@@ -6,7 +6,7 @@ A character is two dots wide and four high, and about twice as high as wide: so 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -257,32 +257,20 @@ class _Screen:
 _SWATCHES = {Role.EGO: "█▲", Role.OPPONENT: "⣿", Role.OTHER: "⣏⣹", Role.PARKED: "⣏⣹", Role.GHOST: "⣏⣹"}
 
 
-def legend_line(strips: Sequence[Strip], width: int) -> Text:
-    """Return what the signs mean, on as many lines as that takes."""
+def legend_lines(strips: Sequence[Strip], width: int) -> Iterator[Text]:
+    """Yield what the signs mean, on as many lines as that takes."""
     entries: list[Text] = []
     for role, name in legend_of(strips):
-        swatch = _SWATCHES[role]
-        small = any(one.role is role and one.kind == "pedestrian" for one in _footprints(strips))
-        if role is Role.OPPONENT and small:
-            swatch = "●"
-        entries.append(Text.assemble((swatch, STYLES[role]), f" {name}"))
+        entries.append(Text.assemble((f"{_SWATCHES[role]} {_POINTS[role]}", STYLES[role]), f" {name}"))
     layers = {layer for strip in strips for panel in strip.panels for layer in panel.ground}
     if Layer.BUILDING in layers:
         entries.append(Text.assemble(("░", STYLES[Layer.BUILDING]), " building"))
     if Layer.CROSSING in layers:
         entries.append(Text("⢕ crossing"))
-    return _flowed(entries, width)
-
-
-def _footprints(strips: Sequence[Strip]) -> Iterable[Footprint]:
-    return (one for strip in strips for panel in strip.panels for one in panel.footprints)
-
-
-def _flowed(entries: Sequence[Text], width: int) -> Text:
-    lines, line = [], Text()
+    line = Text()
     for entry in entries:
         if line and len(line) + 3 + len(entry) > width:
-            lines.append(line)
+            yield line
             line = Text()
         line = Text.assemble(line, "   ", entry) if line else entry
-    return Text("\n").join([*lines, line])
+    yield line

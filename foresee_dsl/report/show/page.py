@@ -15,7 +15,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.diff.addresses import diff_cases
 from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.show.characters import legend_line, pair_lines, strip_lines
+from foresee_dsl.report.show.characters import legend_lines, pair_lines, strip_lines
 from foresee_dsl.report.show.differences import Departure, departures, in_words, parts_from
 from foresee_dsl.report.show.measures import Measures, measure, signal_ahead
 from foresee_dsl.report.show.panels import Strip, Up
@@ -109,7 +109,7 @@ class Page:
                 yield Text(f"both runs{f', the same until {from_s:.2f} s' if other else ''}", style="bold")
                 yield from strip_lines(replace(own, panels=same), width)
             yield from pair_lines(parents[0], replace(own, panels=other), width)
-        yield legend_line(self.strips, width)
+        yield from legend_lines(self.strips, width)
 
     def foot(self) -> Iterator[Text]:
         """Yield the command that runs it again."""
