@@ -296,6 +296,7 @@ def test_the_steps_of_the_action(root: Path, project: Path, tmp_path: Path) -> N
     runner = {
         "GITHUB_ACTION_PATH": str(source),
         "GITHUB_WORKSPACE": str(project),
+        "GITHUB_STEP_SUMMARY": str(tmp_path / "summary.md"),
         "PIP_DRY_RUN": "1",
         "PIP_NO_DEPS": "1",
         "PIP_NO_BUILD_ISOLATION": "0",  # pip's odd way to say: none
@@ -314,7 +315,8 @@ def test_the_steps_of_the_action(root: Path, project: Path, tmp_path: Path) -> N
         steps.append((step["name"], done.returncode, done.stdout + done.stderr))
     codes = {name: code for name, code, _ in steps}
     assert (codes["Install"], codes["Check the files"], codes["Run kept failures again"]) == (0, 0, 0), steps
-    assert codes["Run the campaign"] in (0, 1) and "::error file=" in steps[-1][2], steps
+    assert (codes["Run the campaign"], codes["Summary"]) == (1, 0) and "::error file=" in steps[-2][2], steps
+    assert "passenger (pedestrian) steps onto the road" in (tmp_path / "summary.md").read_text()
     for report in ("verify.xml", "campaign.xml"):
         junit((project / "kept" / report).read_text(), root)
     shutil.rmtree(project / "kept")
