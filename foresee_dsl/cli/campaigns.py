@@ -147,6 +147,8 @@ def _report(
     results: list[tuple[Path, CampaignResult]], file: Path | None, form: ReportFormat, junit: Path | None, *, raw: bool
 ) -> None:
     """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file."""
+    from dataclasses import replace
+
     from foresee_dsl.campaign.folder import as_text
     from foresee_dsl.report.campaign import print_campaign, save_campaign
     from foresee_dsl.report.case_results import CaseResult, of_campaign
@@ -156,12 +158,18 @@ def _report(
             print_campaign(screen, result, folder, raw=raw)
 
     def found() -> list[CaseResult]:
-        return [one for folder, result in results for one in of_campaign(result, folder)]
+        if len(results) == 1:
+            return list(of_campaign(results[0][1], results[0][0]))
+        return [
+            replace(one, name=f"{one.name} [{result.settings.driver}, {result.settings.ranker}]")
+            for folder, result in results
+            for one in of_campaign(result, folder)
+        ]
 
     report_results(
         form,
         results=found,
-        data=lambda: "".join(as_text(result.as_dict()) for _, result in results),
+        data=lambda: as_text(results[0][1].as_dict()) if len(results) == 1 else _several(results),
         people=people,
         junit=junit,
         properties=[("driver", result.settings.driver) for _, result in results],
@@ -169,6 +177,11 @@ def _report(
     if file is not None:
         for folder, result in results:
             save_campaign(file, result, folder)
+
+
+def _several(results: list[tuple[Path, CampaignResult]]) -> str:
+    campaigns = [{**result.as_dict(), "folder": str(folder)} for folder, result in results]
+    return json_document({"schema": 1, "document": "campaigns", "campaigns": campaigns})
 
 
 def _pages(folders: list[Path], out: Path, screen: Console) -> None:
@@ -246,6 +259,12 @@ def plan(
         stages = [Stages(cases, s, store, request.folder(s, flags.out), part) for s in request.settings]
         plans = [plan_campaign(one, store, jobs=flags.jobs) for one in stages]
         others = store.of_other_versions() if store is not None else 0
+    if format == "json" and len(plans) > 1:
+        print_json({"schema": 1, "document": "plans", "plans": [
+            {"driver": settings.driver, "ranker": settings.ranker, **found.as_dict()}
+            for settings, found in zip(request.settings, plans, strict=True)
+        ]})  # fmt: skip
+        return
     for settings, found in zip(request.settings, plans, strict=True):
         if format == "json":
             print_json(found.as_dict())

@@ -493,6 +493,18 @@ class Campaign(TypedDict):
     open_first: list[str]
 
 
+class CampaignOfSeveral(Campaign):
+    """One of several campaigns, and its folder."""
+
+    folder: str
+
+
+class Campaigns(TypedDict):
+    """`foresee campaign --json` with several drivers or rankers."""
+
+    campaigns: list[CampaignOfSeveral]
+
+
 class PlanStage(TypedDict):
     """A kind of step of a campaign."""
 
@@ -513,6 +525,19 @@ class Plan(TypedDict):
     at_most_s: float
     measured: bool
     graph: dict[str, Any]
+
+
+class PlanOfSeveral(Plan):
+    """One of several plans."""
+
+    driver: str
+    ranker: str
+
+
+class Plans(TypedDict):
+    """`foresee plan --format json` with several drivers or rankers."""
+
+    plans: list[PlanOfSeveral]
 
 
 Verified = TypedDict(
@@ -730,6 +755,7 @@ class Report(TypedDict):
 DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "assess": (1, Assess),
     "campaign": (1, Campaign),
+    "campaigns": (1, Campaigns),
     "check": (1, Check),
     "clip": (1, Clip),
     "compare": (1, Compare),
@@ -747,6 +773,7 @@ DOCUMENTS: MappingProxyType[str, tuple[int, Any]] = MappingProxyType({
     "models": (1, Models),
     "mutate": (1, Mutate),
     "plan": (1, Plan),
+    "plans": (1, Plans),
     "repin": (1, Repin),
     "report": (1, Report),
     "review": (1, Review),

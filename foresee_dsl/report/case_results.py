@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -202,7 +203,7 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
             message=f"{one.status.label}: {one.now or one.status.meaning}",
             place=_at_line(place_of(one.file), one.line),
             details=tuple(filter(None, (f"expected {one.was or 'not known'}", f"now {one.now}", one.note))),
-            reproduce=f"foresee verify {one.path}" + (f" --driver {driver}" if driver else ""),
+            reproduce=shlex.join(("foresee", "verify", str(one.path), *(("--driver", driver) if driver else ()))),
         )
         for one in rechecks
     )
@@ -210,7 +211,7 @@ def of_rechecks(rechecks: Iterable[Recheck], driver: str = "") -> tuple[CaseResu
 
 def reproduce(address: str, driver: str, seed: int) -> str:
     """Return the command that runs one test case again."""
-    return " ".join(("foresee run", address, "--driver", driver, *(("--seed", str(seed)) if seed else ())))
+    return shlex.join(("foresee", "run", address, "--driver", driver, *(("--seed", str(seed)) if seed else ())))
 
 
 def place_of(address: str, text: str | None = None) -> Place:

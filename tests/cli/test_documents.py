@@ -12,6 +12,7 @@ from foresee_dsl.cli.documents import DOCUMENTS, schemas
 from tests.support.first_project import ROOT, checked, foresee
 from tests.support.goldens import Golden
 
+TWO = 'foresee 1\n\ncampaign two {{\n  seeds "{}"\n  drivers [pdm, idm]\n}}\n'
 FOLDER = ROOT / "docs" / "schemas"
 
 
@@ -44,6 +45,9 @@ def test_what_commands_print_is_as_their_schemas_say(scenarios: Path, trace: str
         foresee("drivers", "--json"),
         foresee("models", "--json"),
     ]
+    (tmp_path / "two.foresee").write_text(TWO.format(file))
+    options = ("--out", tmp_path / "out", "--format", "json", "--allow-outside")
+    printed.append(foresee("plan", tmp_path / "two.foresee", *options))
     names = [checked(done.stdout)["document"] for done in printed]
     assert set(names) <= set(DOCUMENTS)
     assert len(set(names)) == len(printed)
