@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,12 +61,13 @@ class Review:
     def commands(self) -> tuple[tuple[str, str], ...]:
         """What to do next, in words, and its command."""
         mutant = self.finding.get("clip") is not None
-        driver = f" --driver {self.driver}" if self.driver != "pdm" else ""
+        driver = f" --driver {shlex.quote(self.driver)}" if self.driver != "pdm" else ""
         seed = f" --seed {self.seed}" if self.seed else ""
-        found = [("watch it", f"foresee show {self.file}"), ("drive it", f"foresee run {self.file}{driver}{seed}")]
+        file = shlex.quote(self.file)
+        found = [("watch it", f"foresee show {file}"), ("drive it", f"foresee run {file}{driver}{seed}")]
         if mutant:
-            out = f" --campaign {self.campaign}" if self.campaign != Path("out") else ""
-            found.append(("check that it still fails", f"foresee verify {self.file}"))
+            out = f" --campaign {shlex.quote(str(self.campaign))}" if self.campaign != Path("out") else ""
+            found.append(("check that it still fails", f"foresee verify {file}"))
             found.append(("get it unreduced", f"foresee minimise {self.finding['name']}{out} --full --out unreduced"))
         return tuple(found)
 

@@ -7,10 +7,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from foresee_dsl.campaign.review import Mutation, Review
+from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80
 _SCALE = 50
 """Columns of a scale: one for each hundredth of the usual half a unit."""
+_SIBLINGS = 5
+"""Names of other failures that are listed. Ours: two or three lines; `--json` has all."""
+_LONGEST = 5000
+"""Characters of a path or a command: they stay whole."""
 _MARKS = {"passes": "o", "otherwise": "x", "fails": "X"}
 _MARGINS = {
     "distance_m": "{:.2f} m to {}",
@@ -28,14 +33,16 @@ def review_text(review: Review) -> str:
 def _lines(review: Review) -> Iterator[str]:
     finding, small = review.finding, review.minimised
     answer = finding.get("preventability")
-    yield str(finding["name"])
+    yield safe(finding["name"])
     yield from _wrapped(f"{finding['verdict']}, {finding['class']}" + (f", {answer}" if answer else ""))
     yield ""
-    yield from _wrapped(_sentence(str((small or {}).get("sentence") or finding["sentence"])))
+    yield from _wrapped(str((small or {}).get("sentence") or finding["sentence"]))
     if review.asked != finding["name"]:
-        yield from _wrapped(f"{review.asked} is one of the {finding['count']} failures of this finding.")
+        yield from ("", *_wrapped(f"{review.asked} is one of the {finding['count']} failures of this finding."))
     elif finding["count"] > 1:
-        yield from _wrapped(f"It stands for {finding['count']} failures: {', '.join(finding['siblings'])} as well.")
+        names, more = finding["siblings"][:_SIBLINGS], len(finding["siblings"]) - _SIBLINGS
+        listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+        yield from ("", *_wrapped(f"It stands for {finding['count']} failures, also for {listed}."))
     if finding.get("clip"):
         yield from _difference(small)
         yield from _boundary(small)
@@ -46,7 +53,7 @@ def _lines(review: Review) -> Iterator[str]:
     yield from _files(review)
     yield from ("", "Commands")
     for words, command in review.commands:
-        yield from (f"  {words}:", f"    {command}")
+        yield from (f"  {words}:", f"    {safe(command, _LONGEST)}")
 
 
 def _difference(small: Mapping[str, Any] | None) -> Iterator[str]:
@@ -70,7 +77,7 @@ def _boundary(small: Mapping[str, Any] | None) -> Iterator[str]:
         return
     yield from ("", "Boundary (o passes, X this failure, x another failure)")
     for edge in edges:
-        yield f"  {edge['change']}"
+        yield f"  {safe(edge['change'])}"
         yield f"  {_value(edge, edge['was']):>9} {scale(edge)} {_value(edge, edge['first'])}"
         yield from _wrapped(edge["sentence"].removeprefix(f"{edge['change']} "), " " * 12)
 
@@ -96,7 +103,7 @@ def _others(others: Iterable[Mutation]) -> Iterator[str]:
     yield from ("", f"Other mutations of the same clip: {len(passed)} of {len(all_others)} withstood")
     for one in all_others:
         changes = "; ".join(one.changes) or "?"
-        yield from _wrapped(f"{one.name.rpartition('_')[2]}: {changes}", "  ")
+        yield from _wrapped(f"{one.name.rpartition('_')[2]}: {changes}", "  ", more="    ")
         yield from _wrapped(_margins(one) if one.verdict == "pass" else one.reason, "      ")
 
 
@@ -108,7 +115,7 @@ def _margins(one: Mutation) -> str:
 
 def _files(review: Review) -> Iterator[str]:
     if review.finding.get("clip") is None:
-        yield f"  {review.finding['file']}"
+        yield f"  {safe(review.finding['file'], _LONGEST)}"
         return
     small = review.minimised
     for words, file in (
@@ -117,16 +124,14 @@ def _files(review: Review) -> Iterator[str]:
         ("as found", review.finding["file"]),
     ):
         if file is not None:
-            yield f"  {words + ':':<11}{(review.campaign / str(file)).as_posix()}"
-    yield f"  {'test case:':<11}{review.finding['test_case']}"
+            yield f"  {words + ':':<11}{safe((review.campaign / str(file)).as_posix(), _LONGEST)}"
+    yield f"  {'test case:':<11}{safe(review.finding['test_case'], _LONGEST)}"
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:]}."
-
-
-def _wrapped(text: str, indent: str = "") -> list[str]:
+def _wrapped(text: str, indent: str = "", *, more: str = "") -> list[str]:
+    """Return text in lines of 80 columns, each behind an indent, all but the first behind some more."""
+    whole = " ".join(safe(text, _LONGEST).split())
     return textwrap.wrap(
-        " ".join(text.split()), WIDTH, initial_indent=indent, subsequent_indent=indent, break_long_words=False,
+        whole, WIDTH, initial_indent=indent, subsequent_indent=indent + more, break_long_words=False,
         break_on_hyphens=False,
     ) or [indent]  # fmt: skip

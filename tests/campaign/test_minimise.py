@@ -155,6 +155,18 @@ def test_a_review_fits_the_screen_and_says_all(done: Path, names: list[str]) -> 
     assert data["others"] and all(one["changes"] for one in data["others"])
 
 
+def test_hostile_texts_do_nothing_to_the_terminal(done: Path, names: list[str], tmp_path: Path) -> None:
+    data = published(done / "out")["json"]
+    evil = "\x1b[31m<script>\u202e" + "x" * 10_000
+    data["findings"][0]["minimised"]["sentence"] = evil
+    for clip in data["clip_runs"]:
+        for child in clip["children"]:
+            child |= {"reason": evil, "changes": [evil]}
+    (tmp_path / "campaign.json").write_text(json.dumps(data))
+    text = foresee("review", names[0], "--campaign", tmp_path).stdout
+    assert "\x1b" not in text and "\u202e" not in text and len(text) < 60_000
+
+
 def test_what_is_no_failing_mutant_is_refused_in_words(done: Path, names: list[str], tmp_path: Path) -> None:
     out = done / "out"
 
