@@ -217,6 +217,14 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   }
   run.actors.forEach((actor, k) => {
     const pose = poses[k];
+    if (pose && actor.kind === 'pedestrian') { // half a metre of a person is a few pixels: a disc makes it found
+      ctx.globalAlpha = 0.25;
+      ctx.fillStyle = colourOf(run, actor, c);
+      ctx.beginPath();
+      ctx.arc(pose.x, pose.y, Math.max(0.8, 6 * pixel), 0, 7);
+      ctx.fill();
+      ctx.globalAlpha = 1;
+    }
     if (pose) drawBody(ctx, pose, actor, colourOf(run, actor, c), { filled: run.seen(actor, time), dashed: false, pixel, halo: c.halo });
   });
   if (ego && run.opponent && poses[run.opponent.index]) {
