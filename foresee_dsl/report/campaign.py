@@ -7,6 +7,7 @@ import math
 import os
 import shlex
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 from rich.console import Console
@@ -29,6 +30,8 @@ SHOWN = 30
 """Findings that are printed. Ours: three screens; the page and `campaign.json` have all."""
 NEAREST = 5
 """Near misses that are printed."""
+NAMED = 5
+"""Test cases that are named where many broke in the same way."""
 
 
 def save_campaign(file: Path, result: CampaignResult, out: Path, *, raw: bool = True) -> None:
@@ -155,15 +158,15 @@ def _print_broken(console: Console, result: CampaignResult) -> None:
     cases = [seed for seed in result.seeds if not _passed(seed) and not seed.verdict.is_failure]
     if cases:
         console.print(Text("\nTest cases that broke or did not arrive (nothing was derived from them):", style="bold"))
-    told = set()
-    for seed in cases:
-        reason = without_verdict(seed.verdict, seed.reason)
-        console.print(_indented(Text(f"{seed.verdict.value}: {safe(reason, WHOLE)}")))
-        if seed.verdict is Verdict.CRASH and reason not in told:  # once for each place
-            told.add(reason)
-            _print_path(console, "    more: ", f"foresee run {shlex.quote(seed.id)} --driver {driver}")
-        else:
-            _print_path(console, "    ", seed.id)
+    for verdict, reason in dict.fromkeys((seed.verdict, seed.reason) for seed in cases):
+        names = [seed.id for seed in cases if (seed.verdict, seed.reason) == (verdict, reason)]
+        console.print(_indented(Text(f"{verdict.value}: {safe(without_verdict(verdict, reason), WHOLE)}")))
+        for name in names[:NAMED]:
+            _print_path(console, "      ", name)
+        if len(names) > NAMED:
+            console.print(f"      ... and {len(names) - NAMED} more")
+        if verdict is Verdict.CRASH:
+            _print_path(console, "      more: ", f"foresee run {shlex.quote(names[0])} --driver {driver}")
     broke = [child for clip in result.clips for child in clip.children if _broke(child)]
     if broke:
         console.print(Text(f"\nChildren that broke the driver ({len(broke)}):", style="bold"))
@@ -196,7 +199,13 @@ def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
     if not paths:
         return
     named = shlex.join(paths) if len(paths) <= 3 else shlex.quote(_common(paths))
-    again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}"
+    chosen = "".join(
+        f" --{field.name.removesuffix('_s').replace('_', '-')} {getattr(settings, field.name):g}"
+        for field in fields(settings)
+        if field.name in ("before_s", "after_s", "handover_s", "seed")
+        and getattr(settings, field.name) != field.default
+    )
+    again = f"foresee campaign {named} --driver {shlex.quote(settings.driver)} --out {shlex.quote(str(out))}{chosen}"
     console.print(Text("\nWhat to try next (what is known is not run again):", style="bold"))
     ranker = "exhaustive" if settings.ranker != "exhaustive" else "foresee"
     preset = "paper" if settings.preset != "paper" else "focused"
