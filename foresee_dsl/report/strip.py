@@ -38,7 +38,8 @@ def opponent_of(trace: Trace, story: Story | None = None) -> str:
     hit = next((str(e.detail["with"]) for e in reversed(trace.events) if e.what == "collision"), "")
     if hit or trace.meta.get("verdict") != "pass":
         return hit
-    nearest = near_misses(trace).ttc_s or near_misses(trace).distance_m
+    near = near_misses(trace)
+    nearest = near.ttc_s or near.distance_m
     return nearest.actor if nearest is not None else ""
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from foresee_dsl.cli import app
+from foresee_dsl.simulate.trace import Trace
 from tests.support.hidden_walker import TEXT
 
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -91,3 +93,17 @@ def test_a_trace_of_another_meaning_is_refused(project: Path, tmp_path: Path) ->
     file.write_text(TEXT.replace("1.8 m/s", "1.7 m/s"))
     result = CliRunner().invoke(app, ["show", str(tmp_path / "hidden_walker.npz")])
     assert "means something else now" in str(result.exception)
+
+
+def test_a_trace_that_was_tampered_with_is_harmless(project: Path, tmp_path: Path) -> None:
+    trace = Trace.load(project / "out" / "traces" / "hidden_walker.npz")
+    nasty = "\x1b[2J\u202e<script>" + "x" * 10_000
+    file = tmp_path / "reason.npz"
+    replace(trace, meta={**trace.meta, "reason": nasty, "driver_version": nasty}).save(file)
+    text = _said(["show", str(file)])
+    assert not CONTROL.search(text)
+    assert len(text) < 20_000
+    actors = tuple(replace(actor, id=nasty) for actor in trace.actors)
+    replace(trace, actors=actors).save(file)
+    result = CliRunner().invoke(app, ["show", str(file)])
+    assert "is damaged" in str(result.exception)

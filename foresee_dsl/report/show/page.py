@@ -11,7 +11,6 @@ from functools import cached_property
 
 from rich.text import Text
 
-from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.diff.addresses import diff_cases
 from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.report.safe_text import safe
@@ -128,7 +127,7 @@ class Page:
 
 
 def _measured(shown: Shown, opponent: str) -> Measures:
-    return measure(shown.trace, compile_test_case(shown.case), opponent)
+    return measure(shown.trace, shown.bundle, opponent)
 
 
 def _ended(trace: Trace) -> str:

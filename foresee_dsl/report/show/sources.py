@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.campaign.asked import asked
 from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.language.diff.addresses import parent_address
@@ -37,12 +40,17 @@ class Shown:
     seed: int
     kept: Path | None = None
 
-    @property
+    @cached_property
     def story(self) -> Story:
         """What happened."""
         from foresee_dsl.story import tell
 
         return tell(self.trace, self.case)
+
+    @cached_property
+    def bundle(self) -> SumoBundle:
+        """The test case, compiled."""
+        return compile_test_case(self.case)
 
 
 @dataclass(frozen=True)
@@ -116,7 +124,10 @@ def _of_trace(path: Path, wish: Wish) -> Shown:
             f"{path} is a run of {address} as it was ({recorded or 'not recorded'}); the file means something else now "
             f"({case.meaning}): show the file itself, `foresee show {found}`"
         )
-    return Shown(found, case, trace, str(meta.get("driver", "")), int(meta.get("seed", 0)), path)
+    shown = Shown(found, case, trace, str(meta.get("driver", "")), int(meta.get("seed", 0)), path)
+    if [info.id for info in trace.actors] != [actor.id for actor in shown.bundle.scene.actors]:
+        raise ForeseeError(f"{path} is damaged: it has other actors than {found}")
+    return shown
 
 
 def _locate(address: str, trace: Path) -> str:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from rich.text import Text
 
-from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.protocol import (
     Closing,
     Control,
@@ -87,7 +86,7 @@ def watched(
 ) -> tuple[tuple[Step, ...], bool]:
     """Drive a run again; return its steps, and whether it went as the one that is shown."""
     driver = Watched(load_driver(shown.driver), from_s, to_s, every_s)
-    result = run(compile_test_case(shown.case), driver, seed=shown.seed)
+    result = run(shown.bundle, driver, seed=shown.seed)
     return tuple(driver.steps), result.trace.digest == shown.trace.digest
 
 

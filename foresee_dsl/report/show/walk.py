@@ -11,7 +11,6 @@ from functools import cached_property
 from rich.console import Console
 from rich.text import Text
 
-from foresee_dsl.compile import compile_test_case
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.characters import panel_lines
 from foresee_dsl.report.show.measures import Measures, measure
@@ -78,15 +77,14 @@ class Walk:
         frame = shown.trace.frame_at(step.time_s)
         near = [moment.text for moment in strip.moments if moment.frame == frame]
         moment = Snapshot("·", frame, step.time_s, near[0] if near else "")
-        bundle = compile_test_case(shown.case)
-        windows = windows_around(shown.trace, bundle, strip.opponent, (moment,), self._page.up)
-        (panel,) = strip_panels(shown.trace, bundle, self._found, strip.opponent, (moment,), windows=windows)
+        windows = windows_around(shown.trace, shown.bundle, strip.opponent, (moment,), self._page.up)
+        (panel,) = strip_panels(shown.trace, shown.bundle, self._found, strip.opponent, (moment,), windows=windows)
         return panel
 
     @cached_property
     def _found(self) -> Measures:
         shown = self._page.shown
-        return measure(shown.trace, compile_test_case(shown.case), self._page.strips[-1].opponent)
+        return measure(shown.trace, shown.bundle, self._page.strips[-1].opponent)
 
 
 def walk(console: Console, tour: Walk) -> None:
