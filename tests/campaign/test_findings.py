@@ -112,7 +112,7 @@ def test_a_mutants_comment_is_one_line_and_changes_nothing_else(sentence: str) -
     text = with_sentence(model, sentence)
     again = parse(text, "m")
     assert again.model == model
-    assert print_model(again.model, again.comments) == text  # `foresee format` leaves it as it is
+    assert print_model(again.model, again.comments) == text  # `foresee fmt` leaves it as it is
     assert [line for line in text.splitlines() if not line.startswith("  # ")] == print_model(model).splitlines()
     assert f"  # {' '.join(sentence.split())}\n  change {NEAR}" in text
 
