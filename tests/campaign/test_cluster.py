@@ -70,7 +70,7 @@ def test_the_same_results_when_a_worker_is_killed_half_way(cluster: Any, tmp_pat
     options = RunOptions(executor=dask(cluster.scheduler_address))
     campaign(file, tmp_path / "cluster", options=options, heard=killer)
     assert killer.pid == 0  # it was killed
-    assert len(killer.kinds) == 24
+    assert len([kind for kind in killer.kinds if kind != "minimise"]) == 24 and "minimise" in killer.kinds
     campaign(file, tmp_path / "here", options=RunOptions(jobs=2))
     assert published(tmp_path / "cluster") == published(tmp_path / "here")
 
