@@ -1,4 +1,4 @@
-"""Test cases with expected results, run again: as expected, fixed, came back, changed, stale; what an edit does."""
+"""Test cases with expected results, run again: as expected, fixed, came back, changed, new or stale."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl.campaign.before_and_after import refuse_programs
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
@@ -26,14 +27,13 @@ from foresee_dsl.campaign.regression.index import write_index
 from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
 from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.registry import DRIVERS, recorded_address, recorded_driver
-from foresee_dsl.errors import DriverError, InputError
+from foresee_dsl.drivers.registry import DRIVERS, recorded_driver
+from foresee_dsl.errors import InputError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.codes.names import STALE_PIN
-from foresee_dsl.language.model import Clip, Mutant, Origin
+from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.project.addresses import absolute
-from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.language.repinning.repin import Child, State, plan
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -112,7 +112,7 @@ def verify_files(
     if driver:
         DRIVERS.find(driver.partition(":")[0])
     elif not run_programs:
-        _refuse_programs(
+        refuse_programs(
             (test.driver for test in tests), "--run-programs starts what the files say, --driver names another driver"
         )
     pool = _Pool(driver, jobs, deadlines)
@@ -269,50 +269,3 @@ def as_dict(rechecks: Sequence[Recheck], written: Sequence[Path] | None = None) 
         "written": [str(file) for file in written or ()],
         "tests": [one.as_dict() for one in rechecks],
     }
-
-
-def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, tuple[str, str]]:
-    """Drive each child under its old parent and under the edited one, in new processes.
-
-    The driver and the seed are those that the child records (`pdm` and 0 otherwise).
-
-    Raises:
-        DriverError: files record programs as drivers, which are not started for a look; nothing was run.
-
-    Returns:
-        For each file how the run under the old parent ended ("" where that parent is unknown), and the new run.
-    """
-    runs = {f"{child.file} {when}": run for child in children for when, run in _runs_of(child)}
-    _refuse_programs((driver for _, driver, _ in runs.values()), "`foresee verify --run-programs` runs them")
-    with WorkerPool(jobs) as pool:
-        pool.add(Task(name, partial(drive, case, driver), seed) for name, (case, driver, seed) in runs.items())
-        ended = {task.name: found.reason if isinstance(found, Broken) else found for task, found in pool.results()}
-    return {child.file: (ended.get(f"{child.file} old", ""), ended[f"{child.file} new"])
-            for child in children if child.new is not None}  # fmt: skip
-
-
-def drive(case: TestCase, driver: str, seed: int) -> str:
-    """Run one test case; return how it ended, in a sentence."""
-    result = run_test_case(case, driver, seed)
-    return result.reason or result.verdict.value
-
-
-def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
-    """Return the child's two runs, each with driver and seed; without one whose foreign network is only in git."""
-    return [
-        (when, (case, *_driver_and_seed(case.mutant.origin if case.mutant else None)))
-        for when, case in (("old", child.old), ("new", child.new))
-        if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
-    ]
-
-
-def _driver_and_seed(origin: Origin | None) -> tuple[str, int]:
-    """Return what a mutant's file records of its run; by default `pdm` and 0."""
-    driver = recorded_address((origin.driver if origin else None) or "pdm")
-    return driver, int(origin.seed.value) if origin and origin.seed else 0
-
-
-def _refuse_programs(drivers: Iterable[str], instead: str) -> None:
-    programs = sorted({address for address in drivers if ":" in address})
-    if programs:
-        raise DriverError(f"recorded with programs as drivers: {'; '.join(programs)}. {instead}")

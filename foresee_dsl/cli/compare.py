@@ -159,7 +159,7 @@ def repin(
     children = plan(paths, _placement)
     verdicts: dict[Path, tuple[str, str]] = {}
     if run:
-        from foresee_dsl.campaign.verify import before_and_after
+        from foresee_dsl.campaign.before_and_after import before_and_after
 
         verdicts = before_and_after([child for child in children if child.state is State.STALE])
     written = write_pins(children) if write else ()
