@@ -63,7 +63,8 @@ def _parts(owner: m.Item, name: str, parts: tuple[object, ...], people: bool) ->
     meant = [p for p in parts if people or isinstance(p, m.Expected) or not isinstance(p, NO_MEANING)]
     made = [_plain(part, people) if isinstance(part, m.Item) else part for part in meant]
     if not isinstance(owner, _SORTED) or not all(is_statement(part) for part in made):
-        return tuple(made)
+        # The order of the others matters here; where expected results stand among them does not.
+        return tuple(sorted(made, key=lambda part: isinstance(part, m.Expected)))
     rank = {kind: number for number, kind in enumerate(_classes(type(owner).model_fields[name].annotation))}
 
     def place(item: m.Item) -> tuple[int, str, str]:
