@@ -105,7 +105,7 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
     length = settings.before_s + settings.after_s
     yield Text(
         f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, clips of {length:g} s, "
-        f"{settings.risky_points} risky points x {settings.children} children, seed {settings.seed}; "
+        f"{counted(settings.risky_points, 'risky point')} x {settings.children} children, seed {settings.seed}; "
         f"{counted(total.clips, 'clip')}, {duration(result.wall_s)}",
         style="dim",
     )
