@@ -8,7 +8,7 @@ from typing import Any
 
 import networkx as nx
 
-from foresee_dsl.campaign.representatives import choose_representatives
+from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import STEPS, AnyStep, Node, Stages
 from foresee_dsl.campaign.storage.store import Store

@@ -18,9 +18,9 @@ import typer
 from typer.core import TyperGroup
 
 from foresee_dsl import __version__
-from foresee_dsl.cli.common import BUG, explain_error
 from foresee_dsl.cli.completion import VARIABLE
-from foresee_dsl.cli.output import for_tools
+from foresee_dsl.cli.options.common import BUG, explain_error
+from foresee_dsl.cli.options.output import for_tools
 
 COMMANDS = (
     ("Write", "init", "init.init"),

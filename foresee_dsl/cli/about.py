@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.common import FAILED, JsonOption, console, print_json
+from foresee_dsl.cli.options.common import FAILED, JsonOption, console, print_json
 
 
 def drivers(json: JsonOption = False) -> None:

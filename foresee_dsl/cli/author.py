@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, print_json
 from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, print_json
 
 if TYPE_CHECKING:
     from foresee_dsl.language.model import Case, Scenario

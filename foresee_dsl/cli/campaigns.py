@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli import common
-from foresee_dsl.cli.campaign_options import (
+from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.campaign_options import (
     CPUS,
     Flags,
     Jobs,
@@ -23,8 +24,8 @@ from foresee_dsl.cli.campaign_options import (
     shard_of,
     with_flags,
 )
-from foresee_dsl.cli.case_selection import FailFastOption, FirstOption, OnlyOption, selected
-from foresee_dsl.cli.common import (
+from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
+from foresee_dsl.cli.options.common import (
     FAILED,
     AllowOutsideOption,
     JsonOption,
@@ -33,8 +34,7 @@ from foresee_dsl.cli.common import (
     json_document,
     print_json,
 )
-from foresee_dsl.cli.completion import case_addresses
-from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import (
+from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options.common import (
     CALL,
     FAILED,
     AllowOutsideOption,
@@ -20,7 +21,6 @@ from foresee_dsl.cli.common import (
     print_diagnostics,
     print_json,
 )
-from foresee_dsl.cli.completion import case_addresses
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import FAILED, AllowOutsideOption, JsonOption, print_json
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, print_json
 from foresee_dsl.errors import InputError
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def repin(
     children = plan(paths, _placement)
     verdicts: dict[Path, tuple[str, str]] = {}
     if run:
-        from foresee_dsl.campaign.before_and_after import before_and_after
+        from foresee_dsl.campaign.regression.before_and_after import before_and_after
 
         verdicts = before_and_after([child for child in children if child.state is State.STALE])
     written = write_pins(children) if write else ()

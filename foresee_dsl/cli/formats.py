@@ -15,8 +15,8 @@ from typing import Annotated, Any, cast, get_type_hints
 import typer
 from typer.core import TyperGroup
 
-from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, OutOption, counted, print_json
-from foresee_dsl.cli.output import for_tools
+from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, counted, print_json
+from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.exchange.outcome import ExchangeError, Imported
 from foresee_dsl.plugins import PluginGroup
 

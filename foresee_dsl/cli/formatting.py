@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.common import FAILED, print_diagnostics
+from foresee_dsl.cli.options.common import FAILED, print_diagnostics
 from foresee_dsl.errors import Diagnostic, InputError
 
 _STDIN = "-"

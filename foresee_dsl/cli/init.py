@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import DriverOption
+from foresee_dsl.cli.options.common import DriverOption
 
 if TYPE_CHECKING:
     from jinja2 import Environment

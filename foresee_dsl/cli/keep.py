@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.campaign_options import CPUS, Jobs
-from foresee_dsl.cli.common import (
+from foresee_dsl.cli.options.campaign_options import CPUS, Jobs
+from foresee_dsl.cli.options.common import (
     FAILED,
     DeadlineOption,
     ExitZeroOption,
@@ -20,7 +20,7 @@ from foresee_dsl.cli.common import (
     json_document,
     print_json,
 )
-from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.keeping import Report
@@ -120,8 +120,8 @@ def verify(
     foresee verify out/children[/dim]
     """
     from foresee_dsl.campaign.regression.expectations import Status
-    from foresee_dsl.campaign.verify import as_dict, verify_files
-    from foresee_dsl.campaign.verify import update as write_expected
+    from foresee_dsl.campaign.regression.verify import as_dict, verify_files
+    from foresee_dsl.campaign.regression.verify import update as write_expected
     from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.report.case_results import of_rechecks
     from foresee_dsl.report.verification import print_verification

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import AllowOutsideOption, JsonOption, console, print_json
+from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, console, print_json
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.records import Minimised
@@ -46,8 +46,8 @@ def minimise(
     foresee minimise out/children/scenario7/red_light_runner_r02_p1_m3.foresee --out smaller
     foresee minimise red_light_runner_r02_p1_m3 --full --out as_found[/dim]
     """
-    from foresee_dsl.campaign.asked import asked
-    from foresee_dsl.campaign.minimise_file import Texts, minimise_file
+    from foresee_dsl.campaign.findings.asked import asked
+    from foresee_dsl.campaign.findings.minimise_file import Texts, minimise_file
 
     wanted = asked(finding, campaign)
     folder = out or Path("minimised") / wanted.name
@@ -93,8 +93,8 @@ def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonO
     [dim]foresee review red_light_runner_r02_p1_m3
     foresee review red_light_runner_r02_p1_m3 --campaign nightly --json[/dim]
     """
-    from foresee_dsl.campaign.asked import asked
-    from foresee_dsl.campaign.review import review_of
+    from foresee_dsl.campaign.findings.asked import asked
+    from foresee_dsl.campaign.findings.review import review_of
 
     found = review_of(asked(finding, campaign, tests=True))
     if json:

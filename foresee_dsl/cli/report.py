@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from foresee_dsl.cli.common import CALL, AllowOutsideOption, SeedOption, print_json
 from foresee_dsl.cli.minimise import CampaignOption
+from foresee_dsl.cli.options.common import CALL, AllowOutsideOption, SeedOption, print_json
 
 
 class Form(StrEnum):
@@ -90,7 +90,7 @@ def view(
     foresee view red_light_runner_r02_p1_m3 --campaign out
     foresee view runs/red_light_runner_r01.npz --output page.html[/dim]
     """
-    from foresee_dsl.campaign.asked import asked
+    from foresee_dsl.campaign.findings.asked import asked
     from foresee_dsl.language.project.addresses import is_file
     from foresee_dsl.report.page.single import write_view
 

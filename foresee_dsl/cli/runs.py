@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from foresee_dsl.cli import common
-from foresee_dsl.cli.case_selection import FailFastOption, FirstOption, OnlyOption, selected
 from foresee_dsl.cli.completion import case_addresses
-from foresee_dsl.cli.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
+from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
 
 if TYPE_CHECKING:
     from rich.console import Console

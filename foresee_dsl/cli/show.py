@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli import common
+from foresee_dsl.cli.options import common
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from foresee_dsl.cli.common import JsonOption, console, print_json
+from foresee_dsl.cli.options.common import JsonOption, console, print_json
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.storage.maintenance import Statistics

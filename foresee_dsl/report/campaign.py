@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from foresee_dsl.campaign.findings import Finding, findings_of
+from foresee_dsl.campaign.findings.grouping import Finding, findings_of
 from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.derive.preventability import Preventability, Preventable

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.assessment import DriverRun
     from foresee_dsl.campaign.execution.runs import CaseRun
     from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
+    from foresee_dsl.campaign.regression.verify import Recheck
     from foresee_dsl.campaign.results import CampaignResult
-    from foresee_dsl.campaign.verify import Recheck
     from foresee_dsl.language.project.document import Document
 
 
@@ -144,7 +144,7 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
 
     Findings come before their siblings: code hosts show ten annotations of a step.
     """
-    from foresee_dsl.campaign.findings import findings_of
+    from foresee_dsl.campaign.findings.grouping import findings_of
 
     findings = findings_of(result)
     ranks = {finding.name: rank for rank, finding in enumerate(findings)}

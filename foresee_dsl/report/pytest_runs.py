@@ -9,7 +9,7 @@ from pathlib import Path
 from foresee_dsl.campaign.driving import case_name, run_test_case
 from foresee_dsl.campaign.regression.expectations import Ending, Status, expected_in, in_words, judge, names_of
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
-from foresee_dsl.campaign.verify import reached
+from foresee_dsl.campaign.regression.verify import reached
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase

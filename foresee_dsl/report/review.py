@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from foresee_dsl.campaign.review import Mutation, Review
+from foresee_dsl.campaign.findings.review import Mutation, Review
 from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from foresee_dsl.campaign.regression.expectations import Status, in_words
-from foresee_dsl.campaign.verify import Recheck
+from foresee_dsl.campaign.regression.verify import Recheck
 
 _ORDER = {status: rank for rank, status in enumerate(Status)}
 _WIDTH = max(len(status.label) for status in Status) + 2

@@ -50,7 +50,7 @@ EDITS = {
     "exchange/outcome.py": set(),
     "editor/lexer.py": set(),
     "report/terminal.py": set(),
-    "cli/common.py": set(),
+    "cli/options/common.py": set(),
 }
 """What an edit of a file of the package changes."""
 _ASK = """

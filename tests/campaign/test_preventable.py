@@ -11,12 +11,12 @@ from rich.console import Console
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome
 from foresee_dsl.campaign.regression.expectations import Status
+from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import run_child
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
-from foresee_dsl.campaign.verify import verify_files
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.forecast.registry import load_ranker

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from foresee_dsl.cli import app
-from foresee_dsl.cli.common import explain_error
+from foresee_dsl.cli.options.common import explain_error
 
 NETWORK = """foresee 1
 

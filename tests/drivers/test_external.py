@@ -23,9 +23,9 @@ from hypothesis import strategies as st
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.mutate_file import mutate_file
 from foresee_dsl.campaign.regression.expectations import Status
+from foresee_dsl.campaign.regression.verify import verify_files
 from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
-from foresee_dsl.campaign.verify import verify_files
 from foresee_dsl.drivers.external import ExternalDriver, plain, read_control, read_ready, reset_line, step_line
 from foresee_dsl.drivers.external.process import LONGEST_LINE
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, EgoState, Observation, SeenActor

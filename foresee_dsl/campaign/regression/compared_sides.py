@@ -21,7 +21,7 @@ from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 
 LONGEST_S = 300.0
-"""As of `campaign.verify`: no test case of the library is simulated for longer."""
+"""As of `campaign.regression.verify`: no test case of the library is simulated for longer."""
 
 
 def side_of_campaign(folder: Path) -> Side:

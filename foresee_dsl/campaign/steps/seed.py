@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.campaign.failures import explained
+from foresee_dsl.campaign.findings.failures import explained
 from foresee_dsl.campaign.records import SeedOutcome
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
 from foresee_dsl.language.meaning import clip_pin

@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.campaign.asked import asked
 from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.campaign.findings.asked import asked
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.registry import recorded_address

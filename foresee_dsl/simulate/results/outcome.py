@@ -282,7 +282,7 @@ class Judge:
             return Decision(Verdict.INVALID, time_s, name, f"invalid: the ego touches {whom} at the first frame", how)
         verdict = classify(ego, other, kind)
         what = verdict.contact.format(whom)
-        # What comes after the time is left out when two runs are compared (`campaign.verify`).
+        # What comes after the time is left out when two runs are compared (`campaign.regression.verify`).
         return Decision(verdict, time_s, name, f"{verdict} {what} at {time_s:.2f} s, {how.relative_mps:.1f} m/s", how)
 
     def _stuck(self, time_s: float, speed: float, may_wait: bool) -> Decision | None:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from foresee_dsl.campaign.asked import Asked
 from foresee_dsl.campaign.assembly import with_header
 from foresee_dsl.campaign.driving import relative_path, run_test_case
+from foresee_dsl.campaign.findings.asked import Asked
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
 from foresee_dsl.campaign.settings import CampaignSettings

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from foresee_dsl.cli import common
-from foresee_dsl.cli.case_selection import FirstOption, OnlyOption
 from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions

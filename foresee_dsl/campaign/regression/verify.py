@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.before_and_after import refuse_programs
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
+from foresee_dsl.campaign.regression.before_and_after import refuse_programs
 from foresee_dsl.campaign.regression.edits import line_of, with_expected
 from foresee_dsl.campaign.regression.expectations import (
     Ending,

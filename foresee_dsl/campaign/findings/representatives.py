@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from foresee_dsl.campaign.assembly import assemble
-from foresee_dsl.campaign.findings import findings_of
+from foresee_dsl.campaign.findings.grouping import findings_of
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.stages import Node, Stages
 

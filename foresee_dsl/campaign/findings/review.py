@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.asked import Asked
+from foresee_dsl.campaign.findings.asked import Asked
 from foresee_dsl.errors import ForeseeError
 
 

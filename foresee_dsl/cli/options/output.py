@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, assert_never
 
 import typer
 
-from foresee_dsl.cli import common
+from foresee_dsl.cli.options import common
 from foresee_dsl.errors import ForeseeError, InputError
 
 if TYPE_CHECKING:
