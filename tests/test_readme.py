@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -32,6 +33,34 @@ def test_five_minutes_end_with_a_finding_that_is_kept(root: Path, tmp_path: Path
     assert "2 findings" in outputs["foresee campaign campaign.foresee --exit-zero"]
     assert (folder / "out/report.html").is_file()
     assert outputs["foresee verify regressions"].endswith("1 as expected\n")
+    _walk_on(folder, environment)
+
+
+def _walk_on(folder: Path, environment: dict[str, str]) -> None:
+    """A reviewer's walk through what the campaign left: report, a finding of it, minimised, and the difference."""
+
+    def ask(*words: str) -> str:
+        done = subprocess.run(
+            ["foresee", *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{words}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    (folder / "out/report.html").unlink()
+    ask("report", "out")
+    assert (folder / "out/report.html").is_file()
+    finding = next(f for f in json.loads((folder / "out/campaign.json").read_text())["findings"] if f["count"] > 1)
+    name, sentence = finding["name"], finding["sentence"]
+    assert sentence in ask("report", "out", "--format", "text")
+    assert sentence in ask("show", name, "--full")
+    assert ask("minimise", name, "--out", "small")
+    mutant = folder / "out" / finding["minimised"]["file"]
+    assert (folder / "small" / mutant.name).read_text() == mutant.read_text()
+    changes = [line.strip() for line in mutant.read_text().splitlines() if line.strip().startswith("change ")]
+    assert len(changes) == 1
+    assert changes[0] in ask("review", name)
+    subject = changes[0].removeprefix("change ").partition(":")[0]
+    assert subject.partition(".")[0] in ask("diff", str(mutant))
 
 
 def test_the_first_scenario_of_the_readme(root: Path, tmp_path: Path) -> None:
