@@ -66,7 +66,7 @@ class Boundary:
     @property
     def sentence(self) -> str:
         """Return it in words: `runner.timing fails at 1.12, passes at 1.11`."""
-        other = f" (otherwise from {self.text(self.also_fails)} on)" if self.also_fails != self.fails else ""
+        other = f" (in another way from {self.text(self.also_fails)} on)" if self.also_fails != self.fails else ""
         return f"{self.change} fails at {self.text(self.fails)}{other}, passes at {self.text(self.passes)}"
 
     def as_dict(self) -> dict[str, Any]:
