@@ -13,7 +13,7 @@ import pytest
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.regression.suite import SuiteTest
-    from foresee_dsl.report.case_results import CaseResult
+    from foresee_dsl.report.builds.case_results import CaseResult
 
 RECORDED = "recorded"
 """As `--foresee-driver`: each recorded failure with the driver that its file names, everything else with `pdm`."""
@@ -50,7 +50,7 @@ class ForeseeFile(pytest.File):
     def collect(self) -> Iterator[pytest.Item]:
         """Return the tests, named as in addresses: `scenario7.foresee::r02`."""
         from foresee_dsl.errors import InputError
-        from foresee_dsl.report.pytest_runs import tests_in
+        from foresee_dsl.report.builds.pytest_runs import tests_in
 
         allowed = bool(self.config.getoption("--foresee-allow-outside"))
         try:
@@ -69,7 +69,7 @@ class ForeseeItem(pytest.Item):
 
     def runtest(self) -> None:
         """Drive; what does not end as it should fails the test."""
-        from foresee_dsl.report.pytest_runs import Wanted, drive
+        from foresee_dsl.report.builds.pytest_runs import Wanted, drive
 
         driver = _option(self.config, "driver")
         wanted = Wanted(
@@ -98,7 +98,7 @@ class ForeseeItem(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Return the file, the case's line, and the address."""
-        from foresee_dsl.report.case_results import place_of
+        from foresee_dsl.report.builds.case_results import place_of
 
         span = place_of(self.test.address).span
         return self.path, span.line - 1 if span else None, self.test.address

@@ -150,8 +150,8 @@ def _report(
     from dataclasses import replace
 
     from foresee_dsl.campaign.folder import as_text
+    from foresee_dsl.report.builds.case_results import CaseResult, of_campaign
     from foresee_dsl.report.campaign import print_campaign, save_campaign
-    from foresee_dsl.report.case_results import CaseResult, of_campaign
 
     def people(screen: Console) -> None:
         for folder, result in results:
@@ -331,7 +331,7 @@ def assess(
     from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.drivers.registry import find_driver
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.report.case_results import of_assessment
+    from foresee_dsl.report.builds.case_results import of_assessment
     from foresee_dsl.report.drivers import as_dict, print_assessment, runs_progress
 
     drivers = list(dict.fromkeys(driver or ["pdm"]))

@@ -116,8 +116,8 @@ def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, fai
         _print_for_people(result, shown)
     if format_ in (Format.sarif, Format.github):
         from foresee_dsl.language.codes.code import every_code
-        from foresee_dsl.report.github import render_github
-        from foresee_dsl.report.sarif import to_sarif
+        from foresee_dsl.report.builds.github import render_github
+        from foresee_dsl.report.builds.sarif import to_sarif
 
         if format_ is Format.sarif:
             give(jsonlib.dumps(to_sarif(shown, every_code()), indent=2) + "\n")

@@ -123,7 +123,7 @@ def verify(
     from foresee_dsl.campaign.regression.verify import as_dict, verify_files
     from foresee_dsl.campaign.regression.verify import update as write_expected
     from foresee_dsl.drivers.deadlines import Deadlines
-    from foresee_dsl.report.case_results import of_rechecks
+    from foresee_dsl.report.builds.case_results import of_rechecks
     from foresee_dsl.report.verification import print_verification
 
     deadlines = Deadlines(step_deadline, deadline)

@@ -68,7 +68,7 @@ def run(
     from foresee_dsl.drivers.registry import find_driver
     from foresee_dsl.errors import InputError
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.report.case_results import of_case_run
+    from foresee_dsl.report.builds.case_results import of_case_run
     from foresee_dsl.report.runs import print_case_run, print_case_runs
 
     find_driver(driver)  # an unknown name is reported before anything runs

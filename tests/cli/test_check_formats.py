@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from foresee_dsl.cli import app
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.codes.code import every_code
-from foresee_dsl.report.github import render_github
-from foresee_dsl.report.sarif import to_sarif
+from foresee_dsl.report.builds.github import render_github
+from foresee_dsl.report.builds.sarif import to_sarif
 from tests.support.code_frames import FRAMES, example
 from tests.support.first_project import sarif_schema
 

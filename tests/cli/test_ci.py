@@ -14,8 +14,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from foresee_dsl.report.case_results import CaseResult, Outcome, Place
-from foresee_dsl.report.junit import to_junit
+from foresee_dsl.report.builds.case_results import CaseResult, Outcome, Place
+from foresee_dsl.report.builds.junit import to_junit
 from tests.support.first_project import FOUND, checked, foresee, sarif_schema
 
 etree = pytest.importorskip("lxml.etree", reason="lxml checks JUnit XML against a schema")

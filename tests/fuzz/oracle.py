@@ -25,8 +25,8 @@ from foresee_dsl.language.messages import diagnostics as rendering
 from foresee_dsl.language.parser import decode, format_text, parse
 from foresee_dsl.language.project.checked_files import check_paths
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.report.github import render_github
-from foresee_dsl.report.sarif import to_sarif
+from foresee_dsl.report.builds.github import render_github
+from foresee_dsl.report.builds.sarif import to_sarif
 from tests.fuzz.corpus import CASES, SCENARIOS
 
 MOST_CPU_S = 2.0

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from foresee_dsl.report.case_results import CaseResult
+    from foresee_dsl.report.builds.case_results import CaseResult
 
 
 class ReportFormat(StrEnum):
@@ -127,7 +127,7 @@ def report_results(
     call = common.CALL.get()
     if junit is not None:
         from foresee_dsl.files import write_whole
-        from foresee_dsl.report.junit import to_junit
+        from foresee_dsl.report.builds.junit import to_junit
 
         write_whole(junit, to_junit(f"foresee {call.command}", results(), properties=properties))
     if form is ReportFormat.text or call.output is not None:
@@ -149,13 +149,13 @@ def _rendered(
         case ReportFormat.json:
             return data()
         case ReportFormat.junit:
-            from foresee_dsl.report.junit import to_junit
+            from foresee_dsl.report.builds.junit import to_junit
 
             return to_junit(name, results(), properties=properties)
         case ReportFormat.github | ReportFormat.sarif:
-            from foresee_dsl.report.case_results import as_diagnostics, rules
-            from foresee_dsl.report.github import render_github
-            from foresee_dsl.report.sarif import to_sarif
+            from foresee_dsl.report.builds.case_results import as_diagnostics, rules
+            from foresee_dsl.report.builds.github import render_github
+            from foresee_dsl.report.builds.sarif import to_sarif
 
             found = list(as_diagnostics(results()))
             if form is ReportFormat.github:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import PurePath
 
-from foresee_dsl.report.case_results import CaseResult, Outcome
+from foresee_dsl.report.builds.case_results import CaseResult, Outcome
 from foresee_dsl.report.templates import rendered
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")

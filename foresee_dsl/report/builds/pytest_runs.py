@@ -14,7 +14,7 @@ from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.addresses import kind_of
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
-from foresee_dsl.report.case_results import CaseResult, Outcome, of_run
+from foresee_dsl.report.builds.case_results import CaseResult, Outcome, of_run
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import tell
 
