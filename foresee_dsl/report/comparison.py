@@ -71,7 +71,11 @@ def to_markdown(found: Comparison) -> str:
 def paired(found: Comparison) -> str:
     """Return how many test cases both sides have, and what became of the others."""
     parts = [f"{len(found.pairs)} test cases on both sides"]
-    counts = ((found.only_base, "only in base"), (found.only_new, "only in new"), (found.edited, "edited between"))
+    counts = (
+        (found.only_base, "only in base"),
+        (found.only_new, "only in new"),
+        (found.edited, "with another meaning there"),
+    )
     parts += [f"{len(names)} {words}" for names, words in counts if names]
     return ", ".join(parts)
 

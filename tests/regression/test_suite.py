@@ -228,7 +228,7 @@ def test_two_campaigns_compared(project: Project) -> None:
     told = project.foresee("compare", "out", "new", expect=1)
     assert told.index("New failures (1)") < told.index("Still failing (1)") < told.index("came nearer (1)")
     assert "now the driver raised" in told and "time to collision " in told and "=> 0.20 s, with other" in told
-    assert "5 test cases on both sides, 1 edited between" in told
+    assert "5 test cases on both sides, 1 with another meaning there" in told
     assert project.foresee("compare", "out", "new", "--exit-zero") == told
     project.foresee("compare", "out", "new", "--format", "markdown", "--output", "comment.md", expect=1)
     comment = (project.root / "comment.md").read_text()
