@@ -12,6 +12,7 @@ from foresee_dsl.campaign.regression.edits import with_doc, with_expected, with_
 from foresee_dsl.campaign.regression.expectations import (
     Ending,
     Status,
+    ending_of,
     expected_in,
     in_words,
     judge,
@@ -154,3 +155,17 @@ def test_what_a_comparison_says() -> None:
 def test_the_files_that_explain_it_are_there(root: Path) -> None:
     page = (root / "docs" / "regression.md").read_text(encoding="utf-8")
     assert all(f"`{status.label}`" in page for status in Status)
+
+
+@pytest.mark.parametrize(
+    ("reason", "verdict", "actor"),
+    [
+        ("F2 collision with walker (pedestrian) at 4.75 s, 6.4 m/s", Verdict.F2, "walker"),
+        ("F1 left the drivable area at 3.20 s", Verdict.F1, ""),
+        ("stuck: stood for 10 s with nothing to wait for, until 12.00 s", Verdict.STUCK, ""),
+    ],
+)
+def test_only_a_contact_is_with_somebody(reason: str, verdict: Verdict, actor: str) -> None:
+    ending = ending_of(reason)
+    assert ending is not None
+    assert (ending.verdict, ending.actor) == (verdict, actor)

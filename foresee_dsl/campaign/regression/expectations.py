@@ -172,5 +172,7 @@ def ending_of(reason: str) -> Ending | None:
     word = re.split(r"\W", reason, maxsplit=1)[0]
     if word not in get_args(FailureName):
         return None
-    actor = _ACTOR.search(reason.partition(" at ")[0])
-    return Ending(next(one for one in Verdict if one.value == word), actor[1] if actor else "")
+    verdict = next(one for one in Verdict if one.value == word)
+    # Only a contact is with somebody: a stuck ego stood "with nothing to wait for".
+    actor = _ACTOR.search(reason.partition(" at ")[0]) if verdict.is_collision else None
+    return Ending(verdict, actor[1] if actor else "")
