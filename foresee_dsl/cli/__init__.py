@@ -127,9 +127,21 @@ def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            metavar="NAME=NUMBER",
+            help="Raise a limit on what one input may take: the name is in the message that refuses it.",
+        ),
+    ] = None,
 ) -> None:
     """Hold the options that stand before a command; `--version` prints and leaves in its callback."""
     del version
+    if limit:
+        from foresee_dsl.limits import allow
+
+        allow(limit)
 
 
 def main() -> None:

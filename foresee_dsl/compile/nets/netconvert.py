@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import os
 import re
+import signal
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from foresee_dsl.compile.nets.safe_xml import MOST_BYTES
 from foresee_dsl.errors import CompileError
+from foresee_dsl.limits import most, raised_by
 
-TIMEOUT_S = 60.0
-"""Ours: a CARLA town takes 0.2 to 3 s on a slow core; what takes a minute hangs."""
-
+_FIVE_MB = 5e6
+_NO_MEMORY = b"std::bad_alloc"
+"""What netconvert 1.28 says when it gets no more memory."""
 _HEADER = re.compile(rb"\A(\s*<\?xml[^>]*\?>)?\s*(?:<!--.*?-->\s*)+", re.DOTALL)
+
+
+class NetconvertLimitError(CompileError):
+    """netconvert needs more memory, time or room than it is given; to try again with the same input is no use."""
 
 
 @cache
@@ -43,32 +52,86 @@ def tool_version() -> str:
 def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
     """Run netconvert in a folder, in which relative file names in `arguments` are meant.
 
-    A `CompileError` where it is missing, fails (the message holds what it printed) or takes over 60 s.
+    It gets memory by the size of its input, and a time (the limits `netconvert-memory` and `netconvert-time`); what it
+    writes is no larger than what can be read.
+
+    Raises:
+        NetconvertLimitError: it needs more than that.
+        CompileError: it is missing, or fails; the message holds what it printed.
     """
     import shutil
-    import subprocess
 
     home = sumo_home()
     program = shutil.which("netconvert", path=str(home / "bin"))
     if program is None:
         raise CompileError(f"netconvert is not in {home / 'bin'}: reinstall the package 'eclipse-sumo'")
+    memory_mb = most("netconvert-memory") * (1 + _input_bytes(arguments, folder) / _FIVE_MB)
+    time_s = most("netconvert-time")
     environment = {**os.environ, "SUMO_HOME": str(home)}
+    code, complaint = _watched([program, *arguments], folder, environment, memory_mb=memory_mb, time_s=time_s)
+    if code == 0:
+        return
+    if _NO_MEMORY in complaint:
+        raise NetconvertLimitError(
+            f"netconvert needs more than {memory_mb:.0f} MB of memory for the network, which a road of absurd length, "
+            f"or a map that is too large, may cause; {raised_by('netconvert-memory', 4 * most('netconvert-memory'))}"
+        )
+    if code == -signal.SIGXFSZ:
+        raise NetconvertLimitError(f"netconvert makes a network of more than {MOST_BYTES / 1e6:.0f} MB of it: cut out "
+                                   "the part that is needed")  # fmt: skip
+    raise CompileError(f"netconvert refused the network: {_complaint(complaint, code)}")
+
+
+def _watched(
+    command: Sequence[str], folder: Path, environment: dict[str, str], *, memory_mb: float, time_s: float
+) -> tuple[int, bytes]:
+    """Run a program with limits; return its exit code and what it wrote on standard error."""
+    import subprocess
+
     try:
-        done = subprocess.run(  # noqa: S603 - our own program, no shell
-            [program, *arguments],
+        with subprocess.Popen(  # noqa: S603 - our own program, no shell
+            command,
             cwd=folder,
             env=environment,
             stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as err:
-        raise CompileError(f"netconvert did not finish within {TIMEOUT_S:.0f} s") from err
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        ) as running:
+            try:
+                _limit(running.pid, memory_mb)
+                _, complaint = running.communicate(timeout=time_s)
+            except subprocess.TimeoutExpired as err:
+                raise NetconvertLimitError(
+                    f"netconvert did not finish within {time_s:g} s; {raised_by('netconvert-time')}"
+                ) from err
+            finally:
+                running.kill()  # nothing where it has ended
+            return running.returncode, complaint
     except OSError as err:
         raise CompileError(f"netconvert cannot be started: {err}") from err
-    if done.returncode != 0:
-        raise CompileError(f"netconvert refused the network: {_complaint(done.stderr, done.returncode)}")
+
+
+def _limit(pid: int, memory_mb: float) -> None:
+    """Limit what a process may take. Linux only, as the memory of workers: other systems cannot limit another one.
+
+    Its data, not its addresses: netconvert's libraries alone have some 600 MB of these, most of them never touched.
+    """
+    if sys.platform != "linux":
+        return
+    import resource
+
+    wanted = {resource.RLIMIT_DATA: round(memory_mb * 1e6), resource.RLIMIT_FSIZE: MOST_BYTES, resource.RLIMIT_CORE: 0}
+    for what, most_bytes in wanted.items():
+        with suppress(ProcessLookupError):  # it has ended
+            _, hard = resource.prlimit(pid, what)
+            least = most_bytes if hard == resource.RLIM_INFINITY else min(most_bytes, hard)
+            resource.prlimit(pid, what, (least, hard))
+
+
+def _input_bytes(arguments: Sequence[str], folder: Path) -> int:
+    """Return the size of the files that are named, the output's of an earlier start too."""
+    files = (folder / name for argument in arguments for name in argument.split(","))
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def without_header(net: bytes) -> bytes:

@@ -1,0 +1,100 @@
+"""How much of the machine one input may take: each limit with its name, its default and what raises it.
+
+What somebody sends may be made to fill a machine's memory. So everything that is started or loaded has a limit, above
+what real scenarios and maps need; the message that refuses names it, and `foresee --limit NAME=NUMBER` raises it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from foresee_dsl.errors import ForeseeError
+
+VARIABLE = "FORESEE_LIMITS"
+"""The environment variable that holds limits other than the defaults: `cases=50000 trace=2000`."""
+
+
+class LimitError(ForeseeError):
+    """A limit's name or number is none."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit: `default` in its unit, and `what` it is of, for messages and the documentation."""
+
+    name: str
+    default: float
+    unit: str
+    what: str
+
+
+LIMITS = MappingProxyType(
+    {
+        limit.name: limit
+        for limit in (
+            # netconvert 1.28 starts with 250 MB of data and takes 65 MB of real memory for each CARLA town, for a map
+            # of 3 MB from OpenStreetMap 70 MB; a road of 100,000 km in a file of 1 kB takes all that there is.
+            Limit("netconvert-memory", 450, "MB", "memory of netconvert, and as much again for each 5 MB of the map"),
+            # A CARLA town takes 0.2 to 3 s on a slow core; what takes a minute hangs.
+            Limit("netconvert-time", 60, "s", "wall time of one start of netconvert"),
+            # A minute with 40 actors has 3 MB of arrays; an hour with 20 actors 100 MB.
+            Limit("trace", 400, "MB", "unpacked size of a trace"),
+            # The largest bundled scenario has 100 cases; 20,000 take 1 s and 150 MB to check.
+            Limit("cases", 20_000, "cases", "drawn cases of one scenario"),
+            # The largest town of CARLA has some 400 roads; a network of 2,000 is a town's, which is imported.
+            Limit("network", 2000, "items", "junctions, roads and buildings of a network in the language"),
+            # A condition by hand has up to ten parts.
+            Limit("conditions", 2000, "parts", "parts of one condition"),
+        )
+    }
+)
+"""All limits by name. The defaults are ours, each with its measurement."""
+
+
+def most(name: str) -> float:
+    """Return a limit: what FORESEE_LIMITS says, or its default.
+
+    Raises:
+        LimitError: FORESEE_LIMITS names no limit, or gives it no number.
+    """
+    return _given().get(name, LIMITS[name].default)
+
+
+def raised_by(name: str, needed: float | None = None) -> str:
+    """Return in words what raises a limit: `foresee --limit cases=500000 allows it`.
+
+    Args:
+        name: the limit. needed: what would be enough; without it twice what is allowed.
+    """
+    enough = 2 * most(name) if needed is None else needed
+    return f"`foresee --limit {name}={math.ceil(enough):d} COMMAND` allows it"
+
+
+def allow(settings: list[str]) -> None:
+    """Set limits, each as `NAME=NUMBER`, for this process and those that it starts.
+
+    Raises:
+        LimitError: one of them is no limit.
+    """
+    if settings:
+        os.environ[VARIABLE] = " ".join([*os.environ.get(VARIABLE, "").split(), *settings])
+        _given()
+
+
+def _given() -> dict[str, float]:
+    found = {}
+    for word in os.environ.get(VARIABLE, "").split():
+        name, _, number = word.partition("=")
+        if name not in LIMITS:
+            raise LimitError(f"there is no limit {name!r}; there are {', '.join(LIMITS)}")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not 0 < value < math.inf:
+            raise LimitError(f"the limit {word!r} is no number above 0: write {name}={LIMITS[name].default:g}")
+        found[name] = value
+    return found

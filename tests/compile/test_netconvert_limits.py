@@ -1,0 +1,59 @@
+"""netconvert gets no more memory and time than a map of its size needs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.nets.netconvert import NetconvertLimitError
+from foresee_dsl.limits import LimitError, most
+
+MAP = """<?xml version="1.0"?>
+<OpenDRIVE>
+  <header revMajor="1" revMinor="4" name="" version="1.00"/>
+  <road name="" length="{length}" id="1" junction="-1">
+    <planView><geometry s="0" x="0" y="0" hdg="0" length="{length}"><arc curvature="0.001"/></geometry></planView>
+    <lanes><laneSection s="0">
+      <center><lane id="0" type="none" level="false"/></center>
+      <right><lane id="-1" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right>
+    </laneSection></lanes>
+  </road>
+</OpenDRIVE>
+"""
+
+
+@pytest.fixture
+def bomb(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A map of under 1 kB whose road of 100,000 km netconvert 1.28 resolves into points until the memory is full."""
+    monkeypatch.setenv("FORESEE_CACHE", str(tmp_path / "cache"))
+    file = tmp_path / "long.xodr"
+    file.write_text(MAP.format(length="1e8"), encoding="utf-8")
+    return file
+
+
+def test_a_road_without_end_is_refused_before_it_fills_the_memory(bomb: Path) -> None:
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    with pytest.raises(NetconvertLimitError, match=r"needs more than 450 MB.*--limit netconvert-memory=1800"):
+        foreign_net(bomb)
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss <= max(before, 500_000), "kB"
+
+
+def test_the_time_is_a_limit_too(bomb: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORESEE_LIMITS", "netconvert-time=0.05")
+    with pytest.raises(NetconvertLimitError, match=r"within 0.05 s; `foresee --limit netconvert-time=1 "):
+        foreign_net(bomb)
+
+
+def test_a_limit_that_is_none_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORESEE_LIMITS", "netconvert-memory=2000")
+    assert most("netconvert-memory") == 2000
+    monkeypatch.setenv("FORESEE_LIMITS", "netconvert=2000")
+    with pytest.raises(LimitError, match="there is no limit 'netconvert'; there are netconvert-memory"):
+        most("trace")
+    monkeypatch.setenv("FORESEE_LIMITS", "trace=much")
+    with pytest.raises(LimitError, match="write trace=400"):
+        most("trace")
