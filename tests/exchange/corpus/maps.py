@@ -1,0 +1,147 @@
+"""One map of somebody else, in a process with limits: imported, its geometry checked, driven over by `idm` alone."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+LIMIT_S = 60.0
+MEMORY_BYTES = 2_000_000_000
+
+IMPORTED, GOOD_REASON, OURS, NOT_ARRIVED = "imported", "refused for a good reason", "refused for ours", "not arrived"
+
+_KINDS = {
+    "opendrive": (".xodr",),
+    "osm": (".osm", ".osm.xml", ".osm.gz", ".osm.xml.gz", ".osm.pbf", ".osm.bz2"),
+    "sumo": (".net.xml", ".net.xml.gz"),
+}
+_GOOD_REASONS = (
+    "a damaged one",  # no XML, or cut off
+    "without roads",
+    "no lanes for cars",
+    "has no streets",
+    "has no nodes",
+    "no street that leads anywhere",
+    "is not a complete SUMO network",
+    "its root is",
+    "no sound OpenDRIVE map",
+    "no sound SUMO network",
+    "the language cannot express",
+    "that are read: cut out",  # too large
+)
+"""Parts of messages about files that hold no map that anybody could drive on."""
+
+
+@dataclass(frozen=True)
+class MapRow:
+    """What came of one map.
+
+    Attributes:
+        kind: `opendrive`, `osm` or `sumo`. verdict: one of the four words above. detail: the message, or how the drive
+            ended. broken: how many places the check of the geometry names, after repairs.
+        seconds, memory_mb: of the whole process, netconvert included.
+    """
+
+    file: str
+    kind: str
+    verdict: str
+    detail: str
+    broken: int
+    seconds: float
+    memory_mb: float
+
+
+def kind_of(path: Path) -> str | None:
+    """Return which importer reads a file; None for none."""
+    return next((kind for kind, endings in _KINDS.items() if path.name.endswith(endings)), None)
+
+
+def check_map(path: Path) -> MapRow:
+    """Import a map, check its geometry and have `idm` drive alone over its starter, in 60 s and 2 GB."""
+    begin = time.perf_counter()
+    command = [sys.executable, "-m", "tests.exchange.corpus.maps", str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=LIMIT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return _row(path, OURS, f"took more than {LIMIT_S:.0f} s", seconds=time.perf_counter() - begin)
+    seconds = time.perf_counter() - begin
+    if done.returncode != 0:
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        return _row(path, OURS, f"ended with {done.returncode}: {lines[-1] if lines else ''}", seconds=seconds)
+    found = json.loads(done.stdout.splitlines()[-1])
+    return _row(path, seconds=seconds, **found)
+
+
+def _row(
+    path: Path, verdict: str, detail: str, broken: int = 0, seconds: float = 0.0, memory_mb: float = 0.0
+) -> MapRow:
+    return MapRow(path.name, kind_of(path) or "", verdict, detail, broken, round(seconds, 1), round(memory_mb))
+
+
+def _work(path: Path, out: Path) -> tuple[str, str, int]:
+    """Import and drive; return the verdict, the detail, and how many places are broken."""
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.exchange.maps import opendrive, osm, sumo
+    from foresee_dsl.exchange.outcome import Imported
+
+    importers: dict[str, Callable[..., Imported]] = {"opendrive": opendrive.run, "osm": osm.run, "sumo": sumo.run}
+    kind = kind_of(path)
+    if kind is None:
+        return GOOD_REASON, "no map by its name", 0
+    try:
+        done = importers[kind](path, out=out)
+    except ForeseeError as err:
+        good = any(part in str(err) for part in _GOOD_REASONS)
+        return (GOOD_REASON if good else OURS), str(err).replace(str(path), path.name), 0
+    scenario = next(file for file in done.files if file.suffix == ".foresee")
+    broken = sum(_count(note) for note in done.notes)
+    try:
+        passed, reason = _driven_alone(scenario)
+    except ForeseeError as err:
+        return NOT_ARRIVED, str(err), broken
+    return (IMPORTED if passed else NOT_ARRIVED), reason, broken
+
+
+def _count(note: str) -> int:
+    """How many broken places a note of an import speaks of."""
+    words = note.split()
+    return int(words[0]) if "broken" in words and words[0].isdecimal() else 0
+
+
+def _driven_alone(scenario: Path) -> tuple[bool, str]:
+    """Drive a starter without its traffic."""
+    from foresee_dsl.campaign.driving import run_test_case
+    from foresee_dsl.language.model import Scenario, Traffic
+    from foresee_dsl.language.parser import parse
+    from foresee_dsl.language.printer import print_model
+    from foresee_dsl.language.project.loading import load_test_case
+    from foresee_dsl.simulate.results.verdict import Verdict
+
+    model = parse(scenario.read_text(encoding="utf-8"), str(scenario)).model
+    assert isinstance(model, Scenario)
+    alone = model.model_copy(update={"body": tuple(item for item in model.body if not isinstance(item, Traffic))})
+    file = scenario.with_name(f"{scenario.stem}_alone.foresee")
+    file.write_text(print_model(alone), encoding="utf-8")
+    result = run_test_case(load_test_case(file), "idm", 0, deadlines=None)
+    return result.verdict is Verdict.PASS, f"{result.verdict.name}: {result.reason}"
+
+
+def main(path: Path) -> None:
+    """Print a row, but for its time, as JSON: this process has the limits."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES * 2, MEMORY_BYTES * 2))  # numba maps more than it uses
+    with tempfile.TemporaryDirectory(prefix="foresee-corpus-") as name:
+        verdict, detail, broken = _work(path, Path(name) / "out")
+    used = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    row = {"verdict": verdict, "detail": detail, "broken": broken, "memory_mb": used / 1000}
+    sys.stdout.write(json.dumps(row) + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
