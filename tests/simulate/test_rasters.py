@@ -17,6 +17,8 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import ActorKind, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.drivers.pictures.fill import box_pixels, filled, toggle_outlines
+from foresee_dsl.drivers.pictures.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor, Views
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_case
@@ -36,9 +38,7 @@ from foresee_dsl.simulate.rasters import (
     stops_of,
 )
 from foresee_dsl.simulate.rasters.colours import coloured, write_png
-from foresee_dsl.simulate.rasters.fill import box_pixels, filled, toggle_outlines
 from foresee_dsl.simulate.rasters.ground import GroundMap
-from foresee_dsl.simulate.rasters.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS
 from foresee_dsl.simulate.runner import run
 from tests.support.nets import ADULT, COMPACT
 from tests.support.scenes import Cruise, Town

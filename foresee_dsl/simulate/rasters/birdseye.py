@@ -9,11 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.drivers.protocol import SignalColour
-from foresee_dsl.kernels.arrays import FloatArray, IntArray
-from foresee_dsl.simulate.rasters.fill import box_pixels
-from foresee_dsl.simulate.rasters.ground import GroundMap
-from foresee_dsl.simulate.rasters.layout import (
+from foresee_dsl.drivers.pictures.fill import box_pixels
+from foresee_dsl.drivers.pictures.layout import (
     BIRDS_EYE,
     BIRDS_EYE_CHANNELS,
     GROUPS,
@@ -21,6 +18,9 @@ from foresee_dsl.simulate.rasters.layout import (
     VELOCITY_PER_MPS,
     VELOCITY_ZERO,
 )
+from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.simulate.rasters.ground import GroundMap
 
 Pose = tuple[float, float, float]
 """x, y (m), heading (rad)."""

@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.polyline import Points
-from foresee_dsl.kernels.arrays import FloatArray, IntArray
-from foresee_dsl.simulate.rasters.birdseye import Pose
-from foresee_dsl.simulate.rasters.ground import GroundMap
-from foresee_dsl.simulate.rasters.layout import (
+from foresee_dsl.drivers.pictures.layout import (
     BUILDING_HEIGHT_M,
     CAMERA_AHEAD_M,
     CAMERA_HEIGHT_M,
@@ -28,6 +25,9 @@ from foresee_dsl.simulate.rasters.layout import (
     INVERSE_DEPTH_SCALE,
     MAP_BITS,
 )
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.simulate.rasters.birdseye import Pose
+from foresee_dsl.simulate.rasters.ground import GroundMap
 
 _NEAR_M = 0.1
 """Nothing is drawn nearer to the camera than this; also what it stands in begins here."""

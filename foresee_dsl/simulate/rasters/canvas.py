@@ -12,15 +12,7 @@ from numpy.typing import NDArray
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
-from foresee_dsl.errors import ForeseeError
-from foresee_dsl.kernels.arrays import FloatArray, IntArray
-from foresee_dsl.plugins import PluginGroup
-from foresee_dsl.simulate.mission import heading_at, signal_heads
-from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
-from foresee_dsl.simulate.rasters.camera import Camera
-from foresee_dsl.simulate.rasters.ground import GroundMap
-from foresee_dsl.simulate.rasters.layout import (
+from foresee_dsl.drivers.pictures.layout import (
     CAMERA_RANGE_M,
     FORWARD_CHANNELS,
     GROUP_OF,
@@ -29,6 +21,14 @@ from foresee_dsl.simulate.rasters.layout import (
     SIGNAL_HEIGHT_M,
     SIGNAL_WIDTH_M,
 )
+from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.kernels.arrays import FloatArray, IntArray
+from foresee_dsl.plugins import PluginGroup
+from foresee_dsl.simulate.mission import heading_at, signal_heads
+from foresee_dsl.simulate.rasters.birdseye import BirdsEye, Pose, StopLine
+from foresee_dsl.simulate.rasters.camera import Camera
+from foresee_dsl.simulate.rasters.ground import GroundMap
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 RASTER_VIEWS = PluginGroup("foresee_dsl.raster_views", "raster view", ForeseeError)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.simulate.rasters.layout import BIRDS_EYE_CHANNELS, FORWARD_CHANNELS
+from foresee_dsl.drivers.pictures.layout import BIRDS_EYE_CHANNELS, FORWARD_CHANNELS
 
 Colour = tuple[int, int, int]
 

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
+from foresee_dsl.drivers.pictures.layout import CAMERA_RANGE_M
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.rasters import RunViews
-from foresee_dsl.simulate.rasters.layout import CAMERA_RANGE_M
 from foresee_dsl.simulate.sensing.noise import Streams
 from foresee_dsl.simulate.sensing.objects import ObjectList, Pose, frames_of
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings

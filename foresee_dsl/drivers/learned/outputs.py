@@ -1,0 +1,95 @@
+"""What the networks answer: names, shapes and units of the outputs of their ONNX files.
+
+Both take `INPUTS` (`learned.inputs`, each with a first axis of 1). Places are in the ego's frame: metres ahead of its
+centre and to its left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Outputs = NDArray[np.float32]
+
+INPUTS = ("birds_eye", "forward", "vector")
+"""uint8 [1, 20, 128, 128], uint8 [1, 13, 64, 160], float32 [1, 10]."""
+
+FUSION_OUTPUTS = ("waypoints", "target_speed")
+FUSION_TIMES_S = tuple(0.25 * k for k in range(1, 9))
+"""`waypoints` [1, 8, 2] of `fusion`: where the ego shall be at these times from now, metres ahead and left."""
+SPEED_BINS_MPS = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0, 25.0)
+"""`target_speed` [1, 14] of `fusion`: the probability of each of these speeds (they sum up to 1)."""
+TARGET_SPEED_S = 1.0
+"""The target speed is the one that the ego shall have so long from now: target minus speed, over this, is the mean
+acceleration that is asked for."""
+
+FUSION_SAFE_OUTPUTS = ("waypoints", "density", "stop_line", "signal")
+FUSION_SAFE_TIMES_S = tuple(0.3 * k for k in range(1, 11))
+"""`waypoints` [1, 10, 2] of `fusion_safe`, as above."""
+DENSITY_ROWS = 24
+DENSITY_CELL_M = 2.0
+DENSITY_AHEAD_M, DENSITY_SIDE_M = 40.0, 24.0
+"""`density` [1, 8, 24, 24]: squares of 2 m; row 0 reaches to 40 m ahead, the last one to 8 m behind; column 0 reaches
+to 24 m on the left. InterFuser has 20 by 20 squares of 1 m; ours reach as far as one brakes from 50 km/h."""
+DENSITY_CHANNELS = (
+    *("occupied", "ahead_m", "left_m", "length_m", "width_m", "heading_cos", "heading_sin", "speed_mps"),
+)
+"""occupied: probability that the middle of a road user lies in the square; ahead_m, left_m: of its middle from the
+square's middle; heading relative to the ego's; speed over ground."""
+STOP_LINE_M = 30.0
+"""`stop_line` [1, 1]: probability that the ego has to stop for a stop line at most this far ahead."""
+SIGNALS = ("red", "amber", "green", "other")
+"""`signal` [1, 4]: probabilities of what the route's next signal shows; other: off, not seen, or none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Occupied:
+    """A road user in a density map, in the ego's frame; heading relative to the ego's."""
+
+    probability: float
+    ahead_m: float
+    left_m: float
+    length_m: float
+    width_m: float
+    heading_rad: float
+    speed_mps: float
+
+
+def square_middle(row: int, column: int) -> tuple[float, float]:
+    """Return where the middle of a square of the density map is: metres ahead, metres left."""
+    return DENSITY_AHEAD_M - (row + 0.5) * DENSITY_CELL_M, DENSITY_SIDE_M - (column + 0.5) * DENSITY_CELL_M
+
+
+def target_speed(probabilities: Outputs) -> float:
+    """Return the mean of the target speed, m/s. `probabilities`: [1, 14], of `SPEED_BINS_MPS`."""
+    return float(np.asarray(probabilities, np.float64).reshape(-1) @ np.array(SPEED_BINS_MPS))
+
+
+def road_users(density: Outputs, least_probability: float = 0.5) -> Iterator[Occupied]:
+    """Yield the road users of a density map [1, 8, 24, 24]: squares that are at least so probably occupied, and more so
+    than their eight neighbours."""
+    occupied = density[0, 0]
+    around = np.pad(occupied, 1, constant_values=-1.0)
+    neighbours = [
+        around[1 + i : 1 + i + DENSITY_ROWS, 1 + k : 1 + k + DENSITY_ROWS]
+        for i in (-1, 0, 1)
+        for k in (-1, 0, 1)
+        if (i, k) != (0, 0)
+    ]
+    peak = (occupied >= least_probability) & (occupied >= np.max(neighbours, axis=0))
+    for row, column in np.argwhere(peak).tolist():
+        _, ahead, left, length, width, c, s, speed = density[0, :, row, column].tolist()
+        ahead_m, left_m = square_middle(row, column)
+        yield Occupied(
+            probability=float(occupied[row, column]),
+            ahead_m=ahead_m + ahead,
+            left_m=left_m + left,
+            length_m=length,
+            width_m=width,
+            heading_rad=math.atan2(s, c),
+            speed_mps=speed,
+        )
