@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec, SumoBundle
+from foresee_dsl.drivers.pictures.layout import CAMERA_AHEAD_M, CAMERA_RANGE_M
 from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission, Observation, VehicleLimits
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
 from foresee_dsl.simulate.rasters import StepViews
 from foresee_dsl.simulate.rasters.ground import GroundMap
-from foresee_dsl.simulate.rasters.layout import CAMERA_AHEAD_M, CAMERA_RANGE_M
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import STANDARD
