@@ -27,7 +27,7 @@ def compile_test_case(case: TestCase) -> SumoBundle:
 
 
 def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
-    """Return what is impossible in test cases on their networks, each error once.
+    """Return what is impossible in test cases on their networks, and where maps of others are broken, each once.
 
     Actors are placed by the compiler's own code; nothing is written but a network that is new.
     """
@@ -43,9 +43,11 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
         from foresee_dsl.compile.compiler import check_case  # here: a fifth of a check's time
 
         try:
-            check_case(case)
+            warnings = check_case(case)
         except InputError as error:
             found |= dict.fromkeys(error.diagnostics)
         else:
-            disk_cache.store(sound, True)
+            found |= dict.fromkeys(warnings)
+            if not warnings:
+                disk_cache.store(sound, True)
     return tuple(found)

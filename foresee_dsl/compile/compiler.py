@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
+from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
@@ -20,6 +22,7 @@ from foresee_dsl.language.model import Network
 from foresee_dsl.language.project.document import Document, PlacementError, Problem, TestCase
 from foresee_dsl.language.traversal import walk
 
+_CORRECT = "keep routes away from there, or correct the map"
 _Cached = TypeVar("_Cached")
 _Key = TypeVar("_Key")
 
@@ -45,12 +48,27 @@ def compile_case(case: TestCase) -> SumoBundle:
     )
 
 
-def check_case(case: TestCase) -> None:
-    """Place the actors of a test case and report what is wrong; nothing is written but a network that is new."""
+def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
+    """Place the actors of a test case and report what is wrong; nothing is written but a network that is new.
+
+    Returned are warnings: of a map of others that is broken somewhere.
+    """
+    net_file = _net_of(case.network)
     try:
-        _builder(case, _net_of(case.network))[0].place()
+        _builder(case, net_file)[0].place()
     except PlacementError as err:
         raise diagnose(case, err.problems) from err
+    faults = _read(net_file, case.network)[0].faults
+    if not faults or not isinstance(case.network, Path):
+        return ()
+    return (_warning(case, case.network.name, faults),)
+
+
+def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnostic:
+    closed = "1 place, which is closed" if len(faults) == 1 else f"{len(faults)} places, which are closed"
+    problem = Problem("", "use_network", codes.BROKEN,
+                      f"the map {network} is broken at {closed}: {'; '.join(faults)}", _CORRECT)  # fmt: skip
+    return replace(_diagnostic(case, problem, set()), severity="warning")
 
 
 def _builder(case: TestCase, net_file: Path) -> tuple[SceneBuilder, Mapping[str, ModelSpec]]:

@@ -185,10 +185,21 @@ class _Run:
                 arrived=arrived,
                 may_wait=self._may_wait(),
             )
+        if decision is not None and decision.verdict is Verdict.F1 and not decision.with_:
+            decision = self._of_the_map(decision)
         if decision is not None and decision.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
             decision = replace(decision, reason=f"{decision.reason}; {self._waits_for()}")
         self._expectations.look(simulation.time_s, ego_hit=decision is not None and bool(decision.with_))
         return decision
+
+    def _of_the_map(self, decision: Decision) -> Decision:
+        """Who leaves the road where the map is broken is not to blame for it."""
+        ego = self._simulation.ego
+        fault = self._simulation.network.fault_near(ego.x, ego.y)
+        if not fault:
+            return decision
+        reason = f"invalid: the ego left the drivable area at {decision.time_s:.2f} s where the map is broken: {fault}"
+        return replace(decision, verdict=Verdict.INVALID, reason=reason)
 
     def _drives_on(self, states: FloatArray) -> bool:
         """Whether a cheap test shows that nothing ends the run at this frame, as it nearly always does."""

@@ -8,10 +8,11 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossings
+from foresee_dsl.compile.foreign.geometry_repair import repair_geometry
 from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
-from foresee_dsl.compile.nets.net_reader import read_net
+from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
 from foresee_dsl.compile.nets.safe_xml import check_size, parse_net, parse_xml
 from foresee_dsl.compile.nets.signals import read_signals
@@ -19,10 +20,10 @@ from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
-_EDITION = "8"
+_EDITION = "9"
 """Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
 
-_NET_EDITION = "3"
+_NET_EDITION = "4"
 """The same for a SUMO net."""
 
 _LARGEST_M = 1e8
@@ -49,7 +50,8 @@ def foreign_net(path: Path) -> Path:
     """Return a net, in the cache, for a `.net.xml` (without the comments in front) or an `.xodr` map.
 
     Ids and coordinates are those of the net; an OpenDRIVE map keeps its coordinates. A net is taken as it is, but for
-    signals that react to traffic: the copy's have the same stages with fixed times.
+    signals that react to traffic (the copy's have the same stages with fixed times) and lines that no car can follow
+    (see `repair_geometry`).
     """
     try:
         check_size(path)
@@ -95,12 +97,13 @@ def _copy_net(path: Path, data: bytes, out: Path) -> None:
     root = parse_net(path)
     if root.find("edge") is None or root.find("location") is None:
         raise CompileError(f"{path} is not a complete SUMO network: it has no edges or no location")
-    if fix_times(root):
-        write_net(root, out)
-    else:
-        out.write_bytes(without_header(data))
     try:
-        _check_sound(read_net(out))
+        _check_sound(topology_of(root))
+        changed = any((fix_times(root), repair_geometry(root)))
+        if changed:
+            write_net(root, out)
+        else:
+            out.write_bytes(without_header(data))
         read_signals(out, None)
     except TypeError as err:  # rows of one number cannot be put in order
         raise CompileError(f"{path} is no sound SUMO network: two requests of a junction have one index") from err
@@ -142,6 +145,7 @@ def _convert_map(path: Path, out: Path) -> None:
         net = parse_net(folder / "map.net.xml")
         close_parking(net)
         repair_overlaps(net)
+        repair_geometry(net)
         give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
         write_net(net, out)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
 _SUMO_CLASS: dict[LaneKind, str] = {"car": "passenger", "bicycle": "bicycle", "pedestrian": "pedestrian"}
+FAULT = "foresee.fault"
+"""The key of the `<param>` of a lane or connection that nobody can drive over; its value says why."""
 _DEFAULT_WIDTH_M = 3.2
 """Width of a lane without `width`: SUMO's default lane width."""
 _TURNS: dict[str, Turn] = {
@@ -51,12 +53,13 @@ def topology_of(root: Element) -> Topology:
             edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
     junctions, rows = _junctions(root)
     connections = [element.attrib for element in root.iterfind("connection")]
+    faults = {_ends(element.attrib): text for element in root.iterfind("connection") if (text := _fault(element))}
     signals = {c["to"]: (c["tl"], int(c["linkIndex"])) for c in connections if c["to"][0] == ":" and "tl" in c}
     return Topology(
         lanes=lanes,
         edges=edges,
         junctions=junctions,
-        movements=tuple(_movements(connections, edges, lanes, rows)),
+        movements=tuple(_movements(connections, edges, lanes, rows, faults)),
         crossings={
             name: Crossing(
                 id=name,
@@ -81,6 +84,7 @@ def topology_of(root: Element) -> Topology:
 
 def _lane(element: Element, edge: str, function: str) -> Lane:
     get = element.attrib
+    fault = _fault(element)
     return Lane(
         id=get["id"],
         edge=edge,
@@ -89,10 +93,19 @@ def _lane(element: Element, edge: str, function: str) -> Lane:
         length_m=float(get["length"]),
         speed_mps=float(get["speed"]),
         width_m=float(get.get("width", _DEFAULT_WIDTH_M)),
-        kinds=_kinds(get.get("allow"), get.get("disallow")),
+        kinds=frozenset() if fault else _kinds(get.get("allow"), get.get("disallow")),
         internal=function != "normal",
         parking=get.get("type") == "parking",
+        fault=fault,
     )
+
+
+def _fault(element: Element) -> str:
+    return next((param.get("value", "") for param in element.iterfind("param") if param.get("key") == FAULT), "")
+
+
+def _ends(connection: Mapping[str, str]) -> tuple[str, str]:
+    return f"{connection['from']}_{connection['fromLane']}", f"{connection['to']}_{connection['toLane']}"
 
 
 def points_of(text: str) -> Points:
@@ -133,7 +146,11 @@ def _junctions(root: Element) -> tuple[dict[str, Junction], dict[str, int]]:
 
 
 def _movements(
-    connections: Iterable[dict[str, str]], edges: dict[str, Edge], lanes: dict[str, Lane], rows: dict[str, int]
+    connections: Iterable[dict[str, str]],
+    edges: dict[str, Edge],
+    lanes: dict[str, Lane],
+    rows: dict[str, int],
+    faults: Mapping[tuple[str, str], str],
 ) -> Iterable[Movement]:
     connections = list(connections)
     onward = {f"{c['from']}_{c['fromLane']}": c["via"] for c in connections if c["from"][0] == ":" and "via" in c}
@@ -147,6 +164,7 @@ def _movements(
             step = onward.get(step)
         chain = (f"{get['from']}_{get['fromLane']}", *via, f"{get['to']}_{get['toLane']}")
         direction = get.get("dir", "s")
+        fault = faults.get(_ends(get), "") or next((lanes[lane].fault for lane in chain if lanes[lane].fault), "")
         yield Movement(
             from_edge=get["from"],
             to_edge=get["to"],
@@ -159,7 +177,8 @@ def _movements(
             tls=get.get("tl"),
             link=int(get.get("linkIndex", -1)),
             index=next((rows[lane] for lane in reversed(via) if lane in rows), -1),
-            kinds=frozenset.intersection(*(lanes[lane].kinds for lane in chain)),
+            kinds=frozenset() if fault else frozenset.intersection(*(lanes[lane].kinds for lane in chain)),
+            fault=fault,
         )
 
 

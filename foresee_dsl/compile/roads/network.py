@@ -160,7 +160,7 @@ class RoadNetwork(Topology):
 
         walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()])
         junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()])
-        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds or lane.parking]
+        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds or lane.parking or lane.fault]
         bands = [shapely.LineString(lane.shape).buffer(lane.width_m / 2, quad_segs=4) for lane in lanes]
         road = shapely.union_all([shapely.difference(junctions, walking), *bands])
         area = shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.polyline import MERGE_M, STEP_M, XY, Points, Polyline, distance
-from foresee_dsl.compile.roads.routing import RouteError, onward
+from foresee_dsl.compile.roads.routing import RouteError, check_whole, onward
 from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement, Topology
 
 CHANGE_AFTER_M = 10.0
@@ -161,6 +161,7 @@ def _choose_lanes(
     if start_lane is not None and through is None:
         starts = [network.lanes[start_lane].index]
     if not starts:
+        check_whole(network, edges)
         raise RouteError(f"no lane of {first.id} is for a {kind}")
     best = {k: _Plan(0, (k,), ()) for k in starts}
     for here, there in pairwise(edges):
@@ -168,6 +169,7 @@ def _choose_lanes(
         best = _advance(network, ways, best, through)
         through = None
         if not best:
+            check_whole(network, (here, there))
             raise RouteError(f"no lane of {here} leads to {there} for a {kind}")
     entry, plan = min(best.items(), key=lambda item: item[1][:2])
     return (*plan.stretches, _Stretch(edges[-1], entry, entry, None))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
 from foresee_dsl.language.traversal import word_of
 
+_AROUND = "choose a way around that place, or correct the map there"
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
 """SUMO's directions, the plain ones first: where two ways count as `left`, the plain left is meant."""
@@ -58,7 +60,23 @@ def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "ca
     try:
         return tuple(nx.shortest_path(network.graph(kind), start, end, weight="length"))
     except (nx.NetworkXNoPath, nx.NodeNotFound):
+        check_whole(network, (start, end))
+        ways = nx.DiGraph((m.from_edge, m.to_edge) for m in network.movements if kind in m.kinds or m.fault)
+        if start in ways and end in ways and nx.has_path(ways, start, end):
+            check_whole(network, nx.shortest_path(ways, start, end))
         raise RouteError(f"there is no way from {start} to {end} for a {kind}") from None
+
+
+def check_whole(network: Topology, edges: Sequence[str]) -> None:
+    """Raise a `RouteError` that names the place where the map is broken on a way, if it is."""
+    for edge in edges:
+        faults = [lane.fault for lane in network.edges[edge].lanes if lane.fault]
+        if faults and not network.edges[edge].for_kind("car"):
+            raise RouteError(f"the map is broken on the way: {faults[0]}", _AROUND)
+    for here, there in pairwise(edges):
+        open_ways = any(m.to_edge == there for m in network.movements_from(here))
+        if not open_ways and (fault := network.fault_between(here, there)):
+            raise RouteError(f"the map is broken on the way: {fault}", _AROUND)
 
 
 def check_edge(network: Topology, edge: str) -> None:
@@ -110,6 +128,9 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     ways = onward(network, way[-1], kind)
     chosen = next((m for m in ways if m.turn == turn), None)
     if chosen is None:
+        broken = (m.to_edge for m in network.movements_at(junction) if m.from_edge == way[-1] and m.turn == turn)
+        for edge in broken:
+            check_whole(network, (way[-1], edge))
         turns = [t for t in _TURN_ORDER if any(m.turn == t for m in ways)]
         message = f"from {way[-1]} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
         raise RouteError(message, f"write `{turns[0]} over {junction}`, for example" if turns else "")
@@ -124,10 +145,11 @@ def _listed(network: Topology, route: EdgeRoute, kind: LaneKind) -> tuple[str, .
     for edge in named[1:]:
         if edge in {m.to_edge for m in network.movements_from(edges[-1], kind)}:
             edges.append(edge)
-        elif route.shortest:
-            edges += shortest_route(network, edges[-1], edge, kind)[1:]
-        else:
+        elif not route.shortest:
+            check_whole(network, (edges[-1], edge))
             raise RouteError(f"{edges[-1]} does not lead to {edge}", _leads_to(network, edges, edge, kind))
+        else:
+            edges += shortest_route(network, edges[-1], edge, kind)[1:]
     return tuple(edges)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
-from foresee_dsl.compile.roads.polyline import Points, Polyline
+from foresee_dsl.compile.roads.polyline import Points, Polyline, distance_to
 from foresee_dsl.language.model import Turn
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ class Lane:
         shape: the centreline's points, m, as in the net file. length_m: as in the net file; lengths in this package are
             measured along `line`, which can differ by the rounding.
         internal: inside a junction. parking: a strip for parked vehicles, closed to traffic.
+        fault: why nobody can drive on it, where the map is broken, or "".
     """
 
     id: str
@@ -38,6 +39,7 @@ class Lane:
     kinds: frozenset[LaneKind]
     internal: bool
     parking: bool = False
+    fault: str = ""
 
     @cached_property
     def line(self) -> Polyline:
@@ -105,6 +107,7 @@ class Movement:
         direction: SUMO's letter; `turn` is the language's word for it.
         tls: id of the signal that controls it, or None; `link` its index in that signal's states.
         index: its row in the junction's `requests`, -1 where it has none.
+        fault: why nobody can drive over it (it is then open to no kind), where the map is broken there, or "".
     """
 
     from_edge: str
@@ -119,6 +122,7 @@ class Movement:
     link: int
     index: int
     kinds: frozenset[LaneKind]
+    fault: str = ""
 
     @property
     def ends(self) -> tuple[str, str]:
@@ -184,6 +188,30 @@ class Topology:
         """Return all movements through a junction."""
         return tuple(m for m in self.movements if m.junction == junction)
 
+    def edges_at(self, junction: str) -> Sequence[Edge]:
+        """Return the edges that begin or end at a junction."""
+        return self._edges_by.get(junction, ())
+
+    def fault_between(self, edge: str, onward: str) -> str:
+        """Return why nobody can drive from one edge to the next, where the map is broken there, or ""."""
+        ways = self._movements_by.get(("from", edge), ())
+        return next((way.fault for way in ways if way.to_edge == onward and way.fault), "")
+
+    @cached_property
+    def faults(self) -> tuple[str, ...]:
+        """Why lanes and connections are closed where the map is broken, in the net's order."""
+        of_lanes = (lane.fault for lane in self.lanes.values())
+        of_ways = (movement.fault for movement in self.movements)
+        return tuple(dict.fromkeys(fault for fault in (*of_lanes, *of_ways) if fault))
+
+    def fault_near(self, x: float, y: float) -> str:
+        """Return what is wrong with the map at a place: why a lane or connection is closed that lies there, or ""."""
+        for lane in self.lanes.values() if self.faults else ():
+            fault = lane.fault or next((m.fault for m in self.movements_through(lane.id) if m.fault), "")
+            if fault and distance_to(x, y, lane.shape) <= lane.width_m:
+                return fault
+        return ""
+
     def crossings_at(self, junction: str) -> tuple[Crossing, ...]:
         """Return the pedestrian crossings of a junction."""
         return tuple(c for c in self.crossings.values() if c.junction == junction)
@@ -204,6 +232,14 @@ class Topology:
     @cached_property
     def _graphs(self) -> dict[LaneKind, nx.DiGraph[str]]:
         return {}
+
+    @cached_property
+    def _edges_by(self) -> dict[str, list[Edge]]:
+        found: dict[str, list[Edge]] = {}
+        for edge in self.edges.values():
+            for junction in dict.fromkeys((edge.start, edge.end)):
+                found.setdefault(junction, []).append(edge)
+        return found
 
     @cached_property
     def _movements_by(self) -> dict[tuple[str, str], list[Movement]]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import tostring  # no parsing: that is safe_xml's
 
+from foresee_dsl.compile.foreign.geometry_repair import Geometry, geometry_of
 from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.net_reader import read_net
@@ -20,6 +21,8 @@ from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
 
 NET = ".net.xml"
+_SHOWN = 3
+"""Places that a note names (ours)."""
 Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
 """What a map holds: what is taken over, what is left out (both with counts), and notes on what was guessed."""
 
@@ -67,9 +70,26 @@ def with_starter(
         )
         drive = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
         flat = bridge_notes(bridges(RoadNetwork.of(parts), Heights.of(net)))
-        return Imported((), 1, taken, +left_out, (drive, *notes, *flat))
+        return Imported((), 1, taken, +left_out, (drive, *notes, *flat, *geometry_notes(geometry_of(net))))
 
     return import_together(out, write)
+
+
+def geometry_notes(found: Geometry) -> tuple[str, ...]:
+    """Return what to say of a map's lines: what was repaired, and what stays broken."""
+    notes = []
+    if found.repaired:
+        notes.append(f"{len(found.repaired)} lines that no car can follow were smoothed, within their lanes and "
+                     f"junctions: {_some(found.repaired)}")  # fmt: skip
+    if found.broken:
+        notes.append(f"{len(found.broken)} places are broken and closed, no route leads over them: "
+                     f"{_some(found.broken)}; `foresee check` lists them all")  # fmt: skip
+    return tuple(notes)
+
+
+def _some(places: Sequence[str]) -> str:
+    more = f"; {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
+    return "; ".join(places[:_SHOWN]) + more
 
 
 def counts(parts: Topology) -> dict[str, int]:
