@@ -37,6 +37,10 @@ HELD_UP_S, HELPS_S = 6.0, 4.0
 """A pupil that stands for so long where the expert would go is helped: the expert drives for `HELPS_S`. Ours."""
 
 
+WRONG_STEER, WRONG_PEDALS = 0.08, 0.4
+"""Ours: 3 degrees of the wheels; a third of the brakes."""
+
+
 class Disturbance(NamedTuple):
     """How a run is disturbed. start: the ego's start is moved. bursts: wrong controls, at all and how far apart."""
 
@@ -99,6 +103,7 @@ class Recorder:
         self._sizes = np.array([(a.length_m, a.width_m) for a in self.models]).reshape(-1, 2)
         self._advice: Advice | None = None
         self._held_up_s = 0.0
+        self._errs = False
         self._helps_until_s = -math.inf
         self._drawn_until_s, self._expert_has_it = 0.0, self.pupil is None
         if self.disturbance.bursts:
@@ -121,6 +126,7 @@ class Recorder:
         drives = self.pupil is None or self._takes_over(observation, advice)
         if self.pupil is not None:
             answer = self.pupil.step(observation)  # also while it is helped: it must see every step
+            self._errs = _differ(answer, control)
             control = control if drives else answer
         if number % 10 in KEPT:
             self.frames.append(self._frame(number, observation, views, advice, drives))
@@ -195,6 +201,8 @@ class Recorder:
         ego, control = observation.ego, advice.control
         if self.bursts is not None and observation.time_s - self.bursts.ended_s < _BURST_ECHO_S:
             return 1.0
+        if self._errs and ego.speed_mps > 0.3:
+            return 1.0
         if ego.speed_mps < 0.3 and advice.target_speed_mps < 0.5:
             return 0.1 * self.easy
         bends = abs(control.steer) > 0.08 or abs(ego.yaw_rate_rad_s) > 0.06
@@ -207,6 +215,12 @@ class Recorder:
             if -2.0 < ahead < 22.0 and abs(left) < (7.0 if a.kind == "pedestrian" else 2.2):
                 return 1.0
         return 0.35 * self.easy
+
+
+def _differ(one: Control, other: Control) -> bool:
+    """Whether a pupil's answer is another one than the expert's, so that its mistake is worth keeping."""
+    pedals = abs((one.throttle - one.brake) - (other.throttle - other.brake))
+    return abs(one.steer - other.steer) > WRONG_STEER or pedals > WRONG_PEDALS
 
 
 def record(

@@ -54,7 +54,7 @@ class Labels(NamedTuple):
         trajectory: [12, 2] where the middle of the ego's footprint would be after 0.25 s, 0.5 s, ... 3 s: metres ahead
             of and to the left of where it is.
         acceleration_mps2, steer: the expert's decision; steer: -1 (right) to 1 (left).
-        target_speed_mps: how fast the expert would be in 2 s.
+        target_speed_mps: how fast the expert would be a second from now.
         stop: whether a stop line binds it: red, or it must give way there, or there is no room beyond.
         stop_m: how far the ego's front is from that line (or from where it waits); 100: there is none.
         signal: index into `SIGNAL_STATES` of the next signal on the route that is seen; "other" where none is.

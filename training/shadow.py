@@ -32,7 +32,7 @@ from training.samples import POINT_S, POINTS, SIGNAL_STATES
 
 REACH_M = 80.0
 """As far as ideal sensors see."""
-TARGET_S = 2.0
+TARGET_S = 1.0
 NO_STOP_M = 100.0
 BINDS_M = 60.0
 """A stop line that is farther does not bind yet. Ours: braking in comfort from 50 km/h takes 50 m."""

@@ -1,0 +1,58 @@
+"""Lets a learned driver drive, and records the expert's labels where it went (DAgger, Ross et al. 2011).
+
+    python -m training.dagger --driver fusion --weights /tmp/weights/round1 --round 1 --hours 1.5 --out FOLDER --jobs 2
+
+A run ends when the ego hits somebody or has left the road. Where the pupil stands and the expert would not, the expert
+drives for some seconds; and by chance in `--share` of all stretches of 4 s, so that what lies behind is seen as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from functools import partial
+from pathlib import Path
+
+from foresee_dsl.drivers.registry import load_driver
+from training.plan import bundled_meanings, plan
+from training.record import CARLA, Job, record_all
+
+SHARE = 0.15
+EASY = 0.6
+_BURSTS = 0.3
+
+
+def seed_of(number: int, driver: str) -> int:
+    """Return the seed of a round of a driver: other cases and drives than in every other round."""
+    return 1000 * number + sum(driver.encode()) % 997
+
+
+def main() -> None:
+    """Read the command line and record."""
+    parser = argparse.ArgumentParser(prog="python -m training.dagger", description="Record where a driver goes.")
+    parser.add_argument("--driver", required=True, help="name of an installed driver")
+    parser.add_argument("--weights", type=Path, help="folder of its weights (FORESEE_WEIGHTS)")
+    parser.add_argument("--round", type=int, required=True, help="number of the round, from 1 on")
+    parser.add_argument("--hours", type=float, required=True, help="how long is driven, in simulated time")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the files")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--share", type=float, default=SHARE, help="share of the time that the expert drives")
+    parser.add_argument("--carla", type=Path, default=CARLA, help="folder of CARLA's maps")
+    given = parser.parse_args()
+    if given.weights is not None:
+        os.environ["FORESEE_WEIGHTS"] = str(given.weights.resolve())
+    carla = given.carla if given.carla.is_dir() else None
+    name = f"round{given.round}_{given.driver}"
+    pieces = plan(
+        given.hours, seed_of(given.round, given.driver), given.out / f"work_{name}", carla=carla, bursts=_BURSTS
+    )
+    jobs = [
+        Job(items, given.out / f"{name}_{k:03d}.npz", bundled_meanings(), partial(load_driver, given.driver),
+            given.share, EASY)
+        for k, items in enumerate(pieces)
+    ]  # fmt: skip
+    record_all(jobs, given.jobs)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""What is recorded: which drawn cases and which drives through towns, with which seeds and disturbances.
+
+The plan is a function of hours and seed. Nothing in it is a bundled test case: the meanings are compared.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from foresee_dsl.errors import InputError
+from foresee_dsl.exchange.outcome import write_text
+from foresee_dsl.files import data_folder
+from foresee_dsl.language import model as m
+from foresee_dsl.language.project.addresses import scenario_files
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import Project, load_test_cases
+from foresee_dsl.language.sampling.draws import draw, values_of
+from training.driving import Disturbance
+from training.towns import drive, net_of, town_names
+
+RUN_S = {"cases": 45.0, "towns": 62.0}
+"""How long a run takes in the mean (measured on the first thousand)."""
+TOWN_SHARE = 0.5
+CARLA_WEIGHT = 2.0
+"""CARLA's towns are driven in so much more often than a generated one."""
+CHUNK = 24
+DRAW_SEED = 5_000_000
+"""Seeds of drawn cases begin here; bundled files and examples have small ones."""
+STARTS, BURSTS = 0.5, 0.65
+"""Shares of the runs whose start and whose controls are disturbed."""
+_PLACES = ("arm", "junction", "turn", "stage")
+"""Types of parameters that only fit together in few combinations."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One run.
+
+    Attributes:
+        address: of the test case. family: "3" to "9", or a town's name.
+    """
+
+    address: str
+    family: str
+    seed: int
+    disturbance: Disturbance
+
+
+def bundled_meanings(scenarios: Path | None = None) -> frozenset[str]:
+    """Return the meanings of all bundled test cases."""
+    folder = scenarios or data_folder("scenarios")
+    return frozenset(case.meaning for case in load_test_cases([folder]))
+
+
+def drawn_cases(work: Path, count: int, seed: int, scenarios: Path | None = None) -> dict[str, list[str]]:
+    """Write files with drawn cases of all bundled scenarios, and return the addresses by family.
+
+    `count`: how many of each family. Which of them mean what a bundled one does is looked at when they are loaded.
+    """
+    folder = scenarios or data_folder("scenarios")
+    files: dict[str, list[Path]] = defaultdict(list)
+    for file in scenario_files([folder]):
+        if file.parent != folder and file.parent.name.startswith("scenario"):
+            files[file.parent.name.removeprefix("scenario")].append(file)
+    found: dict[str, list[str]] = defaultdict(list)
+    for family, members in sorted(files.items()):
+        each = -(-count // len(members))
+        for file in sorted(members):
+            out = work / "cases" / f"{file.parent.name}_{file.stem}.foresee"
+            names = _write_cases(file, out, each, DRAW_SEED + seed)
+            found[family] += [f"{out.as_posix()}::{name}" for name in names]
+    return dict(found)
+
+
+def _write_cases(file: Path, out: Path, count: int, seed: int) -> list[str]:
+    """Write an extension of a scenario with drawn cases, and return their names.
+
+    Values are drawn as `cases ... from seed` does, but for roads, junctions, turns and stages: independent ones hardly
+    ever fit together, so each case has those of a bundled one.
+    """
+    scenario = Project().whole_scenario(file, drawn=True)
+    templates = [values_of(scenario, case) for case in scenario.all(m.Case)]
+    kept = {param.name for param in scenario.all(m.Param) if param.type in _PLACES}
+    drawn = draw(scenario, m.Cases(count=m.Quantity.of(count, "count", 0), seed=m.Quantity.of(seed, "count", 0)))
+    cases = []
+    for k, case in enumerate(drawn):
+        values = dict(values_of(scenario, case))
+        values |= {name: templates[k % len(templates)][name] for name in kept}
+        given = tuple(m.Assignment(name=name, value=value) for name, value in values.items())
+        cases.append(m.Case(name=f"drawn_{k:03d}", values=given))
+    body = tuple(m.Add(item=case) for case in cases)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_text(out, m.Extension(name=f"drawn_{file.stem}", parent=file.resolve().as_posix(), body=body))
+    return [case.name for case in cases]
+
+
+def town_drives(work: Path, count: int, seed: int, carla: Path | None) -> dict[str, list[str]]:
+    """Write scenarios of drives through all towns, and return their files by town; `count`: in all."""
+    towns = town_names(carla)
+    weights = np.array([CARLA_WEIGHT if town.startswith("Town") else 1.0 for town in towns])
+    found: dict[str, list[str]] = {}
+    for k, town in enumerate(towns):
+        net = net_of(town, work / "towns", carla, seed=100 + k)
+        rng = np.random.Generator(np.random.PCG64([seed, k]))
+        each = round(count * float(weights[k] / weights.sum()))
+        drives = (drive(net, f"{town.lower()}_{n:04d}", work / "towns" / town, rng) for n in range(each))
+        found[town] = [file.as_posix() for file in drives]
+    return found
+
+
+def plan(
+    hours: float, seed: int, work: Path, *, carla: Path | None, scenarios: Path | None = None, bursts: float = BURSTS
+) -> tuple[tuple[Item, ...], ...]:
+    """Return the runs in pieces that are recorded and written one by one: all of a piece have one network."""
+    seconds = hours * 3600.0
+    cases = drawn_cases(work, round(seconds * (1 - TOWN_SHARE) / RUN_S["cases"] / 5), seed, scenarios)
+    drives = town_drives(work, round(seconds * TOWN_SHARE / RUN_S["towns"]), seed, carla)
+    rng = np.random.Generator(np.random.PCG64([seed, 777]))
+    pieces: list[tuple[Item, ...]] = []
+    mixed = [(family, address) for family, addresses in sorted(cases.items()) for address in addresses]
+    order = rng.permutation(len(mixed)).tolist()
+    pieces += _pieces([_item(*mixed[k], rng, bursts) for k in order])
+    for town, addresses in drives.items():
+        pieces += _pieces([_item(town, address, rng, bursts) for address in addresses])
+    return tuple(pieces)
+
+
+def _item(family: str, address: str, rng: np.random.Generator, bursts: float) -> Item:
+    disturbance = Disturbance(bool(rng.random() < STARTS), bool(rng.random() < bursts), float(rng.uniform(5.0, 12.0)))
+    return Item(address, family, int(rng.integers(1, 2**31)), disturbance)
+
+
+def _pieces(items: Sequence[Item]) -> Iterable[tuple[Item, ...]]:
+    for k in range(0, len(items), CHUNK):
+        yield tuple(items[k : k + CHUNK])
+
+
+def loaded(project: Project, item: Item, bundled: frozenset[str]) -> TestCase | None:
+    """Load a run's test case; None where what was drawn is impossible, or what a bundled test case means."""
+    try:
+        case = project.test_case(item.address)
+    except InputError:
+        return None
+    return None if case.meaning in bundled else case
