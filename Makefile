@@ -59,11 +59,14 @@ $(VENV)/.installed: pyproject.toml
 	@echo "setting up $(VENV) (once; a minute or two)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "foresee-dsl needs Python 3.11 or newer; set PYTHON=")'
 	@if command -v uv >/dev/null 2>&1; then \
-	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && uv pip install --quiet --python $(BIN)/python -e '.[frenetix]'; \
+	  uv venv --quiet --allow-existing --python $(PYTHON) $(VENV) && \
+	  install="uv pip install --quiet --python $(BIN)/python"; \
 	else \
-	  $(PYTHON) -m venv $(VENV) && $(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[frenetix]'; \
-	fi
+	  $(PYTHON) -m venv $(VENV) && \
+	  install="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
+	fi && { $$install -e '.[frenetix,learned]' 2>/dev/null || $$install -e '.[frenetix]'; }
 	@$(BIN)/python -c 'import frenetix' 2>/dev/null || echo "the driver frenetix is left out: its package has wheels for Python up to 3.12 on x86_64 Linux and macOS only; all else works"
+	@$(BIN)/python -c 'import onnxruntime' 2>/dev/null || echo "the drivers fusion and fusion_safe are left out: onnxruntime has no wheel for this machine; all else works"
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

@@ -65,6 +65,10 @@ class DriverError(ForeseeError):
     """A driver is unknown, cannot be loaded, or broke its protocol."""
 
 
+class DriverUnavailableError(DriverError):
+    """A driver is whole, but needs something that is not installed: a package or weights (the message says which)."""
+
+
 class DriverLateError(DriverError):
     """A driver did not answer in time.
 

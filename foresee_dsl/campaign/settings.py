@@ -22,7 +22,8 @@ class CampaignSettings:
         seed: of all random choices.
         fidelity_limit_m: a clip whose unmutated run deviates further from its parent is not mutated (ours: half a
             lane's free width beside a car, 0.75 m; beyond it the clip is another situation).
-        handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches.
+        handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches. The
+            command line takes what the driver asks for (`drivers.registry.handover_of`) where it is given none.
         repeat: clips are mutated so often, with `seed` and the seeds that follow it.
     """
 

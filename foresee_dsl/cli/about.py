@@ -23,7 +23,7 @@ def drivers(json: JsonOption = False) -> None:
     found = describe_drivers()
     if json:
         keys = ("name", "version", "about", "package")
-        print_json({"schema": 1, "drivers": [dict(zip(keys, d, strict=True)) for d in found]})
+        print_json({"schema": 1, "drivers": [dict(zip(keys, d[: len(keys)], strict=True)) for d in found]})
         return
     from rich.table import Table
 
@@ -200,9 +200,9 @@ def _drivers() -> str:
     from foresee_dsl.errors import DriverError
 
     found = describe_drivers()
-    for broken in (d for d in found if not d.version):
+    for broken in (d for d in found if not d.version and not d.unavailable):
         raise DriverError(broken.doc)
-    return ", ".join(d.name for d in found)
+    return "; ".join([", ".join(d.name for d in found if d.version), *(d.doc for d in found if d.unavailable)])
 
 
 def _whole_line() -> str:

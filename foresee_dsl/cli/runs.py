@@ -186,7 +186,7 @@ def clip(
     seed: common.SeedOption = 0,
     before: Before = 5.0,
     after: After = 5.0,
-    handover: common.HandoverOption = 0.0,
+    handover: common.HandoverOption = None,
     out: common.OutOption = Path("clips"),
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
@@ -200,6 +200,8 @@ def clip(
     from foresee_dsl.campaign.driving import case_name
     from foresee_dsl.campaign.steps.clip import measure_clip
     from foresee_dsl.campaign.steps.forecast import clip_around
+    from foresee_dsl.derive.clipping.clip import DRIVES_S
+    from foresee_dsl.drivers.registry import handover_of, load_driver
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.files import write_whole
     from foresee_dsl.language.printer import print_model
@@ -212,11 +214,13 @@ def clip(
     point = points[rank - 1]
     case = load_test_case(str(loaded.meta["test_case"]), allow_outside=allow_outside)
     file = out / f"{case_name(case)}_p{rank}.foresee"
+    driver, run_seed = str(loaded.meta["driver"]), int(loaded.meta["seed"])
+    if handover is None:
+        handover = handover_of(load_driver(driver), before - DRIVES_S)
     try:
         model = clip_around(case, loaded, point, file, before_s=before, after_s=after, handover_s=handover)
     except ValueError as err:
         raise ForeseeError(str(err)) from err
-    driver, run_seed = str(loaded.meta["driver"]), int(loaded.meta["seed"])
     model, _, _, found = measure_clip(model, case, loaded, file, driver=driver, seed=run_seed)
     write_whole(file, print_model(model))
     if json:

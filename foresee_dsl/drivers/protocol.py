@@ -227,6 +227,14 @@ class OwnDeadline(Protocol):
 
 
 @runtime_checkable
+class WatchesFirst(Protocol):
+    """A driver that remembers, and drives a clip as its parent's run only after it has watched for so long, s; at a
+    clip's beginning it watches while the ego follows its recorded states."""
+
+    handover_s: float
+
+
+@runtime_checkable
 class Closing(Protocol):
     """A driver with a resource of its own, such as a process, which it must release after each run."""
 

@@ -7,14 +7,15 @@ A driver's address is its name (`pdm`); one that is made from a text has the tex
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 import shlex
 from importlib.metadata import EntryPoint
 from typing import Any, NamedTuple
 from urllib.parse import unquote
 
-from foresee_dsl.drivers.protocol import Driver
-from foresee_dsl.errors import DriverError
+from foresee_dsl.drivers.protocol import Driver, WatchesFirst
+from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
 
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
@@ -24,12 +25,18 @@ _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
 
 
 class DriverInfo(NamedTuple):
-    """What a list of drivers shows. `version` is empty and `doc` says why where a plug-in is broken."""
+    """What a list of drivers shows.
+
+    Attributes:
+        version: empty where it cannot be made; `doc` says why. unavailable: nothing is broken, it needs a package or
+            weights that are not installed.
+    """
 
     name: str
     version: str
     doc: str
     package: str
+    unavailable: bool = False
 
 
 def driver_names() -> tuple[str, ...]:
@@ -72,6 +79,20 @@ def load_driver(address: str) -> Driver:
     return driver
 
 
+def handover_of(driver: Driver, longest_s: float) -> float:
+    """Return how long a driver wants to watch at a clip's beginning, s, at most `longest_s`; most want 0.
+
+    Raises:
+        DriverError: it wants what is no number, or less than 0.
+    """
+    wanted = driver.handover_s if isinstance(driver, WatchesFirst) else 0.0
+    if isinstance(wanted, bool) or not isinstance(wanted, int | float) or not 0 <= wanted < math.inf:
+        raise DriverError(
+            f"the driver {driver.name} has a handover_s of {wanted!r}; write a number of seconds, such as 1.0"
+        )
+    return max(min(float(wanted), longest_s), 0.0)
+
+
 def recorded_driver(address: str, version: str) -> str:
     """Return how a mutant's file records its driver: `pdm 1`, `keeper 2 via external:python3 keeper.py`.
 
@@ -105,7 +126,7 @@ def _describe(name: str) -> DriverInfo:
     try:
         driver = _made_from_text(entry) or load_driver(name)
     except DriverError as err:
-        return DriverInfo(name, "", str(err), package)
+        return DriverInfo(name, "", str(err), package, isinstance(err, DriverUnavailableError))
     kind = driver if isinstance(driver, type) else type(driver)
     doc = (kind.__doc__ or "").strip().splitlines()
     return DriverInfo(name, driver.version, doc[0] if doc else "", package)

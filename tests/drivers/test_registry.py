@@ -82,7 +82,7 @@ def test_another_package_brings_a_driver() -> None:
     assert set(driver_names()) >= {"pdm", "coast"}
     assert isinstance(load_driver("coast"), Driver)
     (coast,) = [d for d in describe_drivers() if d.name == "coast"]
-    assert tuple(coast) == ("coast", "7", "Does nothing, on purpose.", "acme-drivers")
+    assert tuple(coast) == ("coast", "7", "Does nothing, on purpose.", "acme-drivers", False)
 
 
 @pytest.mark.usefixtures("plugin")

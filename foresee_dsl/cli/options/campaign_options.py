@@ -20,6 +20,7 @@ from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
     from foresee_dsl.campaign.settings import CampaignSettings, Shard
+    from foresee_dsl.drivers.protocol import Driver
 
 CPUS = os.cpu_count() or 1
 Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Worker processes.")]
@@ -44,7 +45,7 @@ class Flags:
     after: Annotated[float, typer.Option(min=0.5, max=60, help="Seconds of a clip after it.")] = 5.0
     risky_points: Annotated[int, typer.Option(min=1, max=1000, help="Risky points of a run, at most.")] = 4
     children: Annotated[int, typer.Option(min=0, max=1000, help="Mutated children of a clip.")] = 4
-    handover: common.HandoverOption = 0.0
+    handover: common.HandoverOption = None
     repeat: Annotated[
         int, typer.Option(min=1, max=10_000, help="How many times each clip is mutated, each time with another seed.")
     ] = 1
@@ -137,27 +138,30 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     from foresee_dsl.campaign.settings import CampaignSettings
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
+    from foresee_dsl.drivers.registry import handover_of
     from foresee_dsl.forecast.registry import load_ranker
 
-    longest_s = values["before"] - DRIVES_S
-    if values["handover"] > max(longest_s, 0.0):
+    longest_s = max(values["before"] - DRIVES_S, 0.0)
+    if (values["handover"] or 0.0) > longest_s:
         message = f"it has to end {DRIVES_S:g} s before the risky point, so {longest_s:g} s is the longest here"
         raise typer.BadParameter(message, param_hint="--handover")
-    _make_once(driver)
+    asked_s = handover_of(_make_once(driver), longest_s)
     load_ranker(ranker)
     load_preset(values["preset"])
     by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
+    if chosen["handover_s"] is None:
+        chosen["handover_s"] = asked_s
     return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker})
 
 
-def _make_once(driver: str) -> None:
+def _make_once(driver: str) -> Driver:
     """Make a driver, whose version goes into the keys of a campaign; where it raises, show its own code."""
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.errors import DriverError
 
     try:
-        load_driver(driver)
+        return load_driver(driver)
     except DriverError as err:
         if err.__cause__ is None:
             raise

@@ -29,12 +29,13 @@ DriverOption = Annotated[
     str, typer.Option("--driver", help="The driver under test; `foresee drivers` lists them.", autocompletion=drivers)
 ]
 HandoverOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--handover",
         min=0,
         max=10,
-        help="Seconds at a clip's beginning in which the ego follows its recorded states while the driver watches.",
+        help="Seconds at a clip's beginning in which the ego follows its recorded states while the driver watches; by "
+        "default what the driver asks for, most ask for none.",
     ),
 ]
 RankerOption = Annotated[

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.drivers.bundled import BundledDriver
 from foresee_dsl.drivers.protocol import Mission, VehicleLimits
-from foresee_dsl.errors import DriverError
+from foresee_dsl.errors import DriverUnavailableError
 
 if TYPE_CHECKING:
     from foresee_dsl.drivers.frenetix.stack import Stack
@@ -44,7 +44,7 @@ class FrenetixDriver(BundledDriver["Stack"]):
         try:
             import frenetix as _  # noqa: F401  an early and clear message where it is not installed
         except ImportError as err:
-            raise DriverError(f"{MISSING} ({err})" if "No module" not in str(err) else MISSING) from err
+            raise DriverUnavailableError(f"{MISSING} ({err})" if "No module" not in str(err) else MISSING) from err
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and start a new mission; the seed is not used."""

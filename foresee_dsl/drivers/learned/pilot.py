@@ -1,0 +1,99 @@
+"""Waypoints and a target speed to pedals, 20 times a second: pure pursuit across, a PID controller along.
+
+Waypoints are laid down in the world when they are decided, so that between two decisions they stay where they are
+while the ego moves along them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from foresee_dsl.drivers.learned import settings as cfg
+from foresee_dsl.drivers.protocol import Control, EgoState, FloatArray, VehicleLimits
+
+
+def laid_down(waypoints: FloatArray, ego: EgoState) -> FloatArray:
+    """Return waypoints ([N, 2] m ahead and to the left) in the world, behind the ego's own place: [N + 1, 2] m."""
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    path: FloatArray = np.concatenate([np.zeros((1, 2)), waypoints]) @ turn + (ego.x, ego.y)
+    return path
+
+
+def lengths(path: FloatArray) -> FloatArray:
+    """Return the lengths along a polyline at its points, [N] m."""
+    steps = np.diff(path, axis=0)
+    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+
+
+class Pilot:
+    """Drives one vehicle along waypoints; it remembers the errors of the speed of the last second."""
+
+    def __init__(self, vehicle: VehicleLimits) -> None:
+        self._vehicle = vehicle
+        self._axle_m = vehicle.wheelbase_m + vehicle.front_overhang_m - vehicle.length_m / 2
+        self._errors: deque[float] = deque(maxlen=cfg.INTEGRAL_STEPS)
+
+    def follow(
+        self, path: FloatArray, target_mps: float, within_s: float, ego: EgoState, *, hardest: bool = False
+    ) -> Control:
+        """Return what keeps the ego on a path of the world ([N, 2] m, from `laid_down`), and brings it to a speed.
+
+        `within_s`: how soon. `hardest`: brake as hard as the vehicle can instead.
+        """
+        car = self._vehicle
+        steer = self._angle(path, ego) / car.steer_max_rad
+        acceleration = -math.inf if hardest else self._acceleration(target_mps, within_s, ego)
+        if acceleration >= 0.0:
+            return Control(steer, min(acceleration / car.acceleration_mps2, 1.0), 0.0)
+        return Control(steer, 0.0, min(-acceleration / car.emergency_braking_mps2, 1.0))
+
+    def _acceleration(self, target_mps: float, within_s: float, ego: EgoState) -> float:
+        """Return the acceleration for a target speed; a car that is to stand is held by the brake."""
+        if target_mps < cfg.STANDS_MPS and ego.speed_mps < cfg.STANDS_MPS:
+            self._errors.clear()
+            return -self._vehicle.braking_mps2
+        error = target_mps - ego.speed_mps
+        self._errors.append(error)
+        integral = sum(self._errors) / cfg.INTEGRAL_STEPS
+        wanted = error / within_s + cfg.INTEGRAL_GAIN * integral - cfg.DAMPING_GAIN * ego.acceleration_mps2
+        return min(wanted, cfg.ACCELERATION_MPS2)
+
+    def _angle(self, path: FloatArray, ego: EgoState) -> float:
+        """Return the angle of the front wheels, rad, with which the rear axle's circle meets the point ahead."""
+        car, along = self._vehicle, lengths(path)
+        if along[-1] < cfg.WAY_LEAST_M:
+            return ego.steer_rad
+        aim = point_at(path, along, _nearest(path, along, ego) + max(cfg.AIM_LEAST_M, cfg.AIM_S * ego.speed_mps))
+        cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+        dx, dy = aim[0] - ego.x, aim[1] - ego.y
+        ahead, left = dx * cos + dy * sin + self._axle_m, dy * cos - dx * sin
+        curvature = 2.0 * left / max(ahead * ahead + left * left, 1.0)
+        grip = cfg.FRICTION_SHARE * car.friction * cfg.GRAVITY_MPS2 / max(ego.speed_mps, 1.0) ** 2
+        angle = math.atan(car.wheelbase_m * max(-grip, min(grip, curvature)))
+        return max(-car.steer_max_rad, min(car.steer_max_rad, angle))
+
+
+def point_at(path: FloatArray, along: FloatArray, s: float) -> tuple[float, float]:
+    """Return the point of a polyline at a length along it (m); beyond its end it goes on straight."""
+    if s <= along[-1]:
+        return float(np.interp(s, along, path[:, 0])), float(np.interp(s, along, path[:, 1]))
+    # The last metre gives the direction: single waypoints of a slow car lie close together, and jitter.
+    back = max(along[-1] - 1.0, 0.0)
+    x, y = float(np.interp(back, along, path[:, 0])), float(np.interp(back, along, path[:, 1]))
+    share = (s - back) / (along[-1] - back)
+    return x + share * float(path[-1, 0] - x), y + share * float(path[-1, 1] - y)
+
+
+def _nearest(path: FloatArray, along: FloatArray, ego: EgoState) -> float:
+    """Return the length along a polyline, m, at the foot of the ego's centre."""
+    starts, steps = path[:-1], np.diff(path, axis=0)
+    squared = (steps * steps).sum(axis=1)
+    away = np.array([ego.x, ego.y]) - starts
+    share = np.clip((away * steps).sum(axis=1) / np.maximum(squared, 1e-9), 0.0, 1.0)
+    off = away - share[:, None] * steps
+    best = int((off * off).sum(axis=1).argmin())
+    return float(along[best] + share[best] * math.sqrt(squared[best]))

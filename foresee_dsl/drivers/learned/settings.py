@@ -1,0 +1,76 @@
+"""The constants of the learned drivers' controllers, each with its source.
+
+TransFuser: Chitta et al. 2023, "TransFuser: Imitation with Transformer-Based Sensor Fusion for Autonomous Driving", and
+its published configuration. InterFuser: Shao et al. 2022, "Safety-Enhanced Autonomous Driving Using Interpretable
+Sensor Fusion Transformer", its appendix on the safety controller, and its published code.
+"""
+
+from __future__ import annotations
+
+DECIDES_S = 0.075
+"""A new decision on each object list that was measured at least this much after the last one's: ten a second, with
+the standard sensors (a list every 0.1 s) as with ideal ones (every 0.05 s). Ours."""
+
+# --- waypoints to pedals ----------------------------------------------------------------------------------------
+AIM_S = 0.6
+AIM_LEAST_M = 3.0
+"""Ours: the point that is steered for is this far ahead of the ego's centre. TransFuser aims at 4 m below 5.5 m/s and
+at 6.5 m above, for speeds up to 8 m/s."""
+WAY_LEAST_M = 0.7
+"""Ours: shorter waypoints belong to a car that is to stand; their direction says nothing, the wheels stay as they
+are."""
+FRICTION_SHARE = 0.7
+"""Ours: of the tyres' grip, what steering may use; the rest is for braking in the bend."""
+INTEGRAL_GAIN = 0.1
+DAMPING_GAIN = 0.0
+"""Ours: PID of the speed, its answer an acceleration: the proportional gain is one over the time in which the speed is
+to be reached (1/s); integral 1/s, damping without unit. TransFuser's has the ratios 5, 0.5, 1 and answers with
+pedals."""
+INTEGRAL_STEPS = 20
+"""The integral is the mean error of the last second, as TransFuser's is that of two: nothing that is older than the
+hand-over matters."""
+STANDS_MPS = 0.3
+"""Ours: a target speed under this means to stand."""
+GRAVITY_MPS2 = 9.81
+ACCELERATION_MPS2 = 2.5
+"""Ours: largest acceleration that is asked for; nuPlan calls up to 2.4 m/s^2 comfortable."""
+
+# --- safety controller ------------------------------------------------------------------------------------------
+LEAST_OCCUPIED = 0.5
+"""The probability from which a square of the density map that is more probable than its neighbours is an object.
+InterFuser: 0.4, and 0.9 for one that is not."""
+STEP_S = 0.5
+"""InterFuser's step of the linear programme."""
+STEPS = 6
+"""Ours: 3 s ahead, as far as the waypoints reach. InterFuser's 1 s is enough for its 5 m/s: with 4 m/s^2, 12 m/s are
+braked away in 3 s."""
+BRAKING_MPS2 = 4.0
+"""Ours: the braking that the programme counts on, half of what cars do on a dry road."""
+PREDICTED_S = (0.0, 0.5, 0.75, 1.0, 1.5, 2.0)
+"""InterFuser's times for which the others are placed, by their speed along their heading."""
+SOON_S = 1.0
+"""Within InterFuser's two steps any object in the way binds; later ones only those that were in the way by then, moved
+on. Ours: crossing cars that brake for their own red light would bind otherwise."""
+SPEED_ERROR_MPS = 0.5
+"""Ours: slower than this the others stand; the network's speeds are that far off."""
+MARGIN_M = 2.0
+"""InterFuser: what is left in front of an object."""
+SIDE_MARGIN_M = 0.2
+"""Ours: air on either side of the ego; InterFuser has 0.2 m more than half a car's width, and tolerates an overlap of
+4 %."""
+SAMPLE_M = 0.5
+"""Ours: spacing of the ego's places along the waypoints that are looked at; InterFuser has 0.2 m."""
+STOP_PROBABILITY = 0.5
+"""Ours: the probability from which a stop line binds while its signal is red or amber; InterFuser has 0.3, for
+junctions that are near."""
+STOP_MARGIN_M = 0.5
+"""Ours: where the front comes to rest before a stop line."""
+PLANNED_S = 0.9
+"""Ours: the waypoints' speed is read between 0.6 s and 1.2 s ahead, so that single ones do not matter; it is to be
+reached in the middle of that."""
+PLANNED_BETWEEN = (1, 3)
+"""The same as places among the waypoints, 0.3 s apart."""
+MOST_MPS = 25.0
+"""Ours: 90 km/h, the fastest that `fusion` can wish for; where no limit is known on the way."""
+STOP_PASSED_M = 3.0
+"""Ours: a stop line this far behind the front still binds; farther behind, the next one is meant."""
