@@ -8,6 +8,7 @@ processor core. The target speed as classes is that of its successor TransFuser+
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import torch
@@ -93,7 +94,7 @@ class Fusion(nn.Module):
         self.above, self.ahead = nn.ModuleList(), nn.ModuleList()
         for channels, inputs, into in ((ABOVE, BIRDS_EYE_SHAPE[0], self.above), (AHEAD, FORWARD_SHAPE[0], self.ahead)):
             into.append(Stem(inputs, channels[0]))
-            into.extend(Residual(a, b, 2) for a, b in zip(channels, channels[1:], strict=False))
+            into.extend(Residual(a, b, 2) for a, b in pairwise(channels))
         small = ((8, 8), (4, 10))
         self.exchanges = nn.ModuleList(
             Exchange(ABOVE[k], AHEAD[k], width, layers, small)
