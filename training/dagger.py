@@ -18,7 +18,6 @@ from training.plan import bundled_meanings, plan
 from training.record import CARLA, Job, record_all
 
 SHARE = 0.15
-EASY = 0.6
 _BURSTS = 0.3
 
 
@@ -48,7 +47,7 @@ def main() -> None:
     )
     jobs = [
         Job(items, given.out / f"{name}_{k:03d}.npz", bundled_meanings(), partial(load_driver, given.driver),
-            given.share, EASY)
+            given.share)
         for k, items in enumerate(pieces)
     ]  # fmt: skip
     record_all(jobs, given.jobs)

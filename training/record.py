@@ -33,7 +33,7 @@ class Job:
 
     Attributes:
         bundled: what the bundled test cases mean.
-        pupil: makes the driver to be recorded; None: the expert drives. share, easy: see `driving.record`.
+        pupil: makes the driver to be recorded; None: the expert drives. share: see `driving.record`.
     """
 
     items: tuple[Item, ...]
@@ -41,7 +41,6 @@ class Job:
     bundled: frozenset[str]
     pupil: Callable[[], Driver] | None = None
     share: float = 0.0
-    easy: float = 1.0
 
 
 @dataclass
@@ -73,7 +72,7 @@ class Tally:
 
 
 def record_piece(job: Job) -> Tally:
-    """Record a piece and write its file, which is left as it is where it is there already."""
+    """Record a piece and write its file."""
     runs: list[RecordedRun] = []
     tally, project = Tally(), Project()
     pupil = job.pupil() if job.pupil is not None else None
@@ -91,7 +90,7 @@ def record_piece(job: Job) -> Tally:
         try:
             run, result = record(
                 compile_test_case(case), item.seed, about, disturbance=item.disturbance, pupil=pupil,
-                share=job.share, easy=job.easy,
+                share=job.share,
             )  # fmt: skip
         except ForeseeError:  # what was drawn cannot be placed
             tally.impossible += 1

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from foresee_dsl.compile.foreign.networks import foreign_net
-from foresee_dsl.compile.nets.netconvert import sumo_home
+from foresee_dsl.compile.nets.netconvert import sumo_home, without_header
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.exchange.outcome import write_text
@@ -94,6 +94,7 @@ def generate(name: str, folder: Path, seed: int) -> Path:
         program = sumo_home() / "bin" / "netgenerate"
         command = [str(program), *GENERATED[name], *_COMMON, "--seed", str(seed), "-o", str(part)]
         subprocess.run(command, check=True, capture_output=True, timeout=120)  # noqa: S603  SUMO's own program
+        part.write_bytes(without_header(part.read_bytes()))  # the header holds the time and the folder
         part.rename(file)
     return file
 

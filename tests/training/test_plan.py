@@ -9,26 +9,36 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.loading import Project, load_test_case
-from training.plan import bundled_meanings, drawn_cases, loaded, plan
+from training.driving import UNDISTURBED
+from training.plan import Item, bundled_meanings, loaded, plan
 from training.record import Job, record_all, record_piece
-from training.towns import CARLA_HELD_OUT, drive, generate, town_names
+from training.towns import CARLA_HELD_OUT, GENERATED, drive, generate, town_names
 
 
-def test_no_drawn_case_means_what_a_bundled_one_does(scenarios: Path, tmp_path: Path) -> None:
-    found = drawn_cases(tmp_path, 4, 1, scenarios)
-    assert sorted(found) == ["3", "4", "7", "8", "9"]
+@pytest.fixture(scope="module")
+def planned(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[tuple[Item, ...], ...]:
+    return plan(0.4, 5, tmp_path_factory.mktemp("work"), carla=None, scenarios=scenarios)
+
+
+def test_no_drawn_case_means_what_a_bundled_one_does(planned: tuple[tuple[Item, ...], ...], scenarios: Path) -> None:
     project, known = Project(), bundled_meanings(scenarios)
-    addresses = [address for of_family in found.values() for address in of_family]
-    meanings = {project.test_case(address).meaning for address in addresses}
-    assert len(meanings) == len(addresses) >= 31
+    drawn = [item for piece in planned for item in piece if item.family.isdigit()]
+    assert {item.family for item in drawn} == {"3", "4", "7", "8", "9"}
+    meanings = {project.test_case(item.address).meaning for item in drawn}
+    assert len(meanings) == len(drawn) >= 31
     assert not meanings & known
     assert len(known) >= 100
 
 
-def test_what_means_a_bundled_case_is_left_out(scenarios: Path) -> None:
-    from training.driving import UNDISTURBED
-    from training.plan import Item
+def test_a_piece_has_one_network_and_all_towns_are_driven_in(planned: tuple[tuple[Item, ...], ...]) -> None:
+    kinds = [{item.family if not item.family.isdigit() else "library" for item in piece} for piece in planned]
+    assert all(len(kind) == 1 for kind in kinds)
+    assert set.union(*kinds) == {"library", *GENERATED}
+    seeds = [item.seed for piece in planned for item in piece]
+    assert len(set(seeds)) == len(seeds)
 
+
+def test_what_means_a_bundled_case_is_left_out(scenarios: Path) -> None:
     address = f"{scenarios}/scenario3/behind_the_bus.foresee::commuter"
     item = Item(address, "3", 1, UNDISTURBED)
     assert loaded(Project(), item, bundled_meanings(scenarios)) is None
@@ -56,11 +66,8 @@ def test_drives_through_a_generated_town(tmp_path: Path) -> None:
     assert len(compile_test_case(load_test_case(alone)).scene.actors) == 1
 
 
-@pytest.mark.slow
-def test_the_same_for_any_number_of_jobs(tmp_path: Path, scenarios: Path) -> None:
-    pieces = plan(0.3, 5, tmp_path / "work", carla=None, scenarios=scenarios)
-    assert pieces == plan(0.3, 5, tmp_path / "work", carla=None, scenarios=scenarios)
-    items = [(piece[0],) for piece in pieces[-2:]]
+def test_the_same_for_any_number_of_jobs(planned: tuple[tuple[Item, ...], ...], tmp_path: Path) -> None:
+    items = [(piece[0],) for piece in planned[-2:]]
     one = [Job(piece, tmp_path / f"one_{k}.npz", frozenset()) for k, piece in enumerate(items)]
     two = [Job(piece, tmp_path / f"two_{k}.npz", frozenset()) for k, piece in enumerate(items)]
     tallies = [record_piece(job) for job in one]
