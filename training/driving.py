@@ -35,6 +35,8 @@ _PASTS = (10, 20)
 _BURST_ECHO_S = 3.0
 HELD_UP_S, HELPS_S = 6.0, 4.0
 """A pupil that stands for so long where the expert would go is helped: the expert drives for `HELPS_S`. Ours."""
+OUTSIDE_M, RESCUED = 0.5, 0.7
+"""In this share of the runs a pupil that is so far outside of its lanes is helped as well. Ours."""
 
 
 WRONG_STEER, WRONG_PEDALS = 0.08, 0.4
@@ -104,6 +106,7 @@ class Recorder:
         self._advice: Advice | None = None
         self._held_up_s = 0.0
         self._errs = False
+        self._rescued = self.pupil is not None and bool(self.rng.random() < RESCUED)
         self._helps_until_s = -math.inf
         self._drawn_until_s, self._expert_has_it = 0.0, self.pupil is None
         if self.disturbance.bursts:
@@ -138,13 +141,15 @@ class Recorder:
             self.pupil.close()
 
     def _takes_over(self, observation: Observation, advice: Advice) -> bool:
-        """Whether the expert drives a pupil's run for now: by chance, or since the pupil stands for no reason."""
+        """Whether the expert drives a pupil's run for now: by chance, or since the pupil stands or leaves its lanes."""
         time_s = observation.time_s
         if time_s >= self._drawn_until_s:
             self._drawn_until_s = time_s + HELPS_S
             self._expert_has_it = bool(self.rng.random() < self.share)
         idle = observation.ego.speed_mps < 0.3 and advice.acceleration_mps2 > 0.5
         self._held_up_s = self._held_up_s + FRAME_S if idle else 0.0
+        if self._rescued and advice.outside_m > OUTSIDE_M:
+            self._helps_until_s = time_s + HELPS_S
         if self._held_up_s > HELD_UP_S:
             self._held_up_s, self._helps_until_s = 0.0, time_s + HELPS_S
         return self._expert_has_it or time_s < self._helps_until_s

@@ -76,7 +76,7 @@ def decide_in_full(
 
 
 class Advice(NamedTuple):
-    """What the expert would do now; see `samples.Labels`. `s`: the ego's length along the route (its rear axle)."""
+    """What the expert would do now; see `samples.Labels`. `outside_m`: how far the ego is outside of its own lanes."""
 
     control: Control
     trajectory: FloatArray
@@ -84,7 +84,7 @@ class Advice(NamedTuple):
     target_speed_mps: float
     stop_m: float
     signal: int
-    s: float
+    outside_m: float
 
     @property
     def stop(self) -> bool:
@@ -134,7 +134,7 @@ class Expert:
             float(np.interp(TARGET_S, TIMES_S, plan["speed"])),
             min(max(float(wall_s) - float(ego["front_s"]), 0.0), NO_STOP_M),
             self._next_signal(observation, float(ego["s"])),
-            float(ego["s"]),
+            self._outside_m(float(ego["s"]), float(ego["d"])),
         )
 
     def hold(self, observation: Observation, pose: tuple[float, float, float]) -> Control:
@@ -148,6 +148,10 @@ class Expert:
             self._numbers,
             EgoState(*pose, ego.speed_mps, ego.acceleration_mps2, ego.yaw_rate_rad_s, ego.steer_rad),
         )
+
+    def _outside_m(self, s: float, d: float) -> float:
+        road, half = self._route.points[self._route.index(s)], float(self._egos["width"][0]) / 2
+        return max(d + half - float(road["left"]), half - d - float(road["right"]), 0.0)
 
     def _seen(self, pose: tuple[float, float, float], states: FloatArray) -> tuple[SeenActor, ...]:
         away = np.hypot(states[:, X] - pose[0], states[:, Y] - pose[1])
