@@ -152,17 +152,17 @@ def density_labels(labels: Labels) -> tuple[NDArray[np.int64], NDArray[np.float3
 
 
 def importance(labels: Labels, speed_mps: float, *, expert_drives: bool) -> float:
-    """Return how often a sample is drawn, 1 for plain driving: hard moments more often, long waits less.
+    """Return how often a sample is drawn, 1 for plain driving: hard moments more often.
 
-    Ours. A network that saw each moment as often as it happens learns to wait and to drive straight.
+    Ours. A network that saw each moment as often as it happens learns to drive straight on.
     """
     points = np.vstack([(0.0, 0.0), labels.trajectory])
     speeds = np.hypot(*np.diff(points, axis=0).T) / 0.25
     weight = 1.0
     if speed_mps < 0.3 and speeds.max() < 0.5:
-        weight = 0.5  # waits, and goes on waiting
+        weight = 1.0  # waits, and goes on waiting; recordings hold few of these
     elif speed_mps < 1.5 and speeds[-1] > speed_mps + 1.0:
-        weight = 3.0  # starts
+        weight = 4.0  # starts
     elif speeds[6] < speed_mps - 1.0:
         weight = 3.0  # brakes
     elif abs(labels.trajectory[7, 1]) > 0.7:
