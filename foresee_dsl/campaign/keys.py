@@ -23,7 +23,8 @@ from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import OPERATORS
 from foresee_dsl.drivers.registry import DRIVERS, load_driver
 from foresee_dsl.files import data_folder
-from foresee_dsl.forecast.registry import RANKERS
+from foresee_dsl.forecast.protocol import Learned
+from foresee_dsl.forecast.registry import RANKERS, load_ranker
 from foresee_dsl.plugins import PluginGroup
 
 
@@ -57,9 +58,15 @@ def driver_identity(address: str) -> str:
     return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name), _files_named(argument)])
 
 
-def ranker_identity(name: str) -> str:
-    """Return what stands for a ranker: its name and a hash of its code."""
-    return json.dumps([name, _plugin(RANKERS, name)])
+def ranker_identity(name: str, driver: str) -> str:
+    """Return what stands for a ranker: its name, a hash of its code, and of the weights that watch the driver, if any.
+
+    Raises:
+        ForeseeError: there is no such ranker, or no weights for this driver.
+    """
+    ranker = load_ranker(name)
+    weights = [ranker.weights_hash(driver)] if isinstance(ranker, Learned) else []
+    return json.dumps([name, _plugin(RANKERS, name), *weights])
 
 
 def operators_identity() -> str:

@@ -101,7 +101,11 @@ class Stages:
         self.settings = settings
         self._store, self.out = store, out
         self._campaign = Campaign(
-            settings, driver_identity(settings.driver), ranker_identity(settings.ranker), operators_identity(), key
+            settings,
+            driver_identity(settings.driver),
+            ranker_identity(settings.ranker, settings.driver),
+            operators_identity(),
+            key,
         )
         self._after: dict[Node, tuple[Node, ...]] = {}
         """What follows from the steps looked at so far: a step is looked at before and after the run."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.execution.runs import CaseRun
+    from foresee_dsl.compile.bundle import SumoBundle
     from foresee_dsl.forecast.protocol import RiskyPoint
     from foresee_dsl.simulate.trace import Trace
 
@@ -164,12 +165,13 @@ def forecast(
     before: Before = 5.0,
     after: After = 5.0,
     json: common.JsonOption = False,
+    allow_outside: common.AllowOutsideOption = False,
 ) -> None:
     """Rank the moments of a run around which a failure may hide.
 
     [dim]foresee forecast runs/red_light_runner_r01.npz --ranker proximity[/dim]
     """
-    points = _points(_load_trace(trace), ranker, seed, before, after)
+    points = _points(_load_trace(trace), ranker, seed, before, after, allow_outside=allow_outside)
     if json:
         found = [_point_dict(p) for p in points]
         common.print_json({"schema": 1, "trace": str(trace), "ranker": ranker, "risky_points": found})
@@ -208,7 +210,7 @@ def clip(
     from foresee_dsl.language.project.loading import load_test_case
 
     loaded = _load_trace(trace)
-    points = _points(loaded, ranker, seed, before, after)
+    points = _points(loaded, ranker, seed, before, after, allow_outside=allow_outside)
     if rank > len(points):
         raise ForeseeError(f"{trace} has {len(points)} risky points by {ranker}, so there is no rank {rank}")
     point = points[rank - 1]
@@ -288,10 +290,23 @@ def _load_trace(path: Path) -> Trace:
         raise ForeseeError(str(err)) from err
 
 
-def _points(trace: Trace, ranker: str, seed: int, before: float, after: float) -> tuple[RiskyPoint, ...]:
-    from foresee_dsl.forecast.registry import load_ranker
+def _points(
+    trace: Trace, ranker: str, seed: int, before: float, after: float, *, allow_outside: bool
+) -> tuple[RiskyPoint, ...]:
+    """Rank; the test case of the run is compiled for a ranker that needs it."""
+    from foresee_dsl.forecast.registry import ranker_within
 
-    return load_ranker(ranker).rank(trace, seed=seed, before_s=before, after_s=after)
+    def compiled() -> SumoBundle:
+        from foresee_dsl.compile import compile_test_case
+        from foresee_dsl.errors import ForeseeError
+        from foresee_dsl.language.project.loading import load_test_case
+
+        case = load_test_case(str(trace.meta["test_case"]), allow_outside=allow_outside)
+        if trace.meta.get("meaning", case.meaning) != case.meaning:
+            raise ForeseeError(f"{case.id} was edited since this run: run it again, then rank")
+        return compile_test_case(case)
+
+    return ranker_within(ranker, compiled).rank(trace, seed=seed, before_s=before, after_s=after)
 
 
 def _point_dict(point: RiskyPoint) -> dict[str, object]:

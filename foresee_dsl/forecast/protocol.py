@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
 
 from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from foresee_dsl.compile.bundle import Signal, SumoBundle
+    from foresee_dsl.compile.roads.network import RoadNetwork
+    from foresee_dsl.drivers.protocol import Mission
 
 Group = Literal["critical crossing", "crossing", "critical", "close", "none"]
 """The paper's groups of actors (section 3.2); `close` for the proximity ranker, `none` for points without an actor."""
@@ -54,4 +60,42 @@ class Ranker(Protocol):
             before_s: o_b; no point lies nearer to the beginning.
             after_s: o_a; a point may lie nearer to the end (the clip is then shorter).
         """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a trace does not hold of the place where it was recorded.
+
+    Attributes:
+        network: the roads and buildings. mission: the ego's route. signals: the programs by junction.
+    """
+
+    network: RoadNetwork
+    mission: Mission
+    signals: Mapping[str, Signal]
+
+    @classmethod
+    def of(cls, bundle: SumoBundle) -> Self:
+        """Return those of a compiled test case."""
+        from foresee_dsl.simulate.mission import mission_of
+
+        return cls(bundle.network, mission_of(bundle), bundle.signals)
+
+
+@runtime_checkable
+class NeedsSurroundings(Protocol):
+    """A ranker that cannot rank a trace alone, for example because it draws what a camera saw."""
+
+    def within(self, surroundings: Surroundings) -> Ranker:
+        """Return the ranker of the runs in these surroundings."""
+        ...
+
+
+@runtime_checkable
+class Learned(Protocol):
+    """A ranker whose answers depend on trained weights; campaign keys contain their hash."""
+
+    def weights_hash(self, driver: str) -> str:
+        """Return the hash of the weights with which runs of a driver are ranked."""
         ...

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.forecast.protocol import Ranker
+from foresee_dsl.forecast.protocol import NeedsSurroundings, Ranker, Surroundings
 from foresee_dsl.plugins import PluginGroup
+
+if TYPE_CHECKING:
+    from foresee_dsl.compile.bundle import SumoBundle
 
 
 class UnknownRankerError(ForeseeError):
@@ -27,3 +33,12 @@ def load_ranker(name: str) -> Ranker:
     if not isinstance(ranker, Ranker):
         raise UnknownRankerError(f"ranker {name!r} ({entry.value}) has no method `rank` or no `name`")
     return ranker
+
+
+def ranker_within(name: str, compiled: Callable[[], SumoBundle]) -> Ranker:
+    """Make the ranker of a name for the runs of one test case.
+
+    `compiled`: returns that test case, compiled; it is called only for a ranker that needs the surroundings.
+    """
+    ranker = load_ranker(name)
+    return ranker.within(Surroundings.of(compiled())) if isinstance(ranker, NeedsSurroundings) else ranker

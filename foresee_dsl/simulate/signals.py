@@ -10,6 +10,11 @@ from foresee_dsl.drivers.protocol import SignalColour
 _COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
 
 
+def colour_shown(state: str, link: int) -> SignalColour:
+    """Return what a signal with this state string shows to one of its links."""
+    return _COLOURS.get(state[link], "off")
+
+
 class Signals:
     """The signals of one run.
 
@@ -66,4 +71,4 @@ class Signals:
 
     def colour(self, tls: str, link: int) -> SignalColour:
         """Return what a signal shows to one of its links."""
-        return _COLOURS.get(self.state(tls)[link], "off")
+        return colour_shown(self.state(tls), link)

@@ -11,8 +11,9 @@ from foresee_dsl.campaign.driving import relative_path
 from foresee_dsl.campaign.records import Draft, Forecast, SeedOutcome
 from foresee_dsl.campaign.steps.clip_text import risk_hash
 from foresee_dsl.campaign.steps.step import Campaign, Step, Work
+from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive.clipping.clip import clip as make_clip
-from foresee_dsl.forecast.registry import load_ranker
+from foresee_dsl.forecast.registry import ranker_within
 from foresee_dsl.language.meaning import clip_pin
 from foresee_dsl.language.model import Clip
 from foresee_dsl.language.printer import print_model
@@ -60,7 +61,8 @@ class ForecastStep(Step["SeedStep", SeedOutcome]):
         if trace is None:
             raise ValueError(f"the forecast of {self.name} has no trace")
         s = work.settings
-        points = load_ranker(s.ranker).rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
+        ranker = ranker_within(s.ranker, lambda: compile_test_case(case))
+        points = ranker.rank(trace, seed=self.seed, before_s=s.before_s, after_s=s.after_s)
         # Points of one moment (about two actors, say) have clips of one meaning: only the first of them is made.
         drafts: dict[str, Draft] = {}
         for point in points:

@@ -139,6 +139,7 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import handover_of
+    from foresee_dsl.forecast.protocol import Learned
     from foresee_dsl.forecast.registry import load_ranker
 
     longest_s = max(values["before"] - DRIVES_S, 0.0)
@@ -146,7 +147,8 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
         message = f"it has to end {DRIVES_S:g} s before the risky point, so {longest_s:g} s is the longest here"
         raise typer.BadParameter(message, param_hint="--handover")
     asked_s = handover_of(_make_once(driver), longest_s)
-    load_ranker(ranker)
+    if isinstance(found := load_ranker(ranker), Learned):
+        found.weights_hash(driver)  # it raises where nothing watches this driver
     load_preset(values["preset"])
     by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}

@@ -1,0 +1,74 @@
+"""What the front camera saw in a recorded run, twice a second: classes of pixels, and their colours."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.drivers.protocol import SignalColour
+from foresee_dsl.forecast.protocol import Surroundings
+from foresee_dsl.simulate.rasters import FORWARD_CHANNELS, Canvas, RecordedFrames
+from foresee_dsl.simulate.rasters.colours import coloured
+from foresee_dsl.simulate.rasters.layout import FORWARD
+from foresee_dsl.simulate.signals import colour_shown
+from foresee_dsl.simulate.trace import STEP_S, Trace
+
+EVERY_S = 0.5
+"""Time between two pictures: 2 a second, as the paper's training data (section 4.3.2)."""
+ROWS, COLUMNS = 80, 160
+"""Size of SelfOracle's pictures (its `IMAGE_HEIGHT`, `IMAGE_WIDTH`)."""
+CLASSES = len(FORWARD_CHANNELS)
+"""Classes of pixels: those of the forward view without the depth, and one for pixels that show nothing."""
+
+_ROW_OF = np.arange(ROWS) * FORWARD.rows // ROWS
+"""The row of the forward view that each row of a picture shows."""
+
+
+def looked_at(trace: Trace, every_s: float = EVERY_S) -> NDArray[np.intp]:
+    """Return the frames of a run that pictures are drawn of."""
+    return np.arange(0, trace.frames, round(every_s / STEP_S))
+
+
+def classes_seen(trace: Trace, surroundings: Surroundings, frames: NDArray[np.intp]) -> NDArray[np.uint8]:
+    """Return what a camera behind the windscreen saw in these frames, [N, 64, 160]: the class of each pixel."""
+    ego = trace.actors[0]
+    canvas = Canvas.of_mission(surroundings.network, surroundings.mission, (ego.length_m, ego.width_m))
+    recorded = RecordedFrames(trace)
+    seen = np.empty((len(frames), FORWARD.rows, FORWARD.columns), np.uint8)
+    for k, frame in enumerate(frames.tolist()):
+        view = canvas.forward(
+            recorded.pose(frame), recorded.bodies(frame), recorded.groups, signals_at(trace, surroundings, frame)
+        )
+        planes = view[: CLASSES - 1]
+        seen[k] = np.where(planes.any(axis=0), planes.argmax(axis=0), CLASSES - 1)
+    return seen
+
+
+def pictures_of(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the pictures of pixels' classes [N, 64, 160] in colours: [N, 80, 160, 3]."""
+    pictures: NDArray[np.uint8] = PALETTE[classes[:, _ROW_OF]]
+    return pictures
+
+
+def signals_at(trace: Trace, surroundings: Surroundings, frame: int) -> dict[str, SignalColour]:
+    """Return what the signals of the ego's route showed in a frame, by `JunctionPassage.signal`."""
+    column = {junction: k for k, junction in enumerate(trace.signals)}
+    colours: dict[str, SignalColour] = {}
+    for passage in surroundings.mission.junctions:
+        if passage.signal is None or passage.junction not in column:
+            continue
+        k, signal = column[passage.junction], surroundings.signals[passage.junction]
+        stage = trace.signal_stages[k][int(trace.stages[frame, k])]
+        phase, _ = signal.phase_at(stage, float(trace.elapsed[frame, k]))
+        colours[passage.signal] = colour_shown(signal.phases[phase].state, int(passage.signal.rpartition(":")[2]))
+    return colours
+
+
+def _palette() -> NDArray[np.uint8]:
+    """Return the colour of each class, [13, 3], as people see the forward view."""
+    each = np.zeros((CLASSES, 1, CLASSES), np.uint8)
+    each[np.arange(CLASSES - 1), 0, np.arange(CLASSES - 1)] = 255
+    return coloured(each)[0]
+
+
+PALETTE = _palette()

@@ -1,0 +1,67 @@
+"""The pieces of a run between consecutive waypoints, each with the mean of its pictures' reconstruction errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.simulate.trace import Trace, X, Y
+
+_BACK, _ON = 3, 30
+"""The next waypoint is looked for among so many behind and ahead of the last one. Ours: 6 m and 60 m of route, so that
+a route that comes back to a place is not cut short there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A piece of a run. `first`, `last`: its frames. `error`: mean over its pictures."""
+
+    first: int
+    last: int
+    error: float
+
+    @property
+    def middle(self) -> int:
+        """The frame in its middle."""
+        return (self.first + self.last) // 2
+
+
+def segments_of(trace: Trace, frames: NDArray[np.intp], errors: FloatArray) -> list[Segment]:
+    """Return a run's segments in the order of time, those without a picture left out.
+
+    Args:
+        trace: the run. frames: [N] of which pictures were drawn. errors: [N] theirs.
+    """
+    passed = waypoints_passed(trace)
+    changes = np.flatnonzero(np.diff(passed)) + 1
+    starts = np.concatenate(([0], changes))
+    ends = np.concatenate((changes - 1, [trace.frames - 1]))
+    found = []
+    for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
+        inside = (frames >= first) & (frames <= last)
+        if inside.any():
+            found.append(Segment(first, last, float(errors[inside].mean())))
+    return found
+
+
+def waypoints_passed(trace: Trace) -> NDArray[np.intp]:
+    """Return how many waypoints the ego had passed at each frame, [T]; the count never falls."""
+    points, ego = trace.waypoints, trace.states[:, 0, [X, Y]]
+    passed = np.zeros(trace.frames, np.intp)
+    if len(points) < 2:
+        return passed
+    ahead = np.gradient(points, axis=0)
+    at = 0
+    for frame, place in enumerate(ego):
+        low, high = max(at - _BACK, 0), min(at + _ON, len(points))
+        offset = place - points[low:high]
+        gaps = np.hypot(offset[:, 0], offset[:, 1])
+        nearest = int(gaps.argmin()) if frame else int(np.hypot(*(place - points).T).argmin())
+        k = low + nearest if frame else nearest
+        beyond = float((place - points[k]) @ ahead[k]) >= 0
+        at = max(at, k + beyond)
+        passed[frame] = at
+    return passed

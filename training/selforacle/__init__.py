@@ -1,0 +1,1 @@
+"""Training of SelfOracle's autoencoders (docs/selforacle.md)."""
