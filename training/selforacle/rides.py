@@ -185,11 +185,8 @@ def main() -> None:
     options = parser.parse_args()
     kept: list[Rides] = []
     for ride in drive(options.driver, range(options.first, options.first + options.rides)):
-        reason = ride.result.reason
-        print(
-            f"ride {ride.seed}: {ride.result.duration_s:.0f} s, {'nominal' if ride.nominal else 'not: ' + reason}",
-            flush=True,
-        )
+        how = "nominal" if ride.nominal else f"not: {ride.result.reason}"
+        print(f"ride {ride.seed}: {ride.result.duration_s:.0f} s, {how}", flush=True)
         if ride.nominal:
             kept.append(packed(ride, options.every))
         if len(kept) == options.chunk:

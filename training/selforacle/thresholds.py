@@ -53,13 +53,16 @@ def facts_of(network: str, training: Any) -> dict[str, Any]:  # noqa: ANN401 - a
         "quantile": QUANTILE,
         "gamma": {"shape": shape, "scale": scale},
         "segments": {"trained_on": int((~fresh).sum()), "fresh": int(fresh.sum())},
-        "alarms": {"trained_on": float((means[~fresh] > threshold).mean()), "fresh": float((means[fresh] > threshold).mean())},
+        "alarms": {
+            "trained_on": float((means[~fresh] > threshold).mean()),
+            "fresh": float((means[fresh] > threshold).mean()),
+        },
         "training": {
             **{key: about[key] for key in ("pictures", "trained_on", "epochs", "batch", "seed")},
             "rides": len(np.unique(training["ride"])),
             "loss": about[f"{name}_loss"],
         },
-    }  # fmt: skip
+    }
 
 
 def main() -> None:

@@ -39,7 +39,8 @@ HandoverOption = Annotated[
     ),
 ]
 RankerOption = Annotated[
-    str, typer.Option("--ranker", help="What picks the risky points: foresee, proximity, random, exhaustive.")
+    str,
+    typer.Option("--ranker", help="What picks the risky points: foresee, proximity, random, exhaustive, selforacle"),
 ]
 AddressArgument = Annotated[
     str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip or a mutant.", autocompletion=case_addresses)

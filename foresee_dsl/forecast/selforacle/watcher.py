@@ -72,9 +72,9 @@ def watcher_of(ranker: str, driver: str) -> Watcher:
             return Watcher(weights, float(json.loads(about)["threshold"]), both)
     raise ForeseeError(
         f"the ranker {ranker} has no weights that watch the driver {driver!r} (there are some for "
-        f"{', '.join(_watched(ranker)) or 'none'}): train them in a checkout with `python -m training.selforacle.rides "
-        f"--driver {driver}`, `training.selforacle.train` and `training.selforacle.thresholds` (docs/selforacle.md), then "
-        f"set {FOLDER_VARIABLE} to their folder"
+        f"{', '.join(_watched(ranker)) or 'none'}): make them in a checkout with "
+        f"`python -m training.selforacle.rides --driver {driver}`, `training.selforacle.train` and "
+        f"`training.selforacle.thresholds` (docs/selforacle.md), then set {FOLDER_VARIABLE} to their folder"
     )
 
 
