@@ -100,7 +100,7 @@ def main() -> None:
         named = addresses(part, given.work, given.carla, given.alone)
         for driver in given.driver:
             for found in rows(driver, named, given.jobs, given.every):
-                print(json.dumps(found), flush=True)
+                print(json.dumps(found), flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -114,9 +114,9 @@ def record_all(jobs: Sequence[Job], processes: int) -> Tally:
     with get_context("spawn").Pool(processes) as pool:
         for count, tally in enumerate(pool.imap_unordered(record_piece, jobs), 1):
             total.add(tally)
-            print(f"{count}/{len(jobs)} {time.monotonic() - began:.0f} s: {total.text()}", flush=True)
+            print(f"{count}/{len(jobs)} {time.monotonic() - began:.0f} s: {total.text()}", flush=True)  # noqa: T201
     driven = ", ".join(f"{name} {seconds / 3600:.2f} h" for name, seconds in sorted(total.families.items()))
-    print(driven, flush=True)
+    print(driven, flush=True)  # noqa: T201
     return total
 
 

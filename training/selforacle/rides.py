@@ -122,7 +122,7 @@ def drive(driver: str, seeds: range) -> Iterator[Ride]:
                 bundle = compile_test_case(load_test_case(file))
                 result = run(bundle, made(driver), seed=seed, meta={"driver": driver})
             except ForeseeError as err:
-                print(f"ride {seed}: {err}", flush=True)
+                print(f"ride {seed}: {err}", flush=True)  # noqa: T201
                 continue
             yield Ride(seed, result, Surroundings.of(bundle))
 
@@ -186,7 +186,7 @@ def main() -> None:
     kept: list[Rides] = []
     for ride in drive(options.driver, range(options.first, options.first + options.rides)):
         how = "nominal" if ride.nominal else f"not: {ride.result.reason}"
-        print(f"ride {ride.seed}: {ride.result.duration_s:.0f} s, {how}", flush=True)
+        print(f"ride {ride.seed}: {ride.result.duration_s:.0f} s, {how}", flush=True)  # noqa: T201
         if ride.nominal:
             kept.append(packed(ride, options.every))
         if len(kept) == options.chunk:

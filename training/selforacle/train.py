@@ -78,7 +78,7 @@ def train(network: Autoencoder, pictures: Pictures, trained_on: Tensor, *, epoch
             optimiser.step()
             total += loss.detach()
         losses.append(float(total) / (len(order) // batch))
-        print(f"epoch {epoch + 1}: loss {losses[-1]:.6f}, {time.perf_counter():.0f} s", flush=True)
+        print(f"epoch {epoch + 1}: loss {losses[-1]:.6f}, {time.perf_counter():.0f} s", flush=True)  # noqa: T201
     network.eval()
     return losses
 
@@ -105,7 +105,7 @@ def main() -> None:
     rides = load(sorted(options.rides.glob(f"{options.driver}_*.npz")))
     pictures = Pictures(rides.classes, rides.palette, device)
     trained_on = torch.from_numpy(np.flatnonzero(rides.ride % HELD_OUT != 0)).to(device)
-    print(f"{len(rides)} pictures, {len(trained_on)} to train on, on {device}", flush=True)
+    print(f"{len(rides)} pictures, {len(trained_on)} to train on, on {device}", flush=True)  # noqa: T201
     options.out.mkdir(parents=True, exist_ok=True)
     found: dict[str, NDArray[np.generic]] = {"ride": rides.ride, "segment": rides.segment}
     about: dict[str, object] = {"pictures": len(rides), "trained_on": len(trained_on), "epochs": options.epochs,
@@ -126,7 +126,7 @@ def main() -> None:
         else:
             found[name] = errors_of(rounded(network), pictures)
             write_onnx(network, options.out / f"selforacle_conv_{options.driver}.onnx")
-    print(json.dumps(about, indent=1))
+    print(json.dumps(about, indent=1))  # noqa: T201
     found["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
     np.savez_compressed(options.out / f"training_{options.driver}.npz", **found)
 
