@@ -68,7 +68,8 @@ def _palette() -> NDArray[np.uint8]:
     """Return the colour of each class, [13, 3], as people see the forward view."""
     each = np.zeros((CLASSES, 1, CLASSES), np.uint8)
     each[np.arange(CLASSES - 1), 0, np.arange(CLASSES - 1)] = 255
-    return coloured(each)[0]
+    palette: NDArray[np.uint8] = coloured(each)[0]
+    return palette
 
 
 PALETTE = _palette()

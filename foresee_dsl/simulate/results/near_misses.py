@@ -113,6 +113,21 @@ def times_to_collision(trace: Trace, actor: int) -> FloatArray:
     return found
 
 
+def braking_needed(trace: Trace, actor: int) -> FloatArray:
+    """Return [T] m/s^2: the braking that the ego needs for one actor at each frame (DRAC), 0 where none.
+
+    Args:
+        trace: a run. actor: the other's column.
+    """
+    run, frames = _Run(trace), np.arange(trace.frames)
+    found = np.zeros(trace.frames)
+    if trace.frames:
+        ego = _Path(run, 0)
+        rows, _, drac = _with(run, ego, actor, frames, _ahead(run, ego, frames))
+        found[rows] = drac
+    return found
+
+
 class _Run:
     """A run as footprints."""
 
