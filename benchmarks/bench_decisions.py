@@ -1,4 +1,4 @@
-"""A decision of the drivers pdm and idm, and an update of the tracker, over 100 small numpy operations."""
+"""A decision of the drivers, and an update of the tracker, over 100 small numpy operations."""
 
 from __future__ import annotations
 
@@ -9,10 +9,24 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.figures import Figure
+from benchmarks.library import cases
+from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.drivers.pdm import PdmDriver
-from foresee_dsl.drivers.protocol import EgoState, JunctionPassage, Mission, Observation, SeenActor
+from foresee_dsl.drivers.protocol import (
+    Control,
+    Driver,
+    EgoState,
+    FloatArray,
+    JunctionPassage,
+    Mission,
+    Observation,
+    SeenActor,
+)
+from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.drivers.tracking import Tracker
+from foresee_dsl.errors import DriverUnavailableError
+from foresee_dsl.simulate.runner import run
 from tests.support.driving import SEDAN, STEP_S, crossing_foe, line, mission
 
 _ACTORS = 20
@@ -40,6 +54,56 @@ def figures() -> Iterator[Figure]:
         f"following {_ACTORS} others in an object list over 100 small numpy operations",
         1.0,
     )
+    yield from _learned()
+
+
+def _learned() -> Iterator[Figure]:
+    """Yield the figures of the learned drivers, each in a run, as their pictures need one; none without weights."""
+    case = cases()[0]
+    for name in ("fusion", "fusion_safe"):
+        try:
+            timed = _Timed(load_driver(name))
+        except DriverUnavailableError:
+            continue
+        run(compile_test_case(case), timed)
+        # Target: the 8 ms that a decision may take, where the yardstick takes 0.04 ms (measured: see docs/learned.md).
+        yield Figure(
+            f"decision_over_numpy_{name}",
+            timed.ratio(),
+            "ratio",
+            f"a decision of {name} in {case.scenario.name}, pictures included, over 100 small numpy operations",
+            200.0,
+        )
+
+
+class _Timed:
+    """Drives as another driver does, and times its decisions (every second step) and the yardstick in turns."""
+
+    def __init__(self, driver: Driver) -> None:
+        self.name, self.version = driver.name, driver.version
+        self._driver, self._values = driver, np.linspace(0.0, 1.0, 500)
+        self._spent: list[float] = []
+        self._yardsticks: list[float] = []
+        self.reset = driver.reset
+
+    def step(self, observation: Observation) -> Control:
+        begin = time.thread_time()  # on this core: a decision is long enough to be interrupted
+        answer = self._driver.step(observation)
+        self._spent.append(time.thread_time() - begin)
+        begin = time.thread_time()
+        _hundred(self._values)
+        self._yardsticks.append(time.thread_time() - begin)
+        return answer
+
+    def ratio(self) -> float:
+        """Return the median decision over the median yardstick; decisions are the dearer half of the steps."""
+        decisions = sorted(self._spent)[len(self._spent) // 2 :]
+        return float(np.median(decisions) / np.median(self._yardsticks))
+
+
+def _hundred(values: FloatArray) -> None:
+    for _ in range(100):
+        np.multiply(values, values)
 
 
 def _over_yardstick(work: Callable[[Observation], object], observations: list[Observation]) -> float:
@@ -51,8 +115,7 @@ def _over_yardstick(work: Callable[[Observation], object], observations: list[Ob
         work(observation)
         spent.append(time.perf_counter() - begin)
         begin = time.perf_counter()
-        for _ in range(100):
-            np.multiply(values, values)
+        _hundred(values)
         yardsticks.append(time.perf_counter() - begin)
     return min(spent[10:]) / min(yardsticks)
 

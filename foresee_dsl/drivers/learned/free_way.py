@@ -46,7 +46,7 @@ def free_way(waypoints: FloatArray, others: Sequence[Occupied], vehicle: Vehicle
     """Return how far the way is free along waypoints ([N, 2] m ahead and to the left, the ego is at 0, 0)."""
     ends_s: FloatArray = cfg.STEP_S * np.arange(1, cfg.STEPS + 1, dtype=np.float64)
     nobody = FreeWay(np.full(cfg.STEPS, np.inf), None, math.inf)
-    ahead = [one for one in others if one.ahead_m > 0.0]
+    ahead = sorted((one for one in others if one.ahead_m > 0.0), key=lambda one: one.ahead_m)[: cfg.MOST_OBJECTS]
     along, poses = _places(waypoints)
     if not ahead or not len(along):
         return nobody
@@ -90,10 +90,12 @@ def _blocked_from(
     boxes[..., 2:] = table[:, None, 2:5]
     ego = np.empty((len(along), 5))
     ego[:, :3], ego[:, 3:] = poses, (vehicle.length_m, vehicle.width_m + 2 * cfg.SIDE_MARGIN_M)
-    shape = len(others), len(times), len(along)
-    mine = np.broadcast_to(ego, (*shape, 5)).reshape(-1, 5)
-    theirs = np.broadcast_to(boxes[:, :, None], (*shape, 5)).reshape(-1, 5)
-    meets = overlaps_of(np.ascontiguousarray(mine), np.ascontiguousarray(theirs)).reshape(shape)
+    # Circles around the boxes first: hardly any other is near.
+    most = (np.hypot(ego[0, 3], ego[0, 4]) + np.hypot(table[:, 3], table[:, 4])) / 2
+    dx, dy = (boxes[..., k, None] - ego[:, k] for k in (0, 1))
+    meets = dx * dx + dy * dy <= (most * most)[:, None, None]
+    near = np.nonzero(meets)
+    meets[near] = overlaps_of(ego[near[2]], boxes[near[0], near[1]])
     found: FloatArray = np.where(meets.any(axis=2), along[meets.argmax(axis=2)], np.inf)
     return found
 

@@ -39,6 +39,8 @@ ACCELERATION_MPS2 = 2.5
 LEAST_OCCUPIED = 0.5
 """The probability from which a square of the density map that is more probable than its neighbours is an object.
 InterFuser: 0.4, and 0.9 for one that is not."""
+MOST_OBJECTS = 30
+"""Ours: so many objects ahead, the nearest, are looked at: the cost is theirs; in the densest traffic 25 are seen."""
 STEP_S = 0.5
 """InterFuser's step of the linear programme."""
 STEPS = 6

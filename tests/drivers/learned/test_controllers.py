@@ -1,0 +1,102 @@
+"""Waypoints to pedals, and what binds along them, by hand and in a closed loop of the project's own dynamics."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from foresee_dsl.drivers.learned import settings as cfg
+from foresee_dsl.drivers.learned.free_way import free_way
+from foresee_dsl.drivers.learned.fusion_safe import planned_speed
+from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied
+from foresee_dsl.drivers.learned.pilot import Pilot, laid_down
+from foresee_dsl.drivers.protocol import EgoState, FloatArray
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from tests.support.driving import SEDAN, STEP_S, line
+
+STRAIGHT = np.array([(8.0 * t, 0.0) for t in FUSION_SAFE_TIMES_S])
+FRONT_M = SEDAN.length_m / 2
+
+
+def ego_of(state: BicycleState) -> EgoState:
+    return EgoState(
+        state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer
+    )  # fmt: skip
+
+
+def seen_ahead(points: FloatArray, state: BicycleState, speed: float) -> FloatArray:
+    """The waypoints that a perfect network would give: on a line, at a speed, in the ego's frame."""
+    nearest = int(np.hypot(*(points - (state.x, state.y)).T).argmin())
+    chosen = points[np.minimum(nearest + np.round(np.array(FUSION_TIMES_S) * speed / 0.5).astype(int), len(points) - 1)]
+    dx, dy = (chosen - (state.x, state.y)).T
+    cos, sin = math.cos(state.heading), math.sin(state.heading)
+    return np.column_stack([dx * cos + dy * sin, dy * cos - dx * sin])
+
+
+@pytest.mark.parametrize(("radius", "speed"), [(math.inf, 13.0), (30.0, 8.0), (-12.0, 5.0), (8.0, 4.0)])
+def test_the_pilot_keeps_to_the_line_and_to_the_speed(radius: float, speed: float) -> None:
+    points = line((20, math.inf), (min(abs(radius), 20) * 1.5, radius), (80, math.inf))
+    body, pilot, state = Bicycle(SEDAN), Pilot(SEDAN), BicycleState(2.0, 0.3, 0.0, speed)
+    path, off = laid_down(seen_ahead(points, state, speed), ego_of(state)), []
+    for frame in range(round(60 / speed / STEP_S)):
+        if frame % 2 == 0:
+            path = laid_down(seen_ahead(points, state, speed), ego_of(state))
+        state = body.step(state, pilot.follow(path, speed, 1.0, ego_of(state)), STEP_S)
+        off.append(float(np.hypot(*(points - (state.x, state.y)).T).min()))
+    assert state.speed == pytest.approx(speed, abs=0.1)
+    assert max(off) < 0.65  # it cuts the sharpest bend a little
+    assert off[-1] < 0.3
+
+
+def test_the_pilot_reaches_a_speed_stops_and_then_stands() -> None:
+    body, pilot, state = Bicycle(SEDAN), Pilot(SEDAN), BicycleState(0.0, 0.0, 0.0, 0.0)
+    path = np.array([(0.0, 0.0), (100.0, 0.0)])
+    for _ in range(160):
+        state = body.step(state, pilot.follow(path, 8.0, 1.0, ego_of(state)), STEP_S)
+    assert state.speed == pytest.approx(8.0, abs=0.1)
+    for _ in range(160):
+        state = body.step(state, pilot.follow(path, 0.0, 1.0, ego_of(state)), STEP_S)
+    assert state.speed == 0.0
+    answer = pilot.follow(path, 0.0, 1.0, ego_of(state))
+    assert (answer.throttle, answer.brake > 0.3) == (0.0, True)
+    assert pilot.follow(path, 8.0, 1.0, ego_of(state), hardest=True).brake == 1.0
+
+
+def test_waypoints_that_stand_say_nothing_about_the_wheels() -> None:
+    ego = EgoState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.2)
+    path = laid_down(np.array([(0.05, 0.04), (-0.02, 0.06)]), ego)
+    assert Pilot(SEDAN).follow(path, 0.0, 1.0, ego).steer == pytest.approx(0.2 / SEDAN.steer_max_rad)
+
+
+def standing(ahead_m: float, left_m: float = 0.0, heading: float = 0.0, speed: float = 0.0) -> Occupied:
+    return Occupied(0.9, ahead_m, left_m, 4.0, 2.0, heading, speed)
+
+
+def test_the_way_ends_before_what_stands_in_it() -> None:
+    way = free_way(STRAIGHT, [standing(20.0)], SEDAN)
+    to_it = 20.0 - 2.0 - FRONT_M
+    assert way.free_m == pytest.approx(to_it - cfg.MARGIN_M, abs=cfg.SAMPLE_M)
+    assert (way.first, way.first_m) == (standing(20.0), way.free_m[0])
+
+
+def test_what_is_beside_the_way_or_behind_or_crosses_later_does_not_bind() -> None:
+    crossing = standing(20.0, -30.0, math.pi / 2, 10.0)  # in the way after 3 s
+    for other in (standing(20.0, 3.0), standing(-5.0), crossing):
+        way = free_way(STRAIGHT, [other], SEDAN)
+        assert (way.first, np.isinf(way.free_m).all()) == (None, True)
+
+
+def test_a_leader_binds_less_from_step_to_step_and_one_that_crosses_soon_until_it_is_gone() -> None:
+    leader = free_way(STRAIGHT, [standing(14.0, speed=6.0)], SEDAN).free_m
+    assert np.diff(leader[:-1]).min() >= 0.0
+    assert leader[-1] > leader[0] + 6.0
+    crossing = free_way(STRAIGHT, [standing(14.0, -5.0, math.pi / 2, 6.0)], SEDAN).free_m
+    assert np.isfinite(crossing[0])
+    assert np.isinf(crossing[4:]).all()
+
+
+def test_the_speed_of_waypoints() -> None:
+    assert planned_speed(STRAIGHT) == pytest.approx(8.0)
+    assert planned_speed(STRAIGHT * 0.0) == 0.0

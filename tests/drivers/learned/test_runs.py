@@ -1,0 +1,129 @@
+"""The learned drivers in SUMO, with networks made by hand: they arrive, stop, say why, and are the same to the bit."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.drivers.learned.weights import FOLDER_VARIABLE
+from foresee_dsl.drivers.protocol import Explaining
+from foresee_dsl.drivers.registry import load_driver
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
+from foresee_dsl.simulate.runner import run
+from tests.support.small_networks import write_networks
+
+DRIVERS = ("fusion", "fusion_safe")
+TEXT = """foresee 1
+
+# A street for the ego alone; in one case something lies in its lane.
+scenario street {
+  network street {
+    junction west at (0 m, 0 m)
+    junction east at (200 m, 0 m)
+    road street from west to east { lanes 1; speed 30 km/h }
+  }
+  param aside: length = 0 m in -9 m..0 m step 1 m
+
+  ego: car.sedan {
+    route [street]
+    start at 20 m along street
+    start speed 18 km/h
+    goal 60 m along street
+  }
+  obstacle crate: obstacle.crate {
+    start at 45 m along street offset aside
+  }
+  expect eventually within 8 s arrived(ego)
+  end after 8 s
+
+  case free { aside = -9 m }
+  case blocked { aside = 0 m }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("street")
+    write_networks(folder / "weights")
+    (folder / "street.foresee").write_text(TEXT)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(project: Path) -> dict[tuple[str, str], RunResult]:
+    """Each driver's run of each case, in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(FOLDER_VARIABLE, str(project / "weights"))
+        cases = load_test_cases([str(project / "street.foresee")])
+        return {
+            (name, case.id.partition("::")[2]): run(compile_test_case(case), load_driver(name))
+            for name in DRIVERS
+            for case in cases
+        }
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+def test_it_arrives_on_a_free_street_and_stops_before_what_lies_on_it(
+    results: dict[tuple[str, str], RunResult], name: str
+) -> None:
+    assert results[name, "free"].verdict is Verdict.PASS
+    blocked = results[name, "blocked"]
+    assert blocked.verdict in (Verdict.TIMEOUT, Verdict.STUCK), blocked.reason
+    assert "crate" in blocked.reason
+
+
+def test_other_processes_and_two_workers_drive_the_same_bits(
+    project: Path, results: dict[tuple[str, str], RunResult]
+) -> None:
+    ours = {key: result.trace.digest for key, result in results.items()}
+    assert assessed(project, "1") == ours
+    assert assessed(project, "2") == ours
+
+
+def assessed(project: Path, jobs: str) -> dict[tuple[str, str], str]:
+    command = [sys.executable, "-m", "foresee_dsl", "assess", "street.foresee", "--jobs", jobs, "--json", "--exit-zero"]
+    command += [word for name in DRIVERS for word in ("--driver", name)]
+    environment = os.environ | {FOLDER_VARIABLE: str(project / "weights")}
+    done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    runs: list[dict[str, Any]] = json.loads(done.stdout)["runs"]
+    return {(one["driver"], one["case"].partition("::")[2]): one["digest"] for one in runs}
+
+
+@pytest.mark.parametrize("name", DRIVERS)
+def test_it_says_what_it_stops_for(project: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setenv(FOLDER_VARIABLE, str(project / "weights"))
+    asked: list[tuple[float, list[str]]] = []
+    inner = load_driver(name)
+    assert isinstance(inner, Explaining)
+
+    class Asked:
+        name = inner.name
+        version = inner.version
+        reset = inner.reset
+
+        def step(self, observation: Any) -> Any:
+            answer = inner.step(observation)
+            reasons = inner.explain()
+            known = {seen.track for seen in observation.actors} | {None}
+            assert {reason.track for reason in reasons} <= known
+            asked.append((observation.ego.speed_mps, [reason.rule for reason in reasons]))
+            return answer
+
+    (case,) = load_test_cases([str(project / "street.foresee::blocked")])
+    result = run(compile_test_case(case), Asked())
+    assert result.verdict is not Verdict.PASS
+    speeds = np.array([speed for speed, _ in asked])
+    braking = asked[int(np.flatnonzero(np.diff(speeds) < -0.1)[0])][1]
+    assert braking[:2] == ["object", "plan"]
+    assert asked[5][1][0] == "plan"
