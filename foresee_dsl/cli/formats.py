@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 
 from foresee_dsl.cli.options.common import AllowOutsideOption, JsonOption, OutOption, counted, print_json
 from foresee_dsl.cli.options.output import for_tools
-from foresee_dsl.exchange.outcome import ExchangeError, Imported
+from foresee_dsl.exchange.outcome import Coordinates, ExchangeError, Imported
 from foresee_dsl.plugins import PluginGroup
 
 SETTINGS = {"help_option_names": ["-h", "--help"]}
@@ -97,6 +97,7 @@ def _print_outcome(done: Imported, *, json: bool) -> None:
                 "cases": done.cases,
                 "taken": done.taken,
                 "left_out": dict(done.left_out),
+                "lost": dict(done.lost),
                 "notes": list(done.notes),
             }
         )
@@ -105,7 +106,7 @@ def _print_outcome(done: Imported, *, json: bool) -> None:
         typer.echo(f"wrote {file}")
     if done.cases:
         typer.echo(counted(done.cases, "test case"))
-    for title, counts in (("taken over", done.taken), ("not expressed", done.left_out)):
+    for title, counts in (("taken over", done.taken), ("not expressed", done.left_out), ("lost", done.lost)):
         if counts:
             typer.echo(f"{title}:")
             for what, count in counts.items():
@@ -189,17 +190,30 @@ def from_openscenario(
         str, typer.Option("--ego", help="The entity under test; by default `Ego` or the like, else the first vehicle.")
     ] = "",
     map_: Annotated[
-        Path | None, typer.Option("--map", help="The network; by default the one that the file names.")
+        Path | None,
+        typer.Option("--map", help="The network, or a folder to look for it; by default the one that the file names."),
     ] = None,
+    coordinates: Annotated[
+        Coordinates, typer.Option("--coordinates", help="CARLA's are left-handed; by default that is found out.")
+    ] = Coordinates.auto,
+    partial: Annotated[
+        bool,
+        typer.Option(
+            "--partial", help="Write it also where actions, triggers or participants are lost; comments say which."
+        ),
+    ] = False,
     allow_outside: AllowOutsideOption = False,
 ) -> Imported:
-    """Turn an OpenSCENARIO XML file into a scenario, as far as its common subset goes.
+    """Turn an OpenSCENARIO XML file into a scenario. Exit code 1 where something of it would be lost.
 
-    [dim]foresee import openscenario cut_in.xosc --out cut_in[/dim]
+    [dim]foresee import openscenario cut_in.xosc --out cut_in
+    foresee import openscenario cut_in.xosc --out cut_in --partial[/dim]
     """
     from foresee_dsl.exchange.openscenario.reading import importer as exchange
 
-    return exchange.run(file, out=out, ego=ego, road=map_, allow_outside=allow_outside)
+    return exchange.run(
+        file, out=out, ego=ego, road=map_, coordinates=coordinates, partial=partial, allow_outside=allow_outside
+    )
 
 
 def to_openscenario(

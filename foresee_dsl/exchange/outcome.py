@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,8 +21,20 @@ class ExchangeError(ForeseeError):
     """A foreign file cannot be read, or not be written as we are asked; the message names the file and what to do."""
 
 
+class SourceError(ExchangeError):
+    """The foreign file itself is at fault: incomplete, in contradiction with itself, of another kind."""
+
+
 class NotExpressed(Exception):  # noqa: N818 - no error: it is counted and reported
     """Something of the source has no counterpart in the other format; the text is what is counted, in words."""
+
+
+class Coordinates(StrEnum):
+    """How world positions are meant."""
+
+    auto = "auto"
+    right = "right-handed"
+    left = "left-handed"
 
 
 @dataclass(frozen=True)
@@ -34,6 +47,7 @@ class Imported:
         taken: what was taken over, in words, with counts.
         left_out: what the source holds and the result does not express, in words, with counts.
         notes: what we added or guessed, one sentence each.
+        lost: actions, triggers and participants without which the result is something else, in words, with counts.
     """
 
     files: tuple[Path, ...] = ()
@@ -41,6 +55,7 @@ class Imported:
     taken: dict[str, int] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     notes: tuple[str, ...] = ()
+    lost: Counter[str] = field(default_factory=Counter)
 
 
 def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
@@ -85,8 +100,12 @@ def import_together(out: Path, write: Callable[[Path], Imported]) -> Imported:
     return replace(reports[0], files=files)
 
 
-def write_text(file: Path, model: Definition) -> None:
-    """Write a scenario, network or catalogue in the one layout."""
-    from foresee_dsl.language.printer import print_model
+def write_text(file: Path, model: Definition, remarks: Mapping[int, Sequence[str]] | None = None) -> None:
+    """Write a scenario, network or catalogue in the one layout.
 
-    file.write_text(print_model(model), encoding="utf-8", newline="\n")
+    `remarks` are comments that stand before its statements, by their places in its body.
+    """
+    from foresee_dsl.language.printer import print_model, remarked
+
+    comments = remarked(model, remarks) if remarks else None
+    file.write_text(print_model(model, comments), encoding="utf-8", newline="\n")

@@ -34,6 +34,20 @@ def print_model(model: m.Definition, comments: Mapping[Key, Comments] | None = N
     return _Writer(model, comments).file(model)
 
 
+def remarked(model: m.Definition, remarks: Mapping[int, Sequence[str]]) -> Mapping[Key, Comments]:
+    """Return comments for `print_model` that stand before statements of a definition, by their places in its body.
+
+    Blank lines are those of a file that the tool writes.
+    """
+    found: dict[Key, Comments] = {}
+    previous: m.Item | str | None = None
+    for place, (key, item) in enumerate(layout(model, _NO_NAMES).inside or ()):
+        blank = previous is not None and (_group(previous) != _group(item) or place in remarks)
+        found[key] = Comments(before=tuple(remarks.get(place, ())), blank_before=blank)
+        previous = item
+    return found
+
+
 def print_item(item: m.Item) -> str:
     """Return one statement (with its block) as text, for messages and diffs."""
     writer = _Writer(item, {})  # no comments and no blank lines

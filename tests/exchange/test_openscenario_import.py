@@ -53,9 +53,9 @@ CUT_IN = osc.scenario(
 )  # fmt: skip
 
 
-def imported(folder: Path, text: str = CUT_IN) -> tuple[Imported, Path]:
+def imported(folder: Path, text: str = CUT_IN, *, partial: bool = False) -> tuple[Imported, Path]:
     """Import a scenario; return what was said, and its file."""
-    done = openscenario_import.run(osc.write(folder / "in", text), out=folder / "out")
+    done = openscenario_import.run(osc.write(folder / "in", text), out=folder / "out", partial=partial)
     return done, folder / "out" / "cut_in.foresee"
 
 
@@ -73,7 +73,7 @@ def test_a_cut_in_reads_like_one_and_happens(tmp_path: Path) -> None:
         "    }\n"
         "  }\n"
         "}",
-        "when ego within 60 m of (300 m, -5.25 m) {\n  walker changes speed to 1.5 m/s\n}",
+        "when ego within 56.3 m of (300 m, -5.25 m) {\n  walker changes speed to 1.5 m/s\n}",
     ]
     assert done.taken == {"of the kind ego": 1, "of the kind pedestrian": 1, "of the kind vehicle": 1}
     assert done.left_out == {"durations of lane changes (1 m/s sideways is driven)": 1}
@@ -234,7 +234,7 @@ def test_routes_of_catalogues_and_speed_profiles(tmp_path: Path) -> None:
 
 
 def test_what_is_not_expressed_is_counted(tmp_path: Path) -> None:
-    friction = osc.of_entity("Ego", '<TraveledDistanceCondition value="100"/>')
+    friction = osc.of_entity("Ego", '<OffroadCondition duration="1"/>')
     train = osc.scenario(
         entities='<ScenarioObject name="t"><Vehicle name="t" vehicleCategory="tram"><BoundingBox><Center x="0" y="0" '
         'z="0"/><Dimensions width="1" length="1" height="1"/></BoundingBox></Vehicle></ScenarioObject>',
@@ -248,15 +248,20 @@ def test_what_is_not_expressed_is_counted(tmp_path: Path) -> None:
         )
         + osc.group("Ego", osc.event("mine", osc.speed_action("3"))),
     )
-    done, file = imported(tmp_path, train)
-    assert done.left_out == {
+    with pytest.raises(ExchangeError, match="1 entities: tram; 1 actions: UserDefinedAction; 1 conditions: Off"):
+        imported(tmp_path, train)
+    done, file = imported(tmp_path, train, partial=True)
+    assert done.lost == {
         "entities: tram": 1,
-        "actions at the beginning: UserDefinedAction": 1,
-        "conditions: TraveledDistanceCondition": 1,
-        "events that wait for such a thing": 1,
+        "actions: UserDefinedAction": 1,
+        "conditions: OffroadCondition": 1,
         "actions: VisibilityAction": 1,
-        "actions of the ego, whose driver decides: SpeedAction": 1,
     }
+    assert done.left_out == {"actions of the ego, whose driver decides: SpeedAction": 1}
+    written = file.read_text()
+    assert "# Lost: entities: tram, 't'." in written
+    assert "# Lost: conditions: OffroadCondition, event 'far' of Target-1." in written
+    assert "# Left out: actions of the ego, whose driver decides: SpeedAction, event 'mine' of Ego." in written
     scene = compile_test_case(load_test_case(file)).scene
     assert scene.fog == pytest.approx(0.25)
     assert scene.friction == pytest.approx(0.9 * 0.75, abs=1e-3)
@@ -279,7 +284,7 @@ def test_whatever_is_missing_or_odd_it_is_a_scenario_or_an_error_in_words(tmp_pa
             element.set(name, value)
         file = osc.write(tmp_path / "in", ElementTree.tostring(root, encoding="unicode"))
         try:
-            openscenario_import.run(file, out=tmp_path / f"out{k}")
+            openscenario_import.run(file, out=tmp_path / f"out{k}", partial=k % 2 == 0)
         except ForeseeError as err:
             refused += 1
             assert str(err)
@@ -301,7 +306,7 @@ BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a
         (CUT_IN.replace('revMajor="1"', 'revMajor="2"'), "1.0 to 1.3 are read"),
         (osc.scenario(catalogue="Trucks"), "the catalogue 'Trucks'"),
         (CUT_IN.replace('entryName="saloon"', 'entryName="limousine"'), "has no entry 'limousine'"),
-        (CUT_IN.replace('path="catalogues"', 'path="nowhere"'), "'nowhere', which does not exist"),
+        (CUT_IN.replace('path="catalogues"', 'path="nowhere"'), "the folder 'nowhere' does not exist"),
         (CUT_IN.replace('path="catalogues"', 'path="../../.."'), "--allow-outside"),
         (CUT_IN.replace("straight.xodr", "gone.xodr"), "'gone.xodr', which does not exist"),
         (CUT_IN.replace("$pace", "$speed"), "the parameter $speed is not declared"),

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.exchange.naming import number, quantity
+from foresee_dsl.exchange.openscenario.reading.conditions import Step
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
+from foresee_dsl.exchange.openscenario.reading.places import lane_beside
 from foresee_dsl.exchange.openscenario.reading.storyboard import Event
 from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
-_FRAME_S = 0.05
+FRAME_S = 0.05
+KEEPING = "keeping to another's speed (it is taken once)"
+_GROUPS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction")
+_HOLDERS = (*_GROUPS, "InfrastructureAction", "EntityAction", "TrafficAction", "TrailerAction")
+"""Elements around the action that is meant."""
+_AT_ONCE = (
+    "VisibilityAction",
+    "TeleportAction",
+    "LightStateAction",
+    "AssignControllerAction",
+    "ActivateControllerAction",
+)
 
 
 @dataclass
@@ -24,79 +37,104 @@ class EntityState:
     """What is known of an entity while its actions are read.
 
     Attributes:
-        speed_mps: what it drives as far as is known, m/s. lane: its lane's id, if its place names one.
+        speed_mps: what it drives as far as is known, m/s.
+        lane: its lane's id, where its road is known; ahead: it looks in the road's direction.
+        on_lanes: it follows lanes, and can change them.
         profile: the speeds of its trajectory; actions follow it once the trajectory begins.
     """
 
     entity: Entity
     speed_mps: float | None = None
     lane: int | None = None
+    ahead: bool = True
+    on_lanes: bool = False
     profile: SpeedProfile | None = None
 
 
 @dataclass
 class TriggerBuilder:
-    """Makes triggers of events; what has no counterpart is counted in `left_out`."""
+    """Makes triggers of events; `plain_controllers` are properties of those that only follow lanes."""
 
     states: Mapping[str, EntityState]
-    left_out: Counter[str]
+    losses: Losses
     _used: set[str] = field(default_factory=set)
 
-    def whens(self, events: Sequence[Event]) -> tuple[m.When, ...]:
-        """Return a trigger for each event in which anything is left."""
-        found = []
+    def whens(self, events: Sequence[Event]) -> Iterator[m.When]:
+        """Yield a trigger for each event in which anything is left."""
         for event in events:
-            actions = self._block(event)
-            if actions:
-                condition = event.condition or from_the_start()
-                repeat: Literal["every"] | None = "every" if event.every and event.condition is not None else None
-                found.append(m.When(repeat=repeat, condition=condition, actions=tuple(actions)))
-        return tuple(found)
+            if event.lost:
+                self.losses.lose(event.lost, event.title)
+            elif event.never:
+                self.losses.leave("events whose conditions hold at no time", event.title)
+            elif not event.hangs and _does_anything(actions := self._block(event)):
+                head, *rest = event.steps or (Step(),)
+                condition = head.condition or from_the_start()
+                actions = wrapped([Step(None, head.delay_s), *rest], actions)
+                repeat: Literal["every"] | None = "every" if event.every and event.steps else None
+                yield m.When(repeat=repeat, condition=condition, actions=tuple(actions))
 
     def _block(self, event: Event) -> list[m.Action]:
-        actions: list[m.Action] = [a for kind in event.actions for ref in event.refs for a in self._act(kind, ref)]
-        for other in event.at_start:
-            if other.condition is None:
-                actions += self._block(other)
-            else:
-                self.left_out["events that wait for another's start and a condition"] += 1
-        actions += self._afterwards(event.at_end)
-        if event.delay_s > 0 and actions:
-            actions = [m.Wait(duration=quantity(event.delay_s, "time")), m.Then(actions=tuple(actions))]
-        return actions
+        actions: list[m.Action] = []
+        for kind in event.actions:
+            refs = event.refs if kind.tag == "PrivateAction" else event.refs[:1] or ("",)
+            for ref in refs:
+                actions += self._act(kind, ref, event)
+        return [*actions, *self._afterwards(event)]
 
-    def _afterwards(self, events: Sequence[Event]) -> list[m.Action]:
-        """Return the blocks of events that wait for another's end: those without a condition together, one with."""
-        plain = [a for event in events if event.condition is None for a in self._block(event)]
+    def _afterwards(self, event: Event) -> list[m.Action]:
+        """Return the blocks of events that wait for another's end: those that wait for nothing else together, then one
+        that does."""
+        plain = [a for other in event.at_end if not other.steps for a in self._block(other)]
         found: list[m.Action] = [m.Then(actions=tuple(plain))] if plain else []
-        conditional = [event for event in events if event.condition is not None]
-        if conditional and (block := self._block(conditional[0])):
-            found.append(m.Then(condition=conditional[0].condition, actions=tuple(block)))
-        if len(conditional) > 1:
-            self.left_out["events that wait for the same end, with conditions of their own"] += len(conditional) - 1
+        waiting = [other for other in event.at_end if other.steps]
+        if waiting and _does_anything(block := self._block(waiting[0])):
+            inner = wrapped(waiting[0].steps, block)
+            found.append(inner[0] if len(inner) == 1 and isinstance(inner[0], m.Then) else m.Then(actions=tuple(inner)))
+        for other in waiting[1:]:
+            self.losses.lose("events that wait for the same end, with conditions of their own", other.title)
         return found
 
-    def _act(self, kind: Element, ref: str) -> Iterator[m.Action]:
-        try:
-            yield from self._action(kind, ref)
-        except NotExpressed as err:
-            self.left_out[str(err)] += 1
-
-    def _action(self, kind: Element, ref: str) -> list[m.Action]:
+    def _act(self, kind: Element, ref: str, event: Event) -> list[m.Action]:
+        """Return an action of one entity; of one that is lost only how long it takes, for those that wait for it."""
         inner = next(iter(kind), None)
-        if kind.tag != "PrivateAction" or inner is None:
-            raise NotExpressed(f"actions: {inner.tag if inner is not None else kind.tag}")
+        what = next(iter(inner), None) if inner is not None and inner.tag in _GROUPS else None
+        tag = action_name(kind)
         state = self.states.get(ref)
-        if state is None:
-            raise NotExpressed("actions of entities that were left out")
-        what = next(iter(inner), None)
-        tag = inner.tag if what is None else what.tag
+        try:
+            if kind.tag == "PrivateAction" and state is not None and state.entity.name == "ego":
+                if tag not in ROUTING:
+                    self.losses.leave(f"actions of the ego, whose driver decides: {tag}", event.title)
+                return self._time_of(what, state, event)
+            if kind.tag != "PrivateAction" or inner is None:
+                raise NotExpressed(f"actions: {tag}")
+            if state is None:
+                raise NotExpressed("actions of entities that were left out")
+            return self._private(tag, what, state, event)
+        except NotExpressed as err:
+            self.losses.lose(str(err), event.title if state is None else f"{event.title}, {state.entity.ref}")
+            return self._time_of(what, state, event)
+
+    def _time_of(self, what: Element | None, state: EntityState | None, event: Event) -> list[m.Action]:
+        """Return a wait for as long as an action takes that is not taken over, where others wait for its end."""
+        if not event.at_end or what is None or what.tag in _AT_ONCE:
+            return []
+        dynamics = what.find(f"{what.tag}Dynamics")
+        target = what.find("SpeedActionTarget/AbsoluteTargetSpeed")
+        was = state.speed_mps if state is not None else None
+        to = number(target, "value") if target is not None else None
+        took = _over(dynamics, was, to) if dynamics is not None else None
+        if took is None:
+            for other in event.at_end:
+                self.losses.lose("events that wait for the end of something that is not taken over", other.title)
+            event.at_end.clear()
+            return []
+        return [m.Wait(duration=quantity(took, "time"))] if took > 0 else []
+
+    def _private(self, tag: str, what: Element | None, state: EntityState, event: Event) -> list[m.Action]:
         if tag in ROUTING:
             return self._follows(state) if tag == "FollowTrajectoryAction" else []
-        if state.entity.name == "ego":
-            raise NotExpressed(f"actions of the ego, whose driver decides: {tag}")
         if what is not None and tag == "SpeedAction":
-            return [self._speed(what, state)]
+            return self._speed(what, state, at_once=not event.steps and not event.hangs)
         if what is not None and tag == "SpeedProfileAction":
             return self._profile(what, state)
         if what is not None and tag == "LaneChangeAction":
@@ -110,28 +148,43 @@ class TriggerBuilder:
         self._used.add(state.entity.ref)
         return speed_changes(state.entity.name, state.profile)
 
-    def _speed(self, action: Element, state: EntityState) -> m.Action:
-        target = action.find("SpeedActionTarget/AbsoluteTargetSpeed")
-        relative = action.find("SpeedActionTarget/RelativeTargetSpeed")
-        was, to = state.speed_mps, number(target, "value") if target is not None else self._relative(relative)
-        state.speed_mps = to = max(to, 0.0)
-        return _changes(state.entity.name, to, _over(action.find("SpeedActionDynamics"), was, to))
+    def _speed(self, action: Element, state: EntityState, *, at_once: bool) -> list[m.Action]:
+        """Return a change of speed; none where it is at once and the actor begins with that speed."""
+        was, to = state.speed_mps, self.target_speed(action)
+        state.speed_mps = to
+        dynamics = action.find("SpeedActionDynamics")
+        took = _over(dynamics, was, to)
+        return [] if at_once and took == 0 and was == to else [_changes(state.entity.name, to, took)]
 
-    def _relative(self, target: Element | None) -> float:
-        if target is None:
+    def target_speed(self, action: Element) -> float:
+        """Return the speed that a `<SpeedAction>` leads to; `NotExpressed` where it cannot be known beforehand."""
+        target = action.find("SpeedActionTarget/AbsoluteTargetSpeed")
+        if target is not None:
+            return max(number(target, "value"), 0.0)
+        relative = action.find("SpeedActionTarget/RelativeTargetSpeed")
+        if relative is None:
             raise NotExpressed("actions: SpeedAction (without a target)")
+        other = self._other_speed(relative, "SpeedAction")
+        value = number(relative, "value")
+        if relative.get("continuous") == "true":
+            self.losses.lose(
+                "keeping to another's speed (it is taken once)", f"relative to {relative.get('entityRef')}"
+            )
+        return max(other * value if relative.get("speedTargetValueType") == "factor" else other + value, 0.0)
+
+    def _other_speed(self, target: Element, tag: str) -> float:
         other = self.states.get(target.get("entityRef", ""))
-        if other is None or other.speed_mps is None or target.get("continuous") == "true":
-            raise NotExpressed("actions: SpeedAction (relative to a speed that is not known)")
-        value = number(target, "value")
-        return other.speed_mps * value if target.get("speedTargetValueType") == "factor" else other.speed_mps + value
+        if other is None or other.speed_mps is None:
+            raise NotExpressed(f"actions: {tag} (relative to a speed that is not known)")
+        if other.entity.name == "ego":
+            self.losses.note("speeds relative to the ego's are relative to its speed at the beginning")
+        return other.speed_mps
 
     def _profile(self, action: Element, state: EntityState) -> list[m.Action]:
-        if action.get("entityRef"):
-            raise NotExpressed("actions: SpeedProfileAction (relative)")
+        base = self._other_speed(action, "SpeedProfileAction") if action.get("entityRef") else 0.0
         found: list[m.Action] = []
         for entry in action.iterfind("SpeedProfileEntry"):
-            to = max(number(entry, "speed"), 0.0)
+            to = max(base + number(entry, "speed"), 0.0)
             took = number(entry, "time", 0.0) if entry.get("time") else None
             change = _changes(state.entity.name, to, took)
             found.append(m.Then(actions=(change,)) if found else change)
@@ -143,32 +196,90 @@ class TriggerBuilder:
     def _lane(self, action: Element, state: EntityState) -> list[m.Action]:
         relative = action.find("LaneChangeTarget/RelativeTargetLane")
         absolute = action.find("LaneChangeTarget/AbsoluteTargetLane")
+        side = 1 if state.ahead else -1
         if relative is not None and relative.get("entityRef") in (None, state.entity.ref):
             by = round(number(relative, "value"))
-        elif absolute is not None and state.lane is not None:
-            target = round(number(absolute, "value"))
-            by = target - state.lane if state.lane < 0 else state.lane - target
-            state.lane = target
+            target = None if state.lane is None else lane_beside(state.lane, by * side)
         else:
-            raise NotExpressed("actions: LaneChangeAction (relative to somebody, or from an unknown lane)")
+            target = self._target_lane(relative, absolute)
+            if state.lane is None:
+                raise NotExpressed("actions: LaneChangeAction (from a lane that is not known)")
+            by = side * _between(state.lane, target)
         if not by:
             return []
-        self.left_out["durations of lane changes (1 m/s sideways is driven)"] += 1
+        if not state.on_lanes:
+            raise NotExpressed("actions: LaneChangeAction (of an actor that follows no lane)")
+        if state.lane is not None and target is not None and target * state.lane < 0:
+            raise NotExpressed("actions: LaneChangeAction (onto a lane of the other direction)")
+        state.lane = target
+        self.losses.left_out["durations of lane changes (1 m/s sideways is driven)"] += 1
         change = m.ChangesLane(actor=state.entity.name, side="left" if by > 0 else "right")
         return [change, *(m.Then(actions=(change,)) for _ in range(abs(by) - 1))]
+
+    def _target_lane(self, relative: Element | None, absolute: Element | None) -> int:
+        if absolute is not None:
+            return round(number(absolute, "value"))
+        if relative is None:
+            raise NotExpressed("actions: LaneChangeAction (without a target)")
+        other = self.states.get(relative.get("entityRef", ""))
+        if other is None or other.lane is None:
+            raise NotExpressed("actions: LaneChangeAction (relative to somebody whose lane is not known)")
+        if other.entity.name == "ego":
+            self.losses.note("lane changes relative to the ego count from its lane at the beginning")
+        return lane_beside(other.lane, round(number(relative, "value")) * (1 if other.ahead else -1))
+
+
+def action_name(kind: Element) -> str:
+    """Return what an action is called in the report: `LaneOffsetAction`, `TrafficSignalStateAction`."""
+    inner = next(iter(kind), None)
+    if inner is None:
+        return kind.tag
+    if kind.tag == "UserDefinedAction":
+        named = inner.get("type") or (inner.text or "").strip()[:60]
+        return f"UserDefinedAction{f' ({named})' if named else ''}"
+    within = next(iter(inner), None) if inner.tag in _HOLDERS else None
+    if within is None:
+        return inner.tag
+    deeper = next(iter(within), None) if within.tag == "TrafficSignalAction" else None
+    return within.tag if deeper is None else deeper.tag
+
+
+def wrapped(steps: Sequence[Step], actions: list[m.Action]) -> list[m.Action]:
+    """Return actions that wait for some steps, one after the other."""
+    for step in reversed(steps):
+        if step.delay_s > 0:
+            actions = waited(step.delay_s, actions)
+        if step.condition is not None:
+            actions = [m.Then(condition=step.condition, actions=tuple(actions))]
+    return actions
+
+
+def waited(delay_s: float, actions: list[m.Action]) -> list[m.Action]:
+    """Return actions that come so much later."""
+    return [m.Wait(duration=quantity(delay_s, "time")), m.Then(actions=tuple(actions))]
+
+
+def _does_anything(actions: Sequence[m.Action]) -> bool:
+    return any(_does_anything(a.actions) if isinstance(a, m.Then) else not isinstance(a, m.Wait) for a in actions)
+
+
+def _between(lane: int, target: int) -> int:
+    """Return how many lanes to the left another is, in the road's direction; 0 is no lane."""
+    by = target - lane
+    return by if lane * target > 0 else by - (1 if by > 0 else -1)
 
 
 def speed_changes(name: str, profile: SpeedProfile) -> list[m.Action]:
     """Return changes of speed one after the other; times are rounded to the simulation's steps."""
-    times = [round(t / _FRAME_S) for t in profile.time_s]
+    times = [round(t / FRAME_S) for t in profile.time_s]
     found: list[m.Action] = []
     if times[0] > 0:
-        found.append(m.Wait(duration=quantity(times[0] * _FRAME_S, "time")))
+        found.append(m.Wait(duration=quantity(times[0] * FRAME_S, "time")))
     for k in range(1, len(times)):
         steps = times[k] - times[k - 1]
         if steps <= 0:
             continue
-        change = _changes(name, profile.speed_mps[k], steps * _FRAME_S)
+        change = _changes(name, profile.speed_mps[k], steps * FRAME_S)
         found.append(m.Then(actions=(change,)) if found else change)
     return found
 
@@ -178,17 +289,19 @@ def _changes(name: str, to: float, over_s: float | None) -> m.ChangesSpeed:
     return m.ChangesSpeed(actor=name, to=quantity(to, "speed"), over=over)
 
 
-def _over(dynamics: Element | None, was: float | None, to: float) -> float | None:
-    """Return how long a change of speed takes, s; None for as fast as the model can."""
-    if dynamics is None or dynamics.get("dynamicsShape") == "step":
+def _over(dynamics: Element | None, was: float | None, to: float | None) -> float | None:
+    """Return how long a change takes, s: 0 for a step; None for as fast as the model can, or where it is not known."""
+    if dynamics is None:
         return None
-    value, dimension = number(dynamics, "value", 0.0), dynamics.get("dynamicsDimension")
-    if value <= 0 or dimension == "time":
-        return value if value > 0 else None
-    if was is None:
+    value, dimension = abs(number(dynamics, "value", 0.0)), dynamics.get("dynamicsDimension")
+    if dynamics.get("dynamicsShape") == "step" or value <= 0:
+        return 0.0
+    if dimension == "time":
+        return value
+    if was is None or to is None:
         return None
     if dimension == "rate":
-        return abs(to - was) / value or None
+        return abs(to - was) / value
     return 2 * value / (to + was) if to + was > 0 else None
 
 

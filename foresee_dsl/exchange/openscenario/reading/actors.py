@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections import Counter
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -16,7 +16,9 @@ from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.actions import EntityState, from_the_start, speed_changes
+from foresee_dsl.exchange.openscenario.reading.conditions import Way
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.outcome import NotExpressed
@@ -28,6 +30,8 @@ _OFF_ROAD_M = 200.0
 """The same for a vehicle off the lanes."""
 _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
+_APART_M = 1.0
+"""An actor so far from its trajectory's beginning goes there first (ours)."""
 _CRAWLS_MPS = 0.05
 """An actor that is slower at the end of its trajectory stops there (ours)."""
 
@@ -42,13 +46,13 @@ class BuiltActor:
 
 @dataclass
 class ActorBuilder:
-    """Makes actors of entities on a network; what has no counterpart is counted in `left_out`, guesses are `notes`."""
+    """Makes actors of entities on a network; `ways` gets how far each can go."""
 
     source: Source
     network: RoadNetwork
     places: Places
-    left_out: Counter[str]
-    notes: dict[str, None] = field(default_factory=dict)
+    losses: Losses
+    ways: dict[str, Way] = field(default_factory=dict)
 
     def actor(self, state: EntityState, routing: Element | None, *, at_start: bool, acts: bool) -> BuiltActor | None:
         """Return an entity as an actor, or None where it has no place on the network.
@@ -67,7 +71,10 @@ class ActorBuilder:
             if self.network.far_from_lanes(path, _NEAR_M) is not None:
                 raise NotExpressed("entities whose trajectories leave the road network")
         except NotExpressed as err:
-            self.left_out[str(err)] += 1
+            if entity.kind == "obstacle" and not acts:
+                self.losses.leave(f"things: {err}", f"'{entity.ref}'")
+            else:
+                self.losses.lose(str(err), f"'{entity.ref}'")
             return None
         if entity.name == "ego":
             return self._ego(state, middle, routing, track)
@@ -85,24 +92,14 @@ class ActorBuilder:
     def _trajectory(self, entity: Entity, routing: Element | None) -> tracks.Trajectory | None:
         if routing is None or routing.tag != "FollowTrajectoryAction":
             return None
-        found = self._referred(routing, "Trajectory")
-        if found is None:
-            found = self._referred(routing.find("TrajectoryRef"), "Trajectory")
+        found = trajectory_of(self.source, routing)
         try:
             if found is None:
                 raise NotExpressed("trajectories: nothing")
             return tracks.read_trajectory(found, self.places, entity.centre_m)
         except NotExpressed as err:
-            self.left_out[str(err)] += 1
+            self.losses.lose(str(err), f"'{entity.ref}'")
             return None
-
-    def _referred(self, holder: Element | None, tag: str) -> Element | None:
-        """Return the element of a kind that stands in another, or in a catalogue that it refers to."""
-        if holder is None:
-            return None
-        reference = holder.find("CatalogReference")
-        found = self.source.entry(reference) if reference is not None else holder.find(tag)
-        return found if found is not None and found.tag == tag else None
 
     def _ego(
         self, state: EntityState, middle: Pose, routing: Element | None, track: tracks.Trajectory | None
@@ -120,11 +117,11 @@ class ActorBuilder:
                 route = tracks.route_through(self.network, [front], kind)
             except NotExpressed:
                 return None
-            self.left_out["ways of the ego that the network does not have"] += 1
+            self.losses.leave("ways of the ego that the network does not have")
             goal = None
-        body: list[m.ActorItem] = [
-            m.EdgeRoute(edges=tracks.straight_on(self.network, route, kind) if goal is None else route)
-        ]
+        way = tracks.straight_on(self.network, route, kind) if goal is None else route
+        self._goes(entity, front, way)
+        body: list[m.ActorItem] = [m.EdgeRoute(edges=way)]
         if goal is not None and tracks.nearest(self.network, goal, "car") is not None:
             body.append(m.GoalAt(place=_point(goal)))
         return BuiltActor(
@@ -141,7 +138,7 @@ class ActorBuilder:
         *,
         at_start: bool,
     ) -> BuiltActor:
-        self.notes["actors that follow a trajectory react to nobody"] = None
+        self.losses.note("actors that follow a trajectory react to nobody")
         entity, speed = state.entity, state.speed_mps or 0.0
         profile = _timed(tracks.speed_profile(track), routing)
         whens: tuple[m.When, ...] = ()
@@ -151,6 +148,9 @@ class ActorBuilder:
                 whens = (m.When(condition=from_the_start(), actions=tuple(speed_changes(entity.name, profile))),)
             else:
                 state.profile = profile
+        if math.dist(path[0], (middle.x, middle.y)) > _APART_M and not at_start:
+            path = [(middle.x, middle.y), *path]  # it drives there first
+        self._walks(entity, path)
         points = tuple(_point(Pose(x, y, 0.0)) for x, y in self._with_stopping_distance(path, profile, entity))
         return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
 
@@ -163,15 +163,18 @@ class ActorBuilder:
         except NotExpressed as err:
             if str(err) == "starts off the lanes":
                 return self._straight(state, middle, _OFF_ROAD_M)
-            self.left_out[str(err)] += 1
+            self.losses.lose(str(err), f"'{entity.ref}'")
             route = tracks.route_through(self.network, [front], kind)
-        self.notes[
+        self.losses.note(
             "vehicles on lanes ignore signals and priority, as a default controller does; they follow others"
-        ] = None
+        )
+        state.on_lanes = True
         speed = state.speed_mps or 0.0
-        body: list[m.ActorItem] = [m.EdgeRoute(edges=tracks.straight_on(self.network, route, kind))]
+        way = tracks.straight_on(self.network, route, kind)
+        self._goes(entity, front, way)
+        body: list[m.ActorItem] = [m.EdgeRoute(edges=way)]
         if speed > 0:
-            body.append(m.CruiseSpeed(speed=quantity(min(speed, entity.spec.max_speed_mps), "speed")))
+            body.append(m.CruiseSpeed(speed=quantity(min(speed, entity.most_mps), "speed")))
         body += [m.IgnoresRule(what="signals"), m.IgnoresRule(what="priority")]
         stands = m.When(condition=from_the_start(), actions=(m.Stops(actor=entity.name),))
         return BuiltActor(_actor(entity, middle, speed, tuple(body)), () if speed > 0 else (stands,))
@@ -179,8 +182,10 @@ class ActorBuilder:
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
         """Return an actor that goes straight on off the lanes, or stands."""
         entity, speed = state.entity, state.speed_mps or 0.0
-        points = (_point(middle), _point(self._straight_end(middle, length_m)))
-        body = _walk(entity, points, min(speed, entity.spec.max_speed_mps))
+        end = self._straight_end(middle, length_m)
+        self._walks(entity, [(middle.x, middle.y), (end.x, end.y)])
+        points = (_point(middle), _point(end))
+        body = _walk(entity, points, min(speed, entity.most_mps))
         return BuiltActor(_actor(entity, middle, speed, body))
 
     def _with_stopping_distance(self, path: list[XY], profile: tracks.SpeedProfile | None, entity: Entity) -> list[XY]:
@@ -201,15 +206,32 @@ class ActorBuilder:
         """Return the places of a route or target."""
         if routing is None:
             return []
-        route = self._referred(routing, "Route")
+        route = self.source.referred(routing, "Route")
         positions = route.findall("Waypoint/Position") if route is not None else []
         found: list[Pose] = []
         for position in (*positions, *routing.iterfind("Position")):
             try:
                 found.append(self.places.pose(position))
             except NotExpressed as err:
-                self.left_out[str(err)] += 1
+                self.losses.lose(f"waypoints: {err}")
         return found
+
+    def _goes(self, entity: Entity, front: Pose, edges: tuple[str, ...]) -> None:
+        """Remember how far an actor's route goes on from where it starts."""
+        along = tracks.nearest(self.network, front, lane_kind(entity.spec))
+        begin = along.pos_m if along is not None and along.lane.edge == edges[0] else 0.0
+        length = sum(self.network.edges[e].drivable[0].length_m for e in edges) - begin
+        self.ways[entity.name] = Way(length)
+
+    def _walks(self, entity: Entity, path: list[XY]) -> None:
+        length = sum(math.dist(a, b) for a, b in itertools.pairwise(path))
+        self.ways[entity.name] = Way(length, tuple(path))
+
+
+def trajectory_of(source: Source, routing: Element) -> Element | None:
+    """Return the `<Trajectory>` that a `<FollowTrajectoryAction>` means, or None."""
+    found = source.referred(routing, "Trajectory")
+    return source.referred(routing.find("TrajectoryRef"), "Trajectory") if found is None else found
 
 
 _KEYWORDS: dict[str, Literal["vehicle", "bicycle", "pedestrian", "obstacle"]] = {
@@ -251,7 +273,7 @@ def _state(place: Pose, speed: float, entity: Entity) -> m.State:
     return m.State(
         at=_point(place),
         heading=quantity(math.remainder(place.heading_rad, math.tau), "angle"),
-        speed=quantity(min(speed, entity.spec.max_speed_mps * _LIMIT) if entity.kind != "obstacle" else 0.0, "speed"),
+        speed=quantity(min(speed, entity.most_mps * _LIMIT) if entity.kind != "obstacle" else 0.0, "speed"),
     )
 
 

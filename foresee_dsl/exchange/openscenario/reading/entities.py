@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
@@ -14,9 +13,10 @@ from foresee_dsl.compile.catalogue import CLASS_DEFAULTS, spec_of
 from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.errors import CompileError
 from foresee_dsl.exchange.naming import distinct_name, name_of, number, quantity, sentence
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.writing.participants import BRAKING, CATEGORIES, CRUISE, MODEL, STEER_RATE, WALKS
-from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.exchange.outcome import SourceError
 from foresee_dsl.language.model import Catalogue, Doc, Quantity, VehicleModel
 from foresee_dsl.language.project.loading import bundled_models
 from foresee_dsl.language.units import Dimension
@@ -37,7 +37,7 @@ class Entity:
 
     Attributes:
         ref: its name there. name: its name here, `ego` for the vehicle under test. model: `class.variant`.
-        centre_m: from its reference point forward to the middle of its box.
+        centre_m: from its reference point forward to the middle of its box. bundled: its model is one of ours.
     """
 
     ref: str
@@ -45,6 +45,12 @@ class Entity:
     model: str
     spec: ModelSpec
     centre_m: float
+    bundled: bool = False
+
+    @property
+    def most_mps(self) -> float:
+        """The most that it may be told to drive: models that are made for a scenario can what it asks of them."""
+        return self.spec.max_speed_mps if self.bundled else math.inf
 
     @property
     def kind(self) -> ActorKind:
@@ -60,7 +66,7 @@ class Participants:
     catalogue: Catalogue | None
 
 
-def read_participants(source: Source, left_out: Counter[str], *, name: str, ego: str = "") -> Participants:
+def read_participants(source: Source, losses: Losses, *, name: str, ego: str = "") -> Participants:
     """Read the entities of a scenario; `name` is that of the new catalogue.
 
     `ego`: the entity under test; by default the one that is called so, else the first vehicle. An `ExchangeError` where
@@ -68,39 +74,50 @@ def read_participants(source: Source, left_out: Counter[str], *, name: str, ego:
     """
     objects: dict[str, Element] = {}
     for entity in source.root.iterfind("Entities/ScenarioObject"):
-        found = _object(source, entity, left_out)
+        found = _object(source, entity, losses)
         if found is not None:
             objects[entity.get("name", "")] = found
-    left_out["selections of entities"] += len(source.root.findall("Entities/EntitySelection"))
     chosen = _ego(objects, ego)
     if chosen is None:
         missing = f"no vehicle '{ego}'" if ego else "no vehicle that could be driven"
-        raise ExchangeError(f"{source.path} has {missing}")
+        raise SourceError(f"{source.path} has {missing}")
     models: dict[str, VehicleModel] = {}
     entities: dict[str, Entity] = {}
     taken = {"ego"}
     for ref, found in objects.items():
         ours = "ego" if ref == chosen else distinct_name(ref, "actor", taken)
         taken.add(ours)
-        model = _model(found, models, left_out)
-        entities[ref] = Entity(ref, ours, model.name, spec_of(model), _centre(found))
+        model = _model(found, models, losses)
+        bundled = model.name in bundled_models()
+        entities[ref] = Entity(ref, ours, model.name, spec_of(model), _centre(found), bundled)
     doc = Doc(text=sentence(f"What takes part in {source.path.name}."))
     return Participants(entities, Catalogue(name=name, body=(doc, *models.values())) if models else None)
 
 
-def _object(source: Source, entity: Element, left_out: Counter[str]) -> Element | None:
+def made_faster(catalogue: Catalogue, fastest: Mapping[str, float]) -> Catalogue:
+    """Return a catalogue in which models can drive as fast as their actors are told, m/s by the models' names."""
+    body: list[Doc | VehicleModel] = []
+    for item in catalogue.body:
+        if isinstance(item, VehicleModel) and fastest.get(item.name, 0.0) > spec_of(item).max_speed_mps:
+            faster = quantity(math.ceil(fastest[item.name] * 10) / 10, "speed")
+            body.append(item.model_copy(update={"max_speed": faster}))
+        else:
+            body.append(item)
+    return catalogue.model_copy(update={"body": tuple(body)})
+
+
+def _object(source: Source, entity: Element, losses: Losses) -> Element | None:
     """Return the vehicle, pedestrian or thing of an entity, or None where it is of a kind that we do not have."""
     reference = entity.find("CatalogReference")
     found = source.entry(reference) if reference is not None else None
     if found is None:
         found = next((e for e in entity if e.tag in ("Vehicle", "Pedestrian", "MiscObject")), None)
-    if entity.find("ObjectController") is not None:
-        left_out["controllers"] += 1
+    name = f"'{entity.get('name', '')}'"
     if found is None:
-        left_out["entities defined elsewhere"] += 1
+        losses.lose("entities defined elsewhere", name)
         return None
     if found.tag == "Vehicle" and found.get("vehicleCategory") not in _KINDS:
-        left_out[f"entities: {found.get('vehicleCategory')}"] += 1
+        losses.lose(f"entities: {found.get('vehicleCategory')}", name)
         return None
     return found
 
@@ -118,12 +135,12 @@ def _centre(found: Element) -> float:
     return number(centre, "x", 0.0) if centre is not None and found.tag == "Vehicle" else 0.0
 
 
-def _model(found: Element, models: dict[str, VehicleModel], left_out: Counter[str]) -> VehicleModel:
+def _model(found: Element, models: dict[str, VehicleModel], losses: Losses) -> VehicleModel:
     """Return the bundled model that an entity is, or one made for it (the same for equal ones)."""
     kind: ActorKind = "pedestrian" if found.tag == "Pedestrian" else "obstacle"
     if found.tag == "Vehicle":
         kind = _KINDS[found.get("vehicleCategory", "")]
-    made = _made(found, kind, left_out)
+    made = _made(found, kind, losses)
     bundled = bundled_models().get(_property(found, MODEL))
     if bundled is not None and _same(spec_of(bundled), spec_of(made)):
         return bundled
@@ -136,10 +153,10 @@ def _model(found: Element, models: dict[str, VehicleModel], left_out: Counter[st
     return models[variant]
 
 
-def _made(found: Element, kind: ActorKind, left_out: Counter[str]) -> VehicleModel:
+def _made(found: Element, kind: ActorKind, losses: Losses) -> VehicleModel:
     size = found.find("BoundingBox/Dimensions")
     if size is None:
-        raise ExchangeError(f"the entity '{found.get('name')}' has no size")
+        raise SourceError(f"the entity '{found.get('name')}' has no size")
     values: dict[str, Quantity] = {
         key: quantity(max(number(size, key), 0.05), "length") for key in ("length", "width", "height")
     }
@@ -167,7 +184,7 @@ def _made(found: Element, kind: ActorKind, left_out: Counter[str]) -> VehicleMod
     try:
         spec_of(whole)
     except CompileError:
-        left_out["axles that do not fit their box (usual ones are taken)"] += 1
+        losses.left_out["axles that do not fit their box (usual ones are taken)"] += 1
         return plain
     return whole
 

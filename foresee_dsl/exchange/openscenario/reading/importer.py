@@ -1,7 +1,9 @@
-"""Takes over an OpenSCENARIO XML file: its common subset becomes a scenario; what is not expressed is counted."""
+"""Takes over an OpenSCENARIO XML file: its common subset becomes a scenario; what is not expressed is said."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,226 +12,267 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.compile.foreign.networks import SUFFIXES, foreign_net
-from foresee_dsl.compile.foreign.opendrive_geometry import RoadMap
-from foresee_dsl.compile.placement.scene import DRY_FRICTION, WET_FRICTION
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, EntityState, TriggerBuilder
-from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder
-from foresee_dsl.exchange.openscenario.reading.entities import Participants, read_participants
+from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
+from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
+from foresee_dsl.exchange.openscenario.reading.entities import Participants, made_faster, read_participants
+from foresee_dsl.exchange.openscenario.reading.handedness import is_left_handed
+from foresee_dsl.exchange.openscenario.reading.inits import Inits
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
-from foresee_dsl.exchange.openscenario.reading.source import Source, read_source
-from foresee_dsl.exchange.openscenario.reading.storyboard import ConditionReader, Event, read_events
-from foresee_dsl.exchange.openscenario.writing.participants import CLEAR_M
-from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
+from foresee_dsl.exchange.openscenario.reading.roads import Roads
+from foresee_dsl.exchange.openscenario.reading.source import Source, network_file, read_source
+from foresee_dsl.exchange.openscenario.reading.storyboard import arrange, at_once, read_events
+from foresee_dsl.exchange.outcome import (
+    Coordinates,
+    ExchangeError,
+    Imported,
+    NotExpressed,
+    SourceError,
+    import_together,
+    write_text,
+)
 from foresee_dsl.language import model as m
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.simulate.sensing.weather import FOG_VISIBILITY_M, RAIN_MM_H
 
 _END_S = 60.0
 """Where the file gives no time (the language's own default)."""
 
 
-def run(file: Path, *, out: Path, ego: str = "", road: Path | None = None, allow_outside: bool = False) -> Imported:
+def run(
+    file: Path,
+    *,
+    out: Path,
+    ego: str = "",
+    road: Path | None = None,
+    coordinates: Coordinates = Coordinates.auto,
+    partial: bool = False,
+    allow_outside: bool = False,
+) -> Imported:
     """Write the scenario `NAME.foresee`, its network, and the catalogue `NAME_models.foresee` where it is needed.
 
     Args:
         file: the `.xosc` file. out: the folder.
         ego: the entity under test; by default the one that is called so, else the first vehicle.
-        road: the network (`.xodr`, `.net.xml`); by default the one that the file names.
+        road: the network (`.xodr`, `.net.xml`), or a folder in which the one that the file names is looked for; by
+            default the one that the file names.
+        coordinates: how world positions are meant.
+        partial: also write a scenario from which actions, triggers or participants are lost, with comments.
         allow_outside: whether the file may name files outside its project folder.
 
     Raises:
-        ExchangeError: it cannot be read, has no network or no vehicle, or lacks a catalogue.
+        ExchangeError: it cannot be read, has no network or no vehicle, lacks a catalogue, or something would be lost.
         InputError: the scenario that comes out is impossible; nothing is written.
     """
     source = read_source(file, allow_outside=allow_outside)
-    network_file = _network_file(source, road)
-    left_out: Counter[str] = Counter()
+    network_path = network_file(source, road, SUFFIXES)
+    losses = Losses()
     name = name_of(file.name.partition(".")[0], "scenario")
-    participants = read_participants(source, left_out, name=f"{name}_models", ego=ego)
-    suffix = next(suffix for suffix in SUFFIXES if network_file.name.endswith(suffix))
-    network_name = name_of(network_file.name.partition(".")[0], "map") + suffix
-    scenario, notes = _scenario(source, participants, network_file, name, left_out, network_name)
-
+    participants = read_participants(source, losses, name=f"{name}_models", ego=ego)
+    suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
+    network_name = name_of(network_path.name.partition(".")[0], "map") + suffix
+    work = _Import(source, participants, network_path, losses, coordinates)
+    scenario, remarks = work.scenario(name, network_name)
+    catalogue = work.faster_models(scenario)
+    if losses.lost and not partial:
+        raise ExchangeError(_refusal(file, losses))
     kinds = Counter(actor.kind for actor in scenario.actors)
     taken = {f"of the kind {kind}": count for kind, count in sorted(kinds.items())}
 
     def write(folder: Path) -> Imported:
-        shutil.copyfile(network_file, folder / network_name)
-        if participants.catalogue is not None:
-            write_text(folder / f"{name}_models.foresee", participants.catalogue)
-        write_text(folder / f"{name}.foresee", scenario)
+        shutil.copyfile(network_path, folder / network_name)
+        if catalogue is not None:
+            write_text(folder / f"{name}_models.foresee", catalogue)
+        write_text(folder / f"{name}.foresee", scenario, remarks)
         mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
         if mistakes:
             found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
-            raise ExchangeError(f"{file} cannot be played on its network: {found}")
+            on_top = all("starts on top of" in d.message for d in mistakes)
+            raise (SourceError if on_top else ExchangeError)(f"{file} cannot be played on its network: {found}")
 
-        return Imported((), 1, taken, +left_out, tuple(notes))
+        return Imported((), 1, taken, +losses.left_out, tuple(losses.notes), +losses.lost)
 
     return import_together(out, write)
 
 
-def _scenario(
-    source: Source, participants: Participants, network_file: Path, name: str, left_out: Counter[str], network_name: str
-) -> tuple[m.Scenario, list[str]]:
-    left_out["programs of signals"] += len(source.root.findall("RoadNetwork/TrafficSignals/TrafficSignalController"))
-    inits = _Inits(source, left_out)
-    roads = RoadMap.read(network_file) if network_file.name.endswith(".xodr") else None
-    places = Places(roads, inits.positions)
-    reader = ConditionReader(participants.entities, places)
-    events = read_events(source, reader, left_out)
-    actors = ActorBuilder(source, RoadNetwork.from_net(foreign_net(network_file)), places, left_out)
-    entities = participants.entities
-    states = {ref: EntityState(e, inits.speeds.get(ref, 0.0), inits.lane(ref)) for ref, e in entities.items()}
-    routing = inits.routing | {ref: found for ref, found in _routing(events).items() if ref not in inits.routing}
-    acting = {ref for event in _all(events) for ref in event.refs}
-    statements: list[m.ScenarioItem] = []
-    first: list[m.ScenarioItem] = []
-    for ref, entity in sorted(entities.items(), key=lambda e: e[1].name != "ego"):
-        made = actors.actor(states[ref], routing.get(ref), at_start=ref in inits.routing, acts=ref in acting)
-        if made is not None:
-            statements.append(made.statement)
-            first += made.whens
-        elif entity.name == "ego":
-            raise ExchangeError(f"{source.path}: the ego '{ref}' stands nowhere on the network")
-        else:
-            del states[ref]
-    whens = TriggerBuilder(states, left_out).whens(_known(events, states, left_out))
-    header: list[m.ScenarioItem] = [
-        m.Doc(text=sentence(source.description or source.path.name)),
-        m.Tags(names=("openscenario",)),
-        m.UseNetwork(path=network_name),
-        *([m.UseModels(path=f"{name}_models.foresee")] if participants.catalogue is not None else []),
-        *inits.weather(),
-    ]
-    never = m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego"))
-    end = m.End(after=quantity(_end_s(source, left_out), "time"))
-    body = (*header, *statements, *first, *whens, never, end)
-    return m.Scenario(name=name, body=body), list(actors.notes)
+def _refusal(file: Path, losses: Losses) -> str:
+    what = "; ".join(f"{count} {what}" for what, count in losses.lost.items())
+    return (
+        f"{file} holds what the language does not express, and without it something else happens: {what}. Nothing is "
+        "written; --partial writes the rest, with a comment at each place"
+    )
 
 
-class _Inits:
-    """What the storyboard's `<Init>` says."""
+class _Import:
+    """One import: everything about a file that is read, and the statements made of it."""
 
-    def __init__(self, source: Source, left_out: Counter[str]) -> None:
-        """Read it; actions that we do not have are counted."""
-        self._source = source
-        self.positions: dict[str, Element] = {}
-        self.speeds: dict[str, float] = {}
-        self.routing: dict[str, Element] = {}
-        self._environment: Element | None = None
-        actions = source.root.find("Storyboard/Init/Actions")
-        for action in actions if actions is not None else ():
-            if action.tag == "Private":
-                for private in action.iterfind("PrivateAction"):
-                    self._private(action.get("entityRef", ""), private, left_out)
-            else:
-                self._global(action, left_out)
+    def __init__(
+        self, source: Source, participants: Participants, network_path: Path, losses: Losses, coordinates: Coordinates
+    ) -> None:
+        self.source, self.losses = source, losses
+        self.network = RoadNetwork.from_net(foreign_net(network_path))
+        self.entities = dict(participants.entities)
+        self.catalogue = participants.catalogue
+        ego = next(ref for ref, entity in self.entities.items() if entity.name == "ego")
+        self.inits = Inits.read(source, ego, losses)
+        for ref in self.inits.removed - {ego}:
+            self.entities.pop(ref, None)
+        self.events = read_events(source, losses)
+        placed = self.inits.positions
+        vehicles = [placed[ref] for ref, e in self.entities.items() if e.kind in WHEELS and ref in placed]
+        mirrored, why = is_left_handed(source, vehicles, self.network, coordinates)
+        if mirrored:
+            losses.note(
+                f"coordinates are left-handed ({why}), and turned round; places are of the vehicles' middle, as CARLA's"
+            )
+            self.entities = {ref: dataclasses.replace(e, centre_m=0.0) for ref, e in self.entities.items()}
+        self.places = Places(
+            Roads(network_path) if network_path.name.endswith(".xodr") else None,
+            self.inits.positions,
+            source.referred,
+            self._along,
+            mirrored,
+            source.minor,
+        )
+        self._fill_places()
+        self._remarks: dict[int, list[str]] = {}
+        self._body: list[m.ScenarioItem] = []
 
-    def lane(self, ref: str) -> int | None:
-        """Return the id of the lane that an entity is placed on, if its position names one."""
-        position = self.positions.get(ref)
-        lane = position.find("LanePosition") if position is not None else None
-        return round(number(lane, "laneId")) if lane is not None else None
+    def scenario(self, name: str, network_name: str) -> tuple[m.Scenario, dict[int, list[str]]]:
+        """Return the scenario, and the comments that stand before its statements."""
+        self._body += [
+            m.Doc(text=sentence(self.source.description or self.source.path.name)),
+            m.Tags(names=("openscenario",)),
+            m.UseNetwork(path=network_name),
+            *([m.UseModels(path=f"{name}_models.foresee")] if self.catalogue is not None else []),
+        ]
+        for weather in self.inits.weather():
+            self._add(weather)
+        states = self._actors()
+        built = {ref: self.entities[ref] for ref in states}
+        reader = self._reader(dataclasses.replace(self._reader(), entities=built))
+        arrange(self.events, reader)
+        builder = TriggerBuilder(states, self.losses)
+        for when in builder.whens([*self.inits.events, *self.events]):
+            self._add(when)
+        self._add(m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")))
+        self._add(m.End(after=quantity(_end_s(self.source, self.losses), "time")))
+        return m.Scenario(name=name, body=tuple(self._body)), self._remarks
 
-    def weather(self) -> list[m.Weather]:
-        """Return the weather statement, if there is any: visual range, mm/h and friction there, ratios here."""
-        found = self._environment
-        if found is None:
-            return []
-        fog, rain, road = (found.find(p) for p in ("Weather/Fog", "Weather/Precipitation", "RoadCondition"))
-        visual_range_m = number(fog, "visualRange", 0.0) if fog is not None else 0.0
-        rain_mm_h = 0.0
-        if rain is not None:  # version 1.0 gives a share
-            rain_mm_h = number(rain, "precipitationIntensity", number(rain, "intensity", 0.0) * RAIN_MM_H)
-        friction = number(road, "frictionScaleFactor", 1.0) if road is not None else 1.0
-        ratios = {
-            "fog": FOG_VISIBILITY_M / visual_range_m if visual_range_m and visual_range_m < CLEAR_M / 10 else 0.0,
-            "rain": rain_mm_h / RAIN_MM_H,
-            "wetness": (1.0 - friction) * DRY_FRICTION / (DRY_FRICTION - WET_FRICTION),
-        }
-        over_zero = {
-            key: quantity(min(round(value, 3), 1.0), "ratio") for key, value in ratios.items() if round(value, 3) > 0
-        }
-        return [m.Weather.model_validate(over_zero)] if over_zero else []
+    def faster_models(self, scenario: m.Scenario) -> m.Catalogue | None:
+        """Return the catalogue of new models, which can drive as fast as the scenario tells its actors."""
+        if self.catalogue is None:
+            return None
+        asked: dict[str, float] = {}
+        for actor in scenario.actors:
+            speeds = [actor.state.speed] if actor.state is not None else []
+            speeds += [item.speed for item in actor.body if isinstance(item, m.CruiseSpeed)]
+            asked[actor.name] = max((speed.si for speed in speeds if isinstance(speed, m.Quantity)), default=0.0)
+        for when in scenario.all(m.When):
+            for change in _changes_of_speed(when.actions):
+                if isinstance(change.to, m.Quantity):
+                    asked[change.actor] = max(asked.get(change.actor, 0.0), change.to.si)
+        fastest: dict[str, float] = {}
+        for entity in self.entities.values():
+            fastest[entity.model] = max(fastest.get(entity.model, 0.0), asked.get(entity.name, 0.0))
+        return made_faster(self.catalogue, fastest)
 
-    def _global(self, action: Element, left_out: Counter[str]) -> None:
-        kind = next(iter(action), action)
-        if kind.tag == "EnvironmentAction":
-            reference = kind.find("CatalogReference")
-            self._environment = kind.find("Environment") if reference is None else self._source.entry(reference)
-        else:
-            left_out[f"actions at the beginning: {kind.tag}"] += 1
+    def _add(self, item: m.ScenarioItem) -> None:
+        """Put a statement into the scenario, with comments on what was lost since the one before."""
+        if remarks := self.losses.remarks():
+            self._remarks[len(self._body)] = remarks
+        self._body.append(item)
 
-    def _private(self, ref: str, private: Element, left_out: Counter[str]) -> None:
-        kind = next(iter(private), private)
-        inner = next(iter(kind), kind)
-        position = private.find("TeleportAction/Position")
-        speed = private.find("LongitudinalAction/SpeedAction/SpeedActionTarget/AbsoluteTargetSpeed")
-        if position is not None:
-            self.positions[ref] = position
-        elif speed is not None:
-            self.speeds[ref] = max(number(speed, "value"), 0.0)
-        elif inner.tag in ROUTING:
-            self.routing[ref] = inner
-        else:
-            left_out[f"actions at the beginning: {inner.tag}"] += 1
+    def _along(self, x: float, y: float) -> float | None:
+        """Return the direction of the road at a point (of the lane, without an OpenDRIVE map); None off the roads."""
+        place = self.places.roads.locate(Pose(x, y, math.nan)) if self.places.roads is not None else None
+        if place is not None and self.places.roads is not None:
+            return self.places.roads.on_reference(place.road, place.s, 0.0).heading_rad
+        near = self.network.nearest_lane(x, y, None, "car", 5.0)
+        return None if near is None else near.lane.line.at(near.pos_m)[2]
+
+    def _reader(self, base: ConditionReader | None = None) -> ConditionReader:
+        """Return a reader of conditions, with what is known of the actors' ways by now."""
+        if base is not None:
+            return dataclasses.replace(base, ways=self._ways)
+        values, changing = self.source.variables()
+        return ConditionReader(self.entities, self.places, self.losses, {}, values, changing)
+
+    def _fill_places(self) -> None:
+        """Take places and speeds of what happens at once, and of entities that only have a trajectory."""
+        self.inits.take_at_once(at_once(self.events, self._reader()))
+        for ref, routing in self._routing().items():
+            trajectory = trajectory_of(self.source, routing) if routing.tag == "FollowTrajectoryAction" else None
+            first = trajectory.find("Shape//Position") if trajectory is not None else None
+            if first is not None and ref not in self.inits.positions:
+                self.inits.positions[ref] = first
+
+    def _routing(self) -> dict[str, Element]:
+        """Return the first routing action of each entity."""
+        found = dict(self.inits.routing)
+        for event in self.events:
+            for action in (action for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
+                if action.tag in ROUTING:
+                    found = {**dict.fromkeys(event.refs, action), **found}
+        return found
+
+    def _actors(self) -> dict[str, EntityState]:
+        """Add the actors; return what is known of each."""
+        builder = ActorBuilder(self.source, self.network, self.places, self.losses)
+        self._ways = builder.ways
+        routing = self._routing()
+        acting = {ref for event in (*self.events, *self.inits.events) for ref in event.refs}
+        states: dict[str, EntityState] = {}
+        first: list[m.When] = []
+        for ref, entity in sorted(self.entities.items(), key=lambda e: e[1].name != "ego"):
+            state = EntityState(entity, self.inits.speeds.get(ref, 0.0), *self._lane(ref))
+            at_start = ref in self.inits.routing
+            made = builder.actor(state, routing.get(ref), at_start=at_start, acts=ref in acting)
+            if made is not None:
+                self._add(made.statement)
+                states[ref] = state
+                first += made.whens
+            elif entity.name == "ego":
+                raise ExchangeError(f"{self.source.path}: the ego '{ref}' stands nowhere on the network")
+        for when in first:
+            self._add(when)
+        return states
+
+    def _lane(self, ref: str) -> tuple[int | None, bool]:
+        """Return the id of the lane that an entity is on, if its road is known, and whether it looks in the road's
+        direction."""
+        place = self.places.lane_of(ref) if self.places.roads is not None else None
+        if place is None or self.places.roads is None:
+            return None, True
+        road = self.places.roads.on_reference(place.road, place.s, 0.0).heading_rad
+        try:
+            off = self.places.initial(ref).heading_rad - road
+        except NotExpressed:
+            return None, True
+        return place.lane or None, abs(math.remainder(off, math.tau)) < math.pi / 2
 
 
-def _routing(events: list[Event]) -> dict[str, Element]:
-    """Return the first routing action of each entity in the events, those that wait for others included."""
-    found: dict[str, Element] = {}
-    for event in _all(events):
-        for action in (action for kind in event.actions for action in kind.iterfind("RoutingAction/*")):
-            if action.tag in ROUTING:
-                found = {**dict.fromkeys(event.refs, action), **found}
-    return found
+def _changes_of_speed(actions: Sequence[m.Action]) -> Iterator[m.ChangesSpeed]:
+    for action in actions:
+        if isinstance(action, m.ChangesSpeed):
+            yield action
+        elif isinstance(action, m.Then):
+            yield from _changes_of_speed(action.actions)
 
 
-def _all(events: Sequence[Event]) -> Iterator[Event]:
-    """Yield events and those that wait for them."""
-    for event in events:
-        yield event
-        yield from _all((*event.at_start, *event.at_end))
-
-
-def _known(events: list[Event], states: dict[str, EntityState], left_out: Counter[str]) -> list[Event]:
-    """Return the events whose conditions are about actors that were taken over."""
-    from foresee_dsl.language.traversal import mentioned
-
-    names = {state.entity.name for state in states.values()}
-    found = []
-    for event in events:
-        if event.condition is not None and not mentioned(event.condition) <= names:
-            left_out["conditions about entities that were left out"] += 1
-            continue
-        event.at_start = _known(event.at_start, states, left_out)
-        event.at_end = _known(event.at_end, states, left_out)
-        found.append(event)
-    return found
-
-
-def _network_file(source: Source, road: Path | None) -> Path:
-    if road is None:
-        logic = source.root.find("RoadNetwork/LogicFile")
-        written = logic.get("filepath", "") if logic is not None else ""
-        if not written:
-            raise ExchangeError(f"{source.path} names no network: name one with --map")
-        road = source.named(written, "the network")
-    if not road.name.endswith(SUFFIXES):
-        raise ExchangeError(f"the network {road} is of no known kind: name one ({' or '.join(SUFFIXES)}) with --map")
-    return road
-
-
-def _end_s(source: Source, left_out: Counter[str]) -> float:
+def _end_s(source: Source, losses: Losses) -> float:
     """Return the time at which the storyboard stops."""
     times = []
-    for condition in source.root.iterfind("Storyboard/StopTrigger/ConditionGroup/Condition"):
-        time = condition.find("ByValueCondition/SimulationTimeCondition")
-        if time is not None and time.get("rule") != "lessThan":
-            times.append(number(time, "value") + number(condition, "delay", 0.0))
+    for group in source.root.iterfind("Storyboard/StopTrigger/ConditionGroup"):
+        conditions = group.findall("Condition")
+        found = [condition.find("ByValueCondition/SimulationTimeCondition") for condition in conditions]
+        if len(found) == 1 and found[0] is not None and found[0].get("rule") != "lessThan":
+            times.append(number(found[0], "value") + number(conditions[0], "delay", 0.0))
         else:
-            left_out["conditions that end the storyboard"] += 1
+            losses.leave("conditions that end the storyboard (the run goes on)")
     positive = [t for t in times if t > 0]
     return min(positive) if positive else _END_S

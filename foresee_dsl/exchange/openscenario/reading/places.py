@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
-from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.exchange.naming import number
-from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.exchange.openscenario.reading.roads import RoadPlace, Roads
+from foresee_dsl.exchange.outcome import NotExpressed, SourceError
+
+_Found = TypeVar("_Found")
 
 
 @dataclass
@@ -19,24 +24,25 @@ class Places:
     Attributes:
         roads: the map; None for a network that is no OpenDRIVE map.
         inits: the `<Position>` elements of entities at the beginning, by their names.
+        referred: finds the element of a kind that stands in another, or in a catalogue that it refers to.
+        along: the direction of the road where a point is, rad, or None where it is on none.
+        mirrored: coordinates are left-handed, as CARLA's are. minor: of the standard's version.
     """
 
-    roads: RoadMap | None
+    roads: Roads | None
     inits: Mapping[str, Element]
+    referred: Callable[[Element | None, str], Element | None] = lambda holder, tag: (
+        None if holder is None else holder.find(tag)
+    )
+    along: Callable[[float, float], float | None] = lambda x, y: None  # noqa: ARG005 - a default that knows no lanes
+    mirrored: bool = False
+    minor: int = 2
     _working: list[str] = field(default_factory=list)
 
     def initial(self, entity: str) -> Pose:
         """Return the pose of an entity's reference point at the beginning; `NotExpressed` where it has none that we
         know."""
-        if entity not in self.inits:
-            raise NotExpressed("entities without a place at the beginning")
-        if entity in self._working:
-            raise NotExpressed("positions that depend on each other")
-        self._working.append(entity)
-        try:
-            return self.pose(self.inits[entity])
-        finally:
-            self._working.pop()
+        return self._of_entity(entity, self.pose)
 
     def pose(self, position: Element) -> Pose:
         """Return the pose that a `<Position>` (or `<TargetPosition>` and the like) means; errors as of `initial`."""
@@ -44,63 +50,166 @@ class Places:
         if kind is None:
             raise NotExpressed("empty positions")
         if kind.tag == "WorldPosition":
-            return Pose(number(kind, "x"), number(kind, "y"), number(kind, "h", 0.0))
-        if kind.tag in ("LanePosition", "RoadPosition"):
-            return self._on_road(kind)
+            return self._world(kind)
         if kind.tag in ("RelativeWorldPosition", "RelativeObjectPosition"):
             return self._beside(kind)
-        if kind.tag in ("RelativeLanePosition", "RelativeRoadPosition"):
-            return self._further_on(kind)
-        raise NotExpressed(f"positions: {kind.tag}")
+        if kind.tag == "RoadPosition":
+            where = self._roads(kind).on_reference(kind.get("roadId", ""), number(kind, "s"), number(kind, "t"))
+            return self._turned(where, kind)
+        if kind.tag == "RelativeRoadPosition":
+            base = self._road_place_of(kind.get("entityRef", ""))
+            moved, _ = self._roads(kind).moved(base, number(kind, "ds"))
+            where = self._roads(kind).on_reference(moved.road, moved.s, base.t + number(kind, "dt"))
+            return self._turned(where, kind)
+        return self._on_lane(kind, self.road_place(position))
 
-    def _on_road(self, kind: Element, ds: float = 0.0, lanes: int = 0, dt: float = 0.0) -> Pose:
-        """Return a lane or road position, moved along and across."""
+    def road_place(self, position: Element) -> RoadPlace:
+        """Return where on the roads a position is; errors as of `initial`."""
+        kind = next(iter(position), None)
+        if kind is None:
+            raise NotExpressed("empty positions")
+        if kind.tag == "LanePosition":
+            lane, offset = round(number(kind, "laneId")), number(kind, "offset", 0.0)
+            return self._with_t(self._roads(kind), RoadPlace(kind.get("roadId", ""), number(kind, "s"), lane, offset))
+        if kind.tag == "RelativeLanePosition":
+            return self._further_on(kind)
+        if kind.tag == "RoutePosition":
+            return self._along_route(kind)
+        if kind.tag not in ("WorldPosition", "RoadPosition", *_RELATIVE):
+            raise NotExpressed(f"positions: {kind.tag}")
+        found = self._roads(kind).locate(self.pose(position))
+        if found is None:
+            raise NotExpressed("positions off the roads where one on a road is asked for")
+        return found
+
+    def lane_of(self, entity: str) -> RoadPlace | None:
+        """Return where on the roads an entity is at the beginning, or None where that cannot be said."""
+        try:
+            return self._road_place_of(entity)
+        except (NotExpressed, SourceError):
+            return None
+
+    def _of_entity(self, entity: str, found: Callable[[Element], _Found]) -> _Found:
+        if entity not in self.inits:
+            raise NotExpressed("entities without a place at the beginning")
+        if entity in self._working:
+            raise NotExpressed("positions that depend on each other")
+        self._working.append(entity)
+        try:
+            return found(self.inits[entity])
+        finally:
+            self._working.pop()
+
+    def _road_place_of(self, entity: str) -> RoadPlace:
+        return self._of_entity(entity, self.road_place)
+
+    def _roads(self, kind: Element) -> Roads:
         if self.roads is None:
             raise NotExpressed(f"positions: {kind.tag} (the network is no OpenDRIVE map)")
-        road, s = kind.get("roadId", ""), number(kind, "s") + ds
-        back = False
-        if kind.tag == "RoadPosition":
-            pose = self.roads.at(road, s, number(kind, "t") + dt)
-        else:
-            lane = round(number(kind, "laneId"))
-            back = lane > 0
-            pose = self.roads.lane(road, _lane(lane, lanes), s, number(kind, "offset", 0.0) + dt)
-        orientation = kind.find("Orientation")
-        if orientation is None:  # nothing stated: the way that traffic goes there
-            return Pose(pose.x, pose.y, pose.heading_rad + (math.pi if back else 0.0))
-        return _turned(pose, orientation)
+        return self.roads
+
+    def _world(self, kind: Element) -> Pose:
+        """Return a world position; without a heading it looks along the road, in its direction."""
+        side = -1.0 if self.mirrored else 1.0
+        x, y = number(kind, "x"), number(kind, "y") * side
+        if kind.get("h") is not None:
+            return Pose(x, y, number(kind, "h") * side)
+        return Pose(x, y, self.along(x, y) or 0.0)
+
+    def _on_lane(self, kind: Element, place: RoadPlace) -> Pose:
+        """Return a place on a lane; what it is relative to is the direction of the lane's traffic.
+
+        Of a place `ds` m along the road from another it is the road's, as esmini has it.
+        """
+        roads = self._roads(kind)
+        pose = roads.on_lane(place.road, place.lane, place.s, place.offset)
+        along_road = kind.tag == "RelativeLanePosition" and kind.get("ds") is not None
+        towards = 0.0 if along_road or roads.forward(place.road, place.lane) else math.pi
+        return self._turned(Pose(pose.x, pose.y, pose.heading_rad + towards), kind)
 
     def _beside(self, kind: Element) -> Pose:
         base = self.initial(kind.get("entityRef", ""))
-        dx, dy = number(kind, "dx"), number(kind, "dy")
-        orientation = kind.find("Orientation")
+        dx, dy = number(kind, "dx"), number(kind, "dy") * (-1.0 if self.mirrored else 1.0)
         if kind.tag == "RelativeWorldPosition":
             pose = Pose(base.x + dx, base.y + dy, base.heading_rad)
         else:
             pose = base.ahead(dx).beside(dy)
-        return pose if orientation is None else _turned(pose, orientation)
+        return self._turned(pose, kind)
 
-    def _further_on(self, kind: Element) -> Pose:
-        """Return a place along the road of an entity whose own place is given on a road."""
-        entity = kind.get("entityRef", "")
-        position = self.inits.get(entity)
-        base = None if position is None else next(iter(position), None)
-        if base is None or base.tag not in ("LanePosition", "RoadPosition"):
-            raise NotExpressed(f"positions: {kind.tag} of an entity that is not placed on a road")
-        forward = -1.0 if base.tag == "LanePosition" and number(base, "laneId") > 0 else 1.0
-        if kind.tag == "RelativeRoadPosition":
-            return self._on_road(base, number(kind, "ds"), 0, number(kind, "dt"))
-        offset = number(kind, "offset", 0.0)
-        return self._on_road(base, forward * number(kind, "ds", 0.0), round(number(kind, "dLane")), offset)
+    def _further_on(self, kind: Element) -> RoadPlace:
+        """Return a place along the road of an entity: `ds` in the road's direction, `dsLane` in that of its lane."""
+        roads, base = self._roads(kind), self._road_place_of(kind.get("entityRef", ""))
+        lanes, offset = round(number(kind, "dLane")), number(kind, "offset", 0.0)
+        ds = number(kind, "ds", 0.0)
+        if kind.get("ds") is None and kind.get("dsLane") is not None:
+            side = 1 if roads.forward(base.road, base.lane) else -1
+            ds, lanes, offset = side * number(kind, "dsLane"), side * lanes, side * offset
+        moved, turned = roads.moved(RoadPlace(base.road, roads.within(base.road, base.s), base.lane), ds)
+        lane = lane_beside(moved.lane, -lanes if turned else lanes)
+        return self._with_t(roads, RoadPlace(moved.road, moved.s, lane, -offset if turned else offset))
+
+    def _along_route(self, kind: Element) -> RoadPlace:
+        """Return a place so far along a route."""
+        route = self.referred(kind.find("RouteRef"), "Route")
+        where = kind.find("InRoutePosition")
+        inner = next(iter(where), None) if where is not None else None
+        if route is None or inner is None or inner.tag not in ("FromLaneCoordinates", "FromRoadCoordinates"):
+            raise NotExpressed(f"positions: RoutePosition ({'no route' if inner is None else inner.tag})")
+        roads = self._roads(kind)
+        points = [self.road_place(position) for position in route.iterfind("Waypoint/Position")]
+        if not points:
+            raise NotExpressed("positions: RoutePosition (a route without waypoints)")
+        road, s = _along(roads, points, number(inner, "pathS"))
+        if inner.tag == "FromLaneCoordinates":
+            lane, offset = round(number(inner, "laneId")), number(inner, "laneOffset", 0.0)
+            return self._with_t(roads, RoadPlace(road, s, lane, offset))
+        found = roads.locate(roads.on_reference(road, s, number(inner, "t")))
+        if found is None:
+            raise NotExpressed("positions: RoutePosition (off the road)")
+        return found
+
+    @staticmethod
+    def _with_t(roads: Roads, place: RoadPlace) -> RoadPlace:
+        """Return a place with how far it is from its road's reference line."""
+        s = roads.within(place.road, place.s)
+        pose, line = roads.on_lane(place.road, place.lane, s, place.offset), roads.on_reference(place.road, s, 0.0)
+        t = -(pose.x - line.x) * math.sin(line.heading_rad) + (pose.y - line.y) * math.cos(line.heading_rad)
+        return RoadPlace(place.road, s, place.lane, place.offset, t)
+
+    def _turned(self, pose: Pose, kind: Element) -> Pose:
+        """Return a pose with the orientation that a position gives: none at all is as the pose looks."""
+        orientation = kind.find("Orientation")
+        if orientation is None or orientation.get("h") is None:
+            return Pose(pose.x, pose.y, pose.heading_rad)
+        h = number(orientation, "h") * (-1.0 if self.mirrored else 1.0)
+        absolute = orientation.get("type") or ("absolute" if self.minor <= 2 else "relative")
+        return Pose(pose.x, pose.y, h if absolute == "absolute" else pose.heading_rad + h)
 
 
-def _lane(lane: int, by: int) -> int:
+_RELATIVE = ("RelativeWorldPosition", "RelativeObjectPosition", "RelativeRoadPosition")
+
+
+def lane_beside(lane: int, by: int) -> int:
     """Return the id of the lane `by` lanes to the left (in the road's direction); 0 is no lane."""
     found = lane + by
     return found if found * lane > 0 or by == 0 else found + (1 if by > 0 else -1)
 
 
-def _turned(pose: Pose, orientation: Element) -> Pose:
-    h = number(orientation, "h", 0.0)
-    absolute = orientation.get("type", "absolute") == "absolute"
-    return Pose(pose.x, pose.y, h if absolute else pose.heading_rad + h)
+def _along(roads: Roads, points: list[RoadPlace], path_s: float) -> tuple[str, float]:
+    """Return the road and the length along it that lie so far along a route through some places."""
+    left = max(path_s, 0.0)
+    road, s, onward = points[0].road, points[0].s, roads.forward(points[0].road, points[0].lane)
+    for first, last in itertools.pairwise(points):
+        way = roads.way(RoadPlace(road, s, first.lane), last)
+        if not way:
+            raise NotExpressed("positions: RoutePosition (there is no way along the route)")
+        for k, (name, forward) in enumerate(way):
+            begin = s if k == 0 else 0.0 if forward else roads.length(name)
+            end = last.s if k == len(way) - 1 else roads.length(name) if forward else 0.0
+            if left <= abs(end - begin):
+                return name, begin + left if forward else begin - left
+            left -= abs(end - begin)
+            onward = forward
+        road, s = last.road, last.s
+    moved, _ = roads.moved(RoadPlace(road, s, points[-1].lane), left if onward else -left)
+    return moved.road, moved.s

@@ -2,36 +2,25 @@
 
 from __future__ import annotations
 
-import ast
-import math
-import operator
-import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
 from foresee_dsl.compile.nets.safe_xml import parse_xml
-from foresee_dsl.exchange.outcome import ExchangeError
+from foresee_dsl.exchange.openscenario.reading.expressions import value_of
+from foresee_dsl.exchange.outcome import ExchangeError, SourceError
 from foresee_dsl.language.project.addresses import is_inside, project_folder
 
 WHAT = "an OpenSCENARIO file"
-_LONGEST_EXPRESSION = 500
 _MOST_CATALOGUES = 200
 """Files of a folder that are looked at (ours: collections have a few dozen)."""
-_PARAMETER = re.compile(r"\$([A-Za-z_][\w.]*)")
-_OPERATORS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Mod: operator.mod,
-}
-_FUNCTIONS: dict[str, Callable[..., float]] = {
-    function.__name__: function for function in (round, math.floor, math.ceil, math.sqrt, math.pow, abs, min, max)
-}
+_NAMES = ("name", "storyboardElementRef", "description", "author", "catalogName", "entryName", "license")
+"""Attributes that say how something is called: they may look like expressions and be none."""
+_REFERENCES = ("parameterRef", "variableRef")
+"""Attributes that name a parameter, with or without a `$`; its value is not meant."""
+_MINOR = ("0", "1", "2", "3")
 
 
 @dataclass
@@ -41,42 +30,73 @@ class Source:
     Attributes:
         path: the file. root: its `<OpenSCENARIO>`.
         roots: folders that the file may name other files in.
+        values: of the parameters that hold in the whole file.
+        missing: folders of catalogues that are not there.
     """
 
     path: Path
     root: Element
     roots: tuple[Path, ...]
+    values: Mapping[str, str] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
 
-    def named(self, written: str, what: str) -> Path:
+    def named(self, written: str, what: str, suffixes: tuple[str, ...] = ()) -> Path:
         """Return a file or folder that the scenario names, relative to itself; an `ExchangeError` for one that is
-        missing or lies outside the scenario's project."""
+        missing or lies outside the scenario's project. One of `suffixes` may be missing from its name."""
         path = self.path.parent / written.replace("\\", "/")
+        longer = [path.with_name(path.name + suffix) for suffix in suffixes if path.name]
+        path = next((p for p in (path, *longer) if p.is_file()), path) if suffixes else path
         if not is_inside(path, self.roots):
             raise ExchangeError(
                 f"{self.path} names {what} '{written}' outside its project folder: move it there, or allow it with "
                 "--allow-outside"
             )
         if not path.exists():
-            raise ExchangeError(f"{self.path} names {what} '{written}', which does not exist")
+            raise SourceError(f"{self.path} names {what} '{written}', which does not exist")
         return path
 
     def entry(self, reference: Element) -> Element:
         """Return what a `<CatalogReference>` means, with the parameters that it assigns."""
         catalogue, name = reference.get("catalogName", ""), reference.get("entryName", "")
-        if catalogue not in self._all:
+        entries = self._all.get(catalogue)
+        if entries is None:
             known = ", ".join(sorted(self._all)) or "none"
-            raise ExchangeError(
+            missing = "".join(f"; the folder '{folder}' does not exist" for folder in self.missing)
+            raise SourceError(
                 f"{self.path} takes '{name}' from the catalogue '{catalogue}', which is not in its folders of "
-                f"catalogues (there: {known})"
+                f"catalogues (there: {known}){missing}"
             )
-        found = self._all[catalogue].get(name)
+        found = entries.get(name)
         if found is None:
-            raise ExchangeError(f"the catalogue '{catalogue}' of {self.path} has no entry '{name}'")
+            raise SourceError(f"the catalogue '{catalogue}' of {self.path} has no entry '{name}'")
         given = {
-            item.get("parameterRef", "").lstrip("$"): item.get("value", "")
+            item.get("parameterRef", "").removeprefix("$"): item.get("value", "")
             for item in reference.iterfind("ParameterAssignments/ParameterAssignment")
         }
-        return resolved(found, {}, given)
+        return resolved(found, self.values, given)
+
+    def referred(self, holder: Element | None, tag: str) -> Element | None:
+        """Return the element of a kind that stands in another, or in a catalogue that it refers to."""
+        if holder is None:
+            return None
+        reference = holder.find("CatalogReference")
+        found = self.entry(reference) if reference is not None else holder.find(tag)
+        return found if found is not None and found.tag == tag else None
+
+    def variables(self) -> tuple[dict[str, str], frozenset[str]]:
+        """Return the values of parameters and variables, and the names of those that actions change."""
+        values = dict(self.values)
+        for item in self.root.iterfind("VariableDeclarations/VariableDeclaration"):
+            values[item.get("name", "").removeprefix("$")] = item.get("value", "")
+        actions = (e for tag in ("ParameterAction", "VariableAction") for e in self.root.iter(tag))
+        changing = frozenset(e.get("parameterRef") or e.get("variableRef") or "" for e in actions)
+        return values, changing
+
+    @property
+    def minor(self) -> int:
+        """The second number of the standard's version."""
+        header = self.root.find("FileHeader")
+        return int(header.get("revMinor", "0")) if header is not None else 0
 
     @property
     def description(self) -> str:
@@ -89,31 +109,74 @@ class Source:
         """All catalogues by name, with their entries by name."""
         found: dict[str, dict[str, Element]] = {}
         for directory in self.root.iterfind("CatalogLocations/*/Directory"):
-            folder = self.named(directory.get("path", ""), "the folder of catalogues")
+            written = directory.get("path", "")
+            try:
+                folder = self.named(written, "the folder of catalogues")
+            except SourceError:
+                self.missing.append(written)
+                continue
             files = [folder] if folder.is_file() else sorted(folder.glob("*.xosc"))[:_MOST_CATALOGUES]
             for file in files:
                 catalogue = parse_xml(file, "OpenSCENARIO", WHAT, ExchangeError).find("Catalog")
                 if catalogue is not None:
-                    entries = found.setdefault(catalogue.get("name", ""), {})
-                    entries |= {entry.get("name", ""): entry for entry in catalogue}
+                    for name in {catalogue.get("name", ""), file.stem}:  # references use the one or the other
+                        entries = found.setdefault(name, {})
+                        entries |= {entry.get("name", ""): entry for entry in catalogue}
         return found
+
+
+def network_file(source: Source, given: Path | None, suffixes: tuple[str, ...]) -> Path:
+    """Return the network of a scenario: the file `given`, or the one that it names (in that folder, if it is one).
+
+    A name without an ending, as CARLA's towns have, is that of a file with one of `suffixes`.
+    """
+    if given is None or given.is_dir():
+        logic = source.root.find("RoadNetwork/LogicFile")
+        written = logic.get("filepath", "") if logic is not None else ""
+        if not written:
+            raise SourceError(f"{source.path} names no network: name one with --map")
+        given = source.named(written, "the network", suffixes) if given is None else _in_folder(source, given, written)
+    if not given.name.endswith(suffixes):
+        raise ExchangeError(f"the network {given} is of no known kind: name one ({' or '.join(suffixes)}) with --map")
+    return given
+
+
+def _in_folder(source: Source, folder: Path, written: str) -> Path:
+    try:
+        return source.named(written, "the network", ())
+    except SourceError:
+        name = PurePosixPath(written.replace("\\", "/")).name
+        wanted = {name, f"{name}.xodr", f"{name}.net.xml"}
+        for file in sorted(folder.rglob("*")):
+            if file.name in wanted and file.is_file():
+                return file
+        raise SourceError(f"{source.path} names the network '{written}', which is not in {folder}") from None
 
 
 def read_source(path: Path, *, allow_outside: bool) -> Source:
     """Read a `.xosc` file of version 1; with `allow_outside` it may name files anywhere, else in its project folder."""
     root = parse_xml(path, "OpenSCENARIO", WHAT, ExchangeError)
     header = root.find("FileHeader")
-    if header is None or header.get("revMajor") != "1":
+    if header is None or header.get("revMajor") != "1" or header.get("revMinor") not in _MINOR:
         version = "nothing" if header is None else f"{header.get('revMajor')}.{header.get('revMinor')}"
-        raise ExchangeError(f"{path} is of version {version}; OpenSCENARIO XML 1.0 to 1.3 are read")
+        raise SourceError(f"{path} is of version {version}; OpenSCENARIO XML 1.0 to 1.3 are read")
     if root.find("Storyboard") is None:
-        raise ExchangeError(f"{path} has no storyboard: it is a catalogue or a distribution of parameters")
+        raise SourceError(f"{path} has no storyboard: it is a catalogue or a distribution of parameters")
     folder = path.absolute().parent
     roots = (Path(folder.anchor),) if allow_outside else (project_folder(folder), project_folder(Path.cwd()))
     try:
-        return Source(path, resolved(root, {}, {}), roots)
+        return Source(path, resolved(root, {}, {}), roots, declared(root, {}, {}))
     except ExchangeError as err:
-        raise ExchangeError(f"{path}: {err}") from err
+        raise type(err)(f"{path}: {err}") from err
+
+
+def declared(element: Element, values: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
+    """Return the parameters that hold inside an element: those around it (`values`) and those that it declares."""
+    inside = dict(values)
+    for item in element.iterfind("ParameterDeclarations/ParameterDeclaration"):
+        name = item.get("name", "").removeprefix("$")
+        inside[name] = given.get(name) or value_of(item.get("value", ""), inside)
+    return inside
 
 
 def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, str]) -> Element:
@@ -123,51 +186,14 @@ def resolved(element: Element, values: Mapping[str, str], given: Mapping[str, st
     """
     from xml.etree.ElementTree import Element as New
 
-    declared = element.iterfind("ParameterDeclarations/ParameterDeclaration")
-    inside = dict(values)
-    for item in declared:
-        name = item.get("name", "")
-        inside[name] = given.get(name) or value_of(item.get("value", ""), inside)
-    copy = New(element.tag, {name: value_of(text, inside) for name, text in element.attrib.items()})
+    inside = declared(element, values, given)
+    copy = New(element.tag, {name: _attribute(element, name, text, inside) for name, text in element.attrib.items()})
     copy.text = element.text
     copy.extend([resolved(child, inside, {}) for child in element if child.tag != "ParameterDeclarations"])
     return copy
 
 
-def value_of(text: str, values: Mapping[str, str]) -> str:
-    """Return an attribute's text with its parameters and expressions replaced by their values.
-
-    A parameter that is not declared, or an expression that is none, is an `ExchangeError`.
-    """
-
-    def given(match: re.Match[str]) -> str:
-        if match.group(1) not in values:
-            raise ExchangeError(f"the parameter ${match.group(1)} is not declared")
-        return values[match.group(1)]
-
-    if text.startswith("${") and text.endswith("}"):
-        return _calculated(_PARAMETER.sub(given, text[2:-1]))
-    return _PARAMETER.sub(given, text)
-
-
-def _calculated(expression: str) -> str:
-    """Return the value of an arithmetic expression; nothing else is understood, so that nothing can be executed."""
-    try:
-        if len(expression) > _LONGEST_EXPRESSION:
-            raise ValueError("it is too long")
-        value = _number(ast.parse(expression.strip(), mode="eval").body)
-    except (SyntaxError, ValueError, ArithmeticError, TypeError, RecursionError, MemoryError) as err:
-        raise ExchangeError(f"the expression '{expression[:80]}' cannot be computed: {err}") from err
-    return repr(value)
-
-
-def _number(node: ast.expr) -> float:
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return float(node.value)
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_number(node.operand)
-    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-        return float(_OPERATORS[type(node.op)](_number(node.left), _number(node.right)))
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
-        return float(_FUNCTIONS[node.func.id](*(_number(argument) for argument in node.args)))
-    raise ValueError("only numbers, + - * / %, brackets and simple functions are understood")
+def _attribute(element: Element, name: str, text: str, values: Mapping[str, str]) -> str:
+    if name in _REFERENCES:
+        return text.removeprefix("$")
+    return value_of(text, values, name=name in _NAMES or element.tag == "FileHeader")

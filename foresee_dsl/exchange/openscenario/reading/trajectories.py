@@ -15,7 +15,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.exchange.naming import number
+from foresee_dsl.exchange.openscenario.reading.curves import vertices
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.outcome import NotExpressed
 
@@ -29,6 +29,8 @@ SPEED_M = 0.05
 """Along its path an actor is at most this much from where the trajectory has it, before rounding (ours: below what
 two simulators differ by)."""
 _MOST_PIECES = 60
+_MOST_ROUNDS = 20
+"""A loop is driven round so often at most (ours: half a minute on one of 30 m)."""
 _STEADY_S = 1.0
 """So much weight has being off by 1 m/s at a knot beside being off by 1 m at a time: without, speeds swing to and fro
 between knots, faster than vehicles can (ours)."""
@@ -57,29 +59,26 @@ class SpeedProfile:
 
 
 def read_trajectory(trajectory: Element, places: Places, centre_m: float) -> Trajectory:
-    """Return a `<Trajectory>` that is a polyline; the footprint's middle lies `centre_m` ahead of its reference
-    point."""
-    line = trajectory.find("Shape/Polyline")
-    if line is None:
-        shape = next(iter(trajectory.find("Shape") or ()), None)
-        raise NotExpressed(f"trajectories: {'no shape' if shape is None else shape.tag}")
-    times, poses, headings = [], [], []
-    for vertex in line.iterfind("Vertex"):
-        position = vertex.find("Position")
-        if position is None:
-            raise NotExpressed("trajectories: vertices without a position")
-        times.append(number(vertex, "time", math.nan) if vertex.get("time") else math.nan)
-        poses.append(places.pose(position))
-        kind = next(iter(position))
-        headings.append(kind.get("h") is not None or kind.tag != "WorldPosition")
-    if len(poses) < 2:
+    """Return a `<Trajectory>`; the footprint's middle lies `centre_m` ahead of its reference point."""
+    found = vertices(trajectory, places)
+    if len(found) < 2:
         raise NotExpressed("trajectories: fewer than two vertices")
-    points = np.array([(pose.x, pose.y) for pose in poses])
-    heading = np.array([pose.heading_rad for pose in poses])
-    if not all(headings):
+    points = np.array([(vertex.pose.x, vertex.pose.y) for vertex in found])
+    heading = np.array([vertex.pose.heading_rad for vertex in found])
+    if not all(vertex.has_heading for vertex in found):
         heading = _directions(points)
     points = points + centre_m * np.column_stack((np.cos(heading), np.sin(heading)))
-    return Trajectory(np.array(times), points, heading)
+    return Trajectory(_filled([vertex.time_s for vertex in found], points), points, heading)
+
+
+def _filled(times: list[float], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the times, those between two that are given by the way between; NaN where first or last is missing."""
+    time_s = np.array(times)
+    known = ~np.isnan(time_s)
+    if known.all() or not (known[0] and known[-1]):
+        return time_s
+    way = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    return np.asarray(np.interp(way, way[known], time_s[known]), dtype=np.float64)
 
 
 def path_of(track: Trajectory) -> list[tuple[float, float]]:
@@ -147,12 +146,12 @@ def route_through(network: RoadNetwork, poses: Sequence[Pose], kind: LaneKind) -
 
 
 def straight_on(network: RoadNetwork, edges: Sequence[str], kind: LaneKind) -> tuple[str, ...]:
-    """Return edges continued as straight as possible, until the way is long enough, ends or comes back to itself."""
+    """Return edges continued as straight as possible, until the way is long enough or ends; a loop is driven round."""
     way = list(edges)
     while sum(network.edges[e].drivable[0].length_m for e in way) < AHEAD_M:
         onward = {m.to_edge: m for m in network.movements_from(way[-1], kind) if m.turn != "back"}
         found = sorted(onward.values(), key=lambda m: (m.turn != "straight", m.direction not in "sR", m.to_edge))
-        if not found or found[0].to_edge in way:
+        if not found or way.count(found[0].to_edge) >= _MOST_ROUNDS:
             break
         way.append(found[0].to_edge)
     return tuple(way)

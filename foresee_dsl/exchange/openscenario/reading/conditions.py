@@ -1,0 +1,354 @@
+"""Triggers of OpenSCENARIO as conditions of the language, and the steps in which an event waits for them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field
+from typing import Literal
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
+
+from foresee_dsl.compile.bundle import ActorKind
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose
+from foresee_dsl.exchange.naming import number, quantity
+from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
+from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.outcome import NotExpressed
+from foresee_dsl.language import model as m
+from foresee_dsl.language.units import Dimension
+
+Op = Literal["<", "<=", ">", ">="]
+_RULES: Mapping[str, Op] = {
+    "lessThan": "<",
+    "lessOrEqual": "<=",
+    "greaterThan": ">",
+    "greaterOrEqual": ">=",
+}
+STANDS_MPS = 0.1
+"""A slower entity stands (ours: the resolution of a change of speed that is complete)."""
+_SAME = {"speed": 0.1, "acceleration": 0.1, "length": 0.5, "time": 0.05}
+"""What is as near to a value as this is equal to it (ours: a frame, and what changes of speed are exact to)."""
+_BESIDE_M = 5.0
+"""A way that was covered is noticed from up to so far beside the route (ours: a lane's width and a bit)."""
+_BY_TYPE: Mapping[str, tuple[ActorKind, ...]] = {
+    "vehicle": ("car", "van", "truck", "bus", "motorcycle", "bicycle"),
+    "pedestrian": ("pedestrian",),
+    "miscellaneous": ("obstacle",),
+}
+
+
+class NeverStarts(Exception):  # noqa: N818 - no error: what waits for it never happens, there neither
+    """A condition that holds at no time."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to wait for: a condition (None: holds at once), then a time."""
+
+    condition: m.Condition | None = None
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """When something starts: after (type, name, state) of a part of the storyboard, if any, then one step after the
+    other."""
+
+    steps: tuple[Step, ...] = ()
+    after: tuple[str, str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Way:
+    """How far an actor's way goes on from where it starts, m; the points of a path, none for a route."""
+
+    length_m: float
+    points: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class ConditionReader:
+    """Reads triggers.
+
+    Attributes:
+        entities, places: what they name. ways: of actors, by their names here.
+        values: of parameters and variables. changing: those that actions change.
+    """
+
+    entities: Mapping[str, Entity]
+    places: Places
+    losses: Losses
+    ways: Mapping[str, Way] = field(default_factory=dict)
+    values: Mapping[str, str] = field(default_factory=dict)
+    changing: Set[str] = frozenset()
+
+    def start(self, trigger: Element | None) -> Start:
+        """Return what a `<StartTrigger>` means; no trigger, or an empty one, is at once.
+
+        Raises:
+            NotExpressed: it has no counterpart. NeverStarts: it never holds.
+        """
+        groups = trigger.findall("ConditionGroup") if trigger is not None else []
+        starts = []
+        for group in groups:
+            try:
+                starts.append(self._group(group))
+            except NeverStarts:
+                continue
+        if groups and not starts:
+            raise NeverStarts
+        if len(starts) <= 1:
+            return starts[0] if starts else Start()
+        if any(start == Start() for start in starts):
+            return Start()
+        parts: list[m.Condition] = []
+        for start in starts:
+            step = start.steps[0] if len(start.steps) == 1 else Step()
+            if start.after is not None or step.condition is None or step.delay_s:
+                raise NotExpressed("triggers of several groups with delays, edges or states of the storyboard")
+            parts.append(step.condition)
+        return Start((Step(m.Either(conditions=tuple(parts))),))
+
+    def _group(self, group: Element) -> Start:
+        """Return what a group of conditions means, which hold together."""
+        parts: list[m.Condition] = []
+        after: tuple[str, str, str] | None = None
+        after_delay, delays, falling = 0.0, set[float](), False
+        conditions = group.findall("Condition")
+        for condition in conditions:
+            delay = max(number(condition, "delay", 0.0), 0.0)
+            state = condition.find("ByValueCondition/StoryboardElementStateCondition")
+            if state is not None:
+                if after is not None:
+                    raise NotExpressed("triggers on several states of the storyboard")
+                kind, ref = state.get("storyboardElementType", ""), state.get("storyboardElementRef", "")
+                after, after_delay = (kind, ref, state.get("state", "")), delay
+                continue
+            part = self._condition(condition, delay)
+            if part is None:
+                continue
+            is_time = condition.find("ByValueCondition/SimulationTimeCondition") is not None
+            edge = condition.get("conditionEdge", "none")
+            if edge == "risingOrFalling" and not is_time:
+                raise NotExpressed("conditions with the edge risingOrFalling")
+            falling |= edge == "falling"
+            if not is_time:
+                delays.add(delay)
+            parts.append(part)
+        if falling and len(conditions) > 1:
+            raise NotExpressed("conditions with the edge falling beside others")
+        if len(delays) > 1:
+            raise NotExpressed("triggers of conditions with different delays")
+        steps: list[Step] = []
+        if after_delay:
+            steps.append(Step(None, after_delay))
+        if parts:
+            joined = parts[0] if len(parts) == 1 else m.Both(conditions=tuple(parts))
+            wait = max(delays, default=0.0)
+            steps += [Step(joined), Step(m.Not(condition=joined), wait)] if falling else [Step(joined, wait)]
+        return Start(tuple(steps), after)
+
+    def _condition(self, condition: Element, delay: float) -> m.Condition | None:
+        """Return one condition; None for one that holds from the beginning. A time is `delay` later."""
+        value = condition.find("ByValueCondition")
+        if value is None:
+            return self._of_entities(condition)
+        kind = next(iter(value), None)
+        if kind is None:
+            raise NotExpressed("conditions: none")
+        if kind.tag in ("ParameterCondition", "VariableCondition"):
+            self._decide(kind)
+            return None
+        if kind.tag != "SimulationTimeCondition":
+            raise NotExpressed(f"conditions: {kind.tag}{_called(kind)}")
+        limit, rule = number(kind, "value") + delay, kind.get("rule", "")
+        op: Op = ">=" if rule == "equalTo" else _rule(kind)  # time comes to it once, and goes on
+        if op in (">", ">="):
+            return (
+                m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time")) if limit > 0 else None
+            )
+        if limit <= 0:
+            raise NeverStarts
+        return m.Comparison(left=m.Measure(what="time"), op=op, right=quantity(limit, "time"))
+
+    def _decide(self, kind: Element) -> None:
+        """Decide a condition about a parameter or variable that keeps its value."""
+        name = kind.get("parameterRef") or kind.get("variableRef") or ""
+        if name not in self.values:
+            raise NotExpressed(f"conditions: {kind.tag} (of '{name}', which is not declared)")
+        if name in self.changing:
+            raise NotExpressed(f"conditions: {kind.tag} (of '{name}', which actions change)")
+        if not _compares(self.values[name], kind.get("rule", ""), kind.get("value", "")):
+            raise NeverStarts
+
+    def _of_entities(self, condition: Element) -> m.Condition:
+        kind = next(iter(condition.find("ByEntityCondition/EntityCondition") or ()), None)
+        if kind is None:
+            raise NotExpressed("conditions: without content")
+        who = condition.find("ByEntityCondition/TriggeringEntities")
+        refs = [e.get("entityRef", "") for e in who.iterfind("EntityRef")] if who is not None else []
+        parts = tuple(self._of_entity(kind, self._entity(ref)) for ref in refs)
+        if not parts:
+            raise NotExpressed("conditions: of no entity")
+        if len(parts) == 1:
+            return parts[0]
+        every = who is not None and who.get("triggeringEntitiesRule") == "all"
+        return m.Both(conditions=parts) if every else m.Either(conditions=parts)
+
+    def _of_entity(self, kind: Element, entity: Entity) -> m.Condition:
+        name, tag = entity.name, kind.tag
+        if tag in ("SpeedCondition", "AccelerationCondition"):
+            if kind.get("direction") not in (None, "longitudinal"):
+                raise NotExpressed(f"conditions: {tag} ({kind.get('direction')})")
+            what: Literal["speed", "acceleration"] = "speed" if tag == "SpeedCondition" else "acceleration"
+            return _compared(m.Measure(what=what, actor=name), kind, number(kind, "value"), what)
+        if tag == "StandStillCondition":
+            stands = m.Comparison(left=m.Measure(what="speed", actor=name), op="<", right=quantity(STANDS_MPS, "speed"))
+            duration = number(kind, "duration")
+            return m.Sustained(condition=stands, duration=quantity(duration, "time")) if duration > 0 else stands
+        if tag == "CollisionCondition":
+            return self._touches(kind, name)
+        if tag == "TraveledDistanceCondition":
+            return self._covered(entity, number(kind, "value"))
+        if tag in ("ReachPositionCondition", "DistanceCondition"):
+            return self._near_place(kind, entity)
+        return self._between(kind, entity)
+
+    def _touches(self, kind: Element, name: str) -> m.Condition:
+        other, of_type = kind.find("EntityRef"), kind.find("ByType")
+        if other is not None:
+            named = [self._entity(other.get("entityRef", "")).name]
+        elif of_type is not None:
+            kinds = _BY_TYPE.get(of_type.get("type", ""), ())
+            named = [e.name for e in self.entities.values() if e.kind in kinds and e.name != name]
+            if not named:
+                raise NeverStarts
+        else:
+            return m.Predicate(what="collision", actor=name)
+        touching = tuple(
+            m.Within(actor=name, distance=quantity(0.0, "length"), of=m.Named(name=other)) for other in named
+        )
+        return touching[0] if len(touching) == 1 else m.Either(conditions=touching)
+
+    def _covered(self, entity: Entity, distance: float) -> m.Condition:
+        """Return that an actor has come so far: that its front is at that place of its way, or just behind it."""
+        way = self.ways.get(entity.name)
+        at = distance + _BESIDE_M - 1.0
+        if way is None or not 0 <= distance < way.length_m:
+            raise NotExpressed("conditions: TraveledDistanceCondition (of an actor whose way is not known so far)")
+        if not way.points:
+            place = m.AlongRoute(actor=entity.name, at=quantity(min(at, way.length_m), "length"))
+            return m.Within(actor=entity.name, distance=quantity(_BESIDE_M, "length"), of=place)
+        x, y = _along(way.points, distance + entity.spec.length_m / 2)
+        return m.Within(actor=entity.name, distance=quantity(0.2, "length"), of=_point(x, y))
+
+    def _between(self, kind: Element, entity: Entity) -> m.Condition:
+        """Return a condition between two entities."""
+        measures: Mapping[str, tuple[Literal["distance", "ttc", "headway"], Dimension]] = {
+            "RelativeDistanceCondition": ("distance", "length"),
+            "TimeToCollisionCondition": ("ttc", "time"),
+            "TimeHeadwayCondition": ("headway", "time"),
+        }
+        if kind.tag not in measures:
+            raise NotExpressed(f"conditions: {kind.tag}")
+        target = kind.find("TimeToCollisionConditionTarget/EntityRef")
+        ref = kind.get("entityRef") or (target.get("entityRef") if target is not None else None)
+        if ref is None:
+            raise NotExpressed(f"conditions: {kind.tag} (with a place)")
+        if kind.get("relativeDistanceType") == "lateral":
+            raise NotExpressed(f"conditions: {kind.tag} (lateral)")
+        what, dimension = measures[kind.tag]
+        value, other = number(kind, "value"), self._entity(ref)
+        if kind.get("freespace") == "false":  # between reference points there, between footprints here
+            if dimension == "length":
+                value = max(value - (entity.spec.length_m + other.spec.length_m) / 2, 0.0)
+            else:
+                self.losses.note("times between two actors are measured between their footprints")
+        if what == "distance" and value <= 0 and kind.get("rule") in ("lessThan", "lessOrEqual"):
+            return m.Within(actor=entity.name, distance=quantity(0.0, "length"), of=m.Named(name=other.name))
+        return _compared(m.Measure(what=what, actor=entity.name, other=other.name), kind, value, dimension)
+
+    def _near_place(self, kind: Element, entity: Entity) -> m.Condition:
+        position = kind.find("Position")
+        if position is None:
+            raise NotExpressed(f"conditions: {kind.tag} (without a place)")
+        pose = self.places.pose(position)
+        reach = kind.tag == "ReachPositionCondition"
+        distance = max(number(kind, "tolerance" if reach else "value"), 0.0)
+        if reach or kind.get("freespace") != "true":
+            distance, pose = _of_reference_point(distance, pose, entity)
+        near = m.Within(actor=entity.name, distance=quantity(distance, "length"), of=_point(pose.x, pose.y))
+        return near if reach or _rule(kind) in ("<", "<=") else m.Not(condition=near)
+
+    def _entity(self, ref: str) -> Entity:
+        if ref not in self.entities:
+            raise NotExpressed("conditions about entities that were left out")
+        return self.entities[ref]
+
+
+def _of_reference_point(distance: float, pose: Pose, entity: Entity) -> tuple[float, Pose]:
+    """Return the distance and place for a footprint that comes near when a reference point comes near to a place."""
+    front = entity.centre_m + entity.spec.length_m / 2
+    if distance > front:
+        return distance - front, pose
+    near = min(distance, 1.0)
+    return near, pose.ahead(front - distance + near)
+
+
+def _compared(left: m.Measure, kind: Element, value: float, dimension: Dimension) -> m.Condition:
+    """Return a comparison; equal is as near as a run can tell."""
+    rule = kind.get("rule", "")
+    if rule not in ("equalTo", "notEqualTo"):
+        return m.Comparison(left=left, op=_rule(kind), right=quantity(value, dimension))
+    slack = _SAME[dimension]
+    low = m.Comparison(left=left, op=">=", right=quantity(value - slack, dimension))
+    high = m.Comparison(left=left, op="<=", right=quantity(value + slack, dimension))
+    parts: tuple[m.Condition, ...] = (low, high) if value - slack > 0 or dimension == "acceleration" else (high,)
+    equal: m.Condition = m.Both(conditions=parts) if len(parts) > 1 else high
+    return equal if rule == "equalTo" else m.Not(condition=equal)
+
+
+def _rule(kind: Element) -> Op:
+    rule = kind.get("rule", "")
+    if rule not in _RULES:
+        raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
+    return _RULES[rule]
+
+
+def _called(kind: Element) -> str:
+    """Return the name of what a condition is about, for those that only the file's author can explain."""
+    name = kind.get("name")
+    return f" '{name}'" if name else ""
+
+
+def _compares(value: str, rule: str, with_: str) -> bool:
+    """Compare a parameter's value with another: as numbers where both are."""
+    try:
+        off = float(value) - float(with_)
+    except ValueError:
+        if rule not in ("equalTo", "notEqualTo"):
+            raise NotExpressed(f"conditions: ParameterCondition (the rule {rule} for words)") from None
+        return (value == with_) == (rule == "equalTo")
+    holds = {
+        "equalTo": off == 0, "notEqualTo": off != 0, "lessThan": off < 0, "lessOrEqual": off <= 0,
+        "greaterThan": off > 0, "greaterOrEqual": off >= 0,
+    }  # fmt: skip
+    if rule not in holds:
+        raise NotExpressed(f"conditions: the rule {rule or '(none)'}")
+    return holds[rule]
+
+
+def _along(points: tuple[tuple[float, float], ...], distance: float) -> tuple[float, float]:
+    for a, b in itertools.pairwise(points):
+        step = math.dist(a, b)
+        if distance <= step and step > 0:
+            share = distance / step
+            return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+        distance -= step
+    return points[-1]
+
+
+def _point(x: float, y: float) -> m.Point:
+    return m.Point(x=quantity(x, "length"), y=quantity(y, "length"))

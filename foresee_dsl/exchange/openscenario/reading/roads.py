@@ -1,0 +1,221 @@
+"""Roads of an OpenDRIVE map as positions name them: along them, over their links, and which of them a point is on."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
+
+import numpy as np
+import shapely
+
+from foresee_dsl.compile.foreign.opendrive_geometry import Pose, RoadMap, number
+from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.errors import CompileError
+from foresee_dsl.exchange.outcome import SourceError
+
+_STEP_M = 2.0
+"""Reference lines are looked at so often when a point's road is looked for (ours: arcs of 20 m radius are met within
+0.03 m, and the foot of the perpendicular is computed exactly afterwards)."""
+_WIDEST_M = 30.0
+"""A point is at most so far from its road's reference line (ours: motorways of ten lanes)."""
+_BEYOND_M = 5.0
+"""A place so little beyond its road's end is taken as at the end (ours: players do, and files round lengths)."""
+
+
+@dataclass(frozen=True)
+class RoadPlace:
+    """A place along a road: `lane` and the `offset` from its middle, m; `t`, m, is from the reference line."""
+
+    road: str
+    s: float
+    lane: int
+    offset: float = 0.0
+    t: float = 0.0
+
+
+class Roads:
+    """An OpenDRIVE map."""
+
+    def __init__(self, path: Path) -> None:
+        """Read a map."""
+        root = parse_xml(path, "OpenDRIVE", "an OpenDRIVE map")
+        self._map = RoadMap(root)
+        self._roads = {road.get("id", ""): road for road in root.iterfind("road")}
+        self._junctions = {junction.get("id", ""): junction for junction in root.iterfind("junction")}
+
+    def within(self, road: str, s: float) -> float:
+        """Return a length along a road that may be slightly beyond its ends; a `SourceError` for one that is not on
+        it."""
+        if road not in self._roads:
+            raise SourceError(f"the map has no road {road}")
+        length = self.length(road)
+        if not -_BEYOND_M <= s <= length + _BEYOND_M:
+            raise SourceError(f"the map's road {road} is {length:.1f} m long, there is no {s:g} m along it")
+        return min(max(s, 0.0), length)
+
+    def length(self, road: str) -> float:
+        """Return a road's length, m."""
+        return number(self._roads[road], "length", 0.0)
+
+    def on_reference(self, road: str, s: float, t: float) -> Pose:
+        """Return the pose `t` to the left of a road's reference line, in the road's direction."""
+        return self._map.at(road, self.within(road, s), t)
+
+    def on_lane(self, road: str, lane: int, s: float, offset: float) -> Pose:
+        """Return the pose on a lane, in the road's direction; lane 0 is the reference line itself."""
+        s = self.within(road, s)
+        if lane == 0:
+            return self._map.at(road, s, offset)
+        try:
+            return self._map.lane(road, lane, s, offset)
+        except CompileError as err:
+            raise SourceError(str(err)) from err
+
+    def forward(self, road: str, lane: int) -> bool:
+        """Whether traffic on a lane goes in the road's direction: on the right, or on the left where it keeps left."""
+        left_hand = self._roads[road].get("rule", "RHT") == "LHT" if road in self._roads else False
+        return (lane <= 0) != left_hand
+
+    def moved(self, place: RoadPlace, ds: float) -> tuple[RoadPlace, bool]:
+        """Return a place moved along its road, in the road's direction, over the roads that follow.
+
+        Also whether the road that it comes to runs the other way, so that its sides are exchanged.
+        """
+        road, s, onward, turned = place.road, place.s, ds >= 0, False
+        left = abs(ds)
+        for _ in range(1000):
+            room = self.length(road) - s if onward else s
+            if left <= room + 1e-6:
+                break
+            step = next(self._followers(road, onward=onward), None)
+            if step is None:
+                raise SourceError(f"a place {ds:g} m along road {place.road} from {place.s:g} m lies beyond its end")
+            left -= room
+            turned ^= step[1] != onward
+            road, onward = step
+            s = 0.0 if onward else self.length(road)
+        s += left if onward else -left
+        lane = -place.lane if turned else place.lane
+        return RoadPlace(road, s, lane, -place.offset if turned else place.offset), turned
+
+    def locate(self, pose: Pose) -> RoadPlace | None:
+        """Return the place of a point on the road that it is on; of roads over each other the one in whose direction it
+        looks."""
+        point = shapely.Point(pose.x, pose.y)
+        best: tuple[float, RoadPlace] | None = None
+        for k in self._tree.query(point.buffer(_WIDEST_M)):
+            road, line, starts = self._lines[int(k)]
+            s = float(np.interp(line.project(point), starts[1], starts[0]))
+            for _ in range(3):  # the line is a polygon: the foot of the perpendicular is corrected on the real one
+                at = self._map.at(road, s, 0.0)
+                ahead = (pose.x - at.x) * math.cos(at.heading_rad) + (pose.y - at.y) * math.sin(at.heading_rad)
+                s = min(max(s + ahead, 0.0), self.length(road))
+            at = self._map.at(road, s, 0.0)
+            ahead = (pose.x - at.x) * math.cos(at.heading_rad) + (pose.y - at.y) * math.sin(at.heading_rad)
+            t = -(pose.x - at.x) * math.sin(at.heading_rad) + (pose.y - at.y) * math.cos(at.heading_rad)
+            lane, offset, outside = self._lane_at(road, s, t)
+            towards = at.heading_rad + (0.0 if self.forward(road, lane) else math.pi)
+            off = 0.0 if math.isnan(pose.heading_rad) else abs(math.remainder(pose.heading_rad - towards, math.pi))
+            badness = abs(ahead) + outside + off
+            if best is None or badness < best[0] - 1e-6:
+                best = badness, RoadPlace(road, s, lane, offset, t)
+        return best[1] if best is not None and best[0] < _WIDEST_M else None
+
+    def way(self, first: RoadPlace, last: RoadPlace) -> list[tuple[str, bool]]:
+        """Return the roads of the shortest way from a place to another, each with whether it is driven in its
+        direction; empty for none."""
+        counter = itertools.count()
+        begin = self.forward(first.road, first.lane)
+        heap: list[tuple[float, int, str, bool, tuple[tuple[str, bool], ...]]] = []
+        for onward, penalty in ((begin, 0.0), (not begin, 1e4)):  # against the lane's direction only where it must be
+            heapq.heappush(heap, (penalty, next(counter), first.road, onward, ((first.road, onward),)))
+        done: set[tuple[str, bool]] = set()
+        while heap:
+            cost, _, road, onward, way = heapq.heappop(heap)
+            if road == last.road and (len(way) > 1 or (last.s >= first.s) == onward):
+                return list(way)
+            if (road, onward) in done:
+                continue
+            done.add((road, onward))
+            for step in self._followers(road, onward=onward):
+                heapq.heappush(heap, (cost + self.length(step[0]), next(counter), *step, (*way, step)))
+        return []
+
+    def _followers(self, road: str, *, onward: bool) -> Iterator[tuple[str, bool]]:
+        """Yield the roads behind an end of a road, the straightest first, each with whether it begins there."""
+        link = self._roads[road].find(f"link/{'successor' if onward else 'predecessor'}")
+        if link is None:
+            return
+        if link.get("elementType") != "junction":
+            if link.get("elementId", "") in self._roads:
+                yield link.get("elementId", ""), link.get("contactPoint") == "start"
+            return
+        junction = self._junctions.get(link.get("elementId", ""))
+        steps = [
+            (
+                connection.get("connectingRoad", connection.get("linkedRoad", "")),
+                connection.get("contactPoint") == "start",
+            )
+            for connection in (junction.iterfind("connection") if junction is not None else ())
+            if connection.get("incomingRoad") == road
+        ]
+        yield from sorted((step for step in dict.fromkeys(steps) if step[0] in self._roads), key=self._turn)
+
+    def _turn(self, step: tuple[str, bool]) -> float:
+        begin, end = self._map.at(step[0], 0.0, 0.0), self._map.at(step[0], self.length(step[0]), 0.0)
+        return abs(math.remainder(end.heading_rad - begin.heading_rad, math.tau))
+
+    def _lane_at(self, road: str, s: float, t: float) -> tuple[int, float, float]:
+        """Return the lane at `t`, the offset from its middle, and how far outside of all lanes that is, m."""
+        best: tuple[float, int, float] | None = None
+        for lane in self._lanes(road, s):
+            try:
+                middle = self._map.lane(road, lane, s)
+            except CompileError:
+                continue
+            at = self._map.at(road, s, 0.0)
+            centre = -(middle.x - at.x) * math.sin(at.heading_rad) + (middle.y - at.y) * math.cos(at.heading_rad)
+            off = t - centre
+            if best is None or abs(off) < best[0]:
+                best = abs(off), lane, off
+        if best is None:
+            return (-1 if t <= 0 else 1), 0.0, abs(t)
+        return best[1], best[2], max(best[0] - 2.0, 0.0)
+
+    def _lanes(self, road: str, s: float) -> list[int]:
+        """Return the ids of the lanes at a length along a road that vehicles may be on."""
+        sections = self._roads[road].findall("lanes/laneSection")
+        section: Element | None = None
+        for found in sections:
+            if number(found, "s", 0.0) <= s + 1e-6 or section is None:
+                section = found
+        if section is None:
+            return []
+        lanes = [*section.iterfind("left/lane"), *section.iterfind("right/lane")]
+        return [round(number(lane, "id")) for lane in lanes if lane.get("type") not in ("none", "border", "curb")]
+
+    @cached_property
+    def _lines(self) -> list[tuple[str, shapely.LineString, tuple[list[float], list[float]]]]:
+        """All reference lines as polygons, each with its lengths there and along the polygon."""
+        found = []
+        for road in self._roads:
+            length = self.length(road)
+            at = [float(s) for s in np.linspace(0.0, length, max(math.ceil(length / _STEP_M), 1) + 1)]
+            try:
+                points = [(pose.x, pose.y) for pose in (self._map.at(road, s, 0.0) for s in at)]
+            except CompileError:
+                continue
+            along = [0.0, *itertools.accumulate(math.dist(a, b) for a, b in itertools.pairwise(points))]
+            if along[-1] > 0:
+                found.append((road, shapely.LineString(points), (at, along)))
+        return found
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree([line for _, line, _ in self._lines])

@@ -1,0 +1,85 @@
+"""The reference player: esmini without a window, and where it has each entity at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+_PLAYER_S = 30.0
+_STEP_S = 0.05
+_EXIT_LINES = 3
+
+
+@dataclass(frozen=True)
+class Played:
+    """Where entities are: x, y, m, of their reference points. `said`: why there are none."""
+
+    at: dict[str, tuple[float, float]]
+    said: str = ""
+
+
+def play(player: Path, file: Path, time_s: float) -> Played:
+    """Play a scenario up to a time."""
+    with tempfile.TemporaryDirectory() as folder:
+        table = Path(folder) / "states.csv"
+        command = [
+            player,
+            "--headless",
+            "--osc",
+            file.resolve(),
+            "--fixed_timestep",
+            str(_STEP_S),
+            "--csv_logger",
+            table,
+        ]
+        with contextlib.suppress(subprocess.TimeoutExpired):  # what it wrote up to then counts
+            silent = [*map(str, command), "--disable_stdout"]
+            subprocess.run(silent, cwd=folder, timeout=_PLAYER_S, capture_output=True, check=False)
+        log = Path(folder) / "log.txt"
+        text = log.read_text(errors="replace") if log.exists() else ""
+        lines = [line for line in text.splitlines() if line.strip()]
+        errors = [line for line in lines if "error" in line.lower()] or lines[-_EXIT_LINES:]
+        found = _at(table, time_s) if table.exists() else {}
+    return Played(found, "" if found else " / ".join(errors)[-300:] or "it wrote nothing")
+
+
+def _at(table: Path, time_s: float) -> dict[str, tuple[float, float]]:
+    """Return the positions of the line nearest to a time; nothing where it was not played so far."""
+    rows = list(csv.reader(table.open(encoding="utf-8", errors="replace")))
+    head = next((k for k, row in enumerate(rows) if any("TimeStamp" in cell for cell in row)), None)
+    if head is None:
+        return {}
+    names = [cell.strip() for cell in rows[head]]
+    clock = next(k for k, name in enumerate(names) if "TimeStamp" in name)
+    best, gap = None, math.inf
+    for row in rows[head + 1 :]:
+        try:
+            off = abs(float(row[clock]) - time_s)
+        except (ValueError, IndexError):
+            continue
+        if off < gap:
+            best, gap = row, off
+    return {} if best is None or gap > _STEP_S else _entities(names, best)
+
+
+def _entities(names: list[str], row: list[str]) -> dict[str, tuple[float, float]]:
+    found: dict[str, tuple[float, float]] = {}
+    for k, name in enumerate(names):
+        if "Entity_Name" not in name or k >= len(row):
+            continue
+        prefix = name.split("Entity_Name")[0]
+        columns = {
+            axis: next(
+                (j for j, other in enumerate(names) if other.startswith(prefix) and f"Position_{axis}" in other), None
+            )
+            for axis in ("X", "Y")
+        }
+        x, y = columns["X"], columns["Y"]
+        if x is not None and y is not None and row[k].strip():
+            found[row[k].strip()] = float(row[x]), float(row[y])
+    return found

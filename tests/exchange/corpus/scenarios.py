@@ -1,0 +1,93 @@
+"""One OpenSCENARIO file: imported, checked, driven for three seconds, and compared with the player."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.exchange.openscenario.reading import importer
+from foresee_dsl.exchange.openscenario.reading.entities import Entity, read_participants
+from foresee_dsl.exchange.openscenario.reading.losses import Losses
+from foresee_dsl.exchange.openscenario.reading.source import read_source
+from foresee_dsl.exchange.outcome import Imported, SourceError
+from foresee_dsl.language.model import End, Quantity, Scenario
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
+from tests.exchange.corpus.player import play
+from tests.exchange.corpus.rows import Outcome, Row
+
+AT_S = 3.0
+NEAR_M = 3.0
+_DRIVER = "idm"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all files have in common: the player, and a folder of maps that files name without a path."""
+
+    player: Path | None = None
+    maps: Path | None = None
+
+
+def judge(file: Path, name: str, settings: Settings) -> Row:
+    """Return what came of one file; what is neither imported nor refused in words is the caller's to catch."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder)
+        try:
+            done = importer.run(file, out=out, road=settings.maps, allow_outside=True, partial=True)
+        except ForeseeError as err:
+            good = isinstance(err, SourceError)
+            said = str(err).replace(str(file), "it").replace(str(out), "")
+            return Row(name, Outcome.good_reason if good else Outcome.ours, said)
+        lost = "; ".join(f"{count} {what}" for what, count in done.lost.items())
+        row = Row(name, Outcome.partial if lost else Outcome.imported, lost)
+        (case,) = load_test_cases([file for file in done.files if file.name.endswith(f"{_scenario(done)}.foresee")])
+        trace = run_test_case(_shortened(case), _DRIVER, 0).trace
+        return row if settings.player is None else _compared(row, file, done, trace, settings.player)
+
+
+def _scenario(done: Imported) -> str:
+    return next(f.name for f in done.files if not f.name.endswith("_models.foresee") and f.suffix == ".foresee")[:-8]
+
+
+def _shortened(case: TestCase) -> TestCase:
+    body = tuple(item for item in case.scenario.body if not isinstance(item, End))
+    end = End(after=Quantity.of(AT_S + 0.5, "time", 2))
+    return dataclasses.replace(case, scenario=Scenario(name=case.scenario.name, body=(*body, end)))
+
+
+def _compared(row: Row, file: Path, done: Imported, trace: Trace, player: Path) -> Row:
+    """Return the row with how far actors are from where the player has them; the ego is our driver's to drive."""
+    del done
+    played = play(player, file, AT_S)
+    entities = read_participants(read_source(file, allow_outside=True), Losses(), name="x").entities
+    off: dict[str, float] = {}
+    for ref, entity in entities.items():
+        if entity.name == "ego" or ref not in played.at:
+            continue
+        ours = _reference_point(entity, trace)
+        if ours is not None:
+            off[ref] = math.dist(ours, played.at[ref])
+    if not off:
+        return dataclasses.replace(row, said=played.said)
+    worst = max(off, key=lambda ref: off[ref])
+    near = sum(d <= NEAR_M for d in off.values())
+    return dataclasses.replace(row, compared=len(off), near=near, worst_m=round(off[worst], 2), worst=worst)
+
+
+def _reference_point(entity: Entity, trace: Trace) -> tuple[float, float] | None:
+    """Return where the entity's reference point is in our run, or None where it is not in it."""
+    names = [info.id for info in trace.actors]
+    if entity.name not in names or trace.duration_s < AT_S:
+        return None
+    state = trace.states[trace.frame_at(AT_S), names.index(entity.name)]
+    if math.isnan(state[X]):
+        return None
+    back = entity.centre_m
+    return state[X] - back * math.cos(state[HEADING]), state[Y] - back * math.sin(state[HEADING])

@@ -1,0 +1,307 @@
+"""Defects that were found in files of others: each as a small file."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from typer.testing import CliRunner
+
+from foresee_dsl.cli import app
+from foresee_dsl.exchange.openscenario.reading import importer
+from foresee_dsl.exchange.openscenario.reading.expressions import value_of
+from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.roads import Roads
+from foresee_dsl.exchange.outcome import Coordinates, Imported, SourceError
+from foresee_dsl.language.model import EdgeRoute, Quantity, Scenario, When
+from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.project.loading import load_test_case
+from tests.support import openscenario_files as osc
+
+_EGO_AT_50 = '<Position><LanePosition roadId="1" laneId="-2" s="50"/></Position>'
+_FRONT_M = 1.4 + 2.3
+
+
+def imported(folder: Path, text: str, **options: object) -> tuple[Imported, Scenario]:
+    """Import a scenario; return what was said, and what was written."""
+    done = importer.run(osc.write(folder / "in", text), out=folder / "out", **options)  # type: ignore[arg-type]
+    return done, load_test_case(folder / "out" / "cut_in.foresee").scenario
+
+
+def whens(scenario: Scenario) -> list[str]:
+    """Its triggers as text, on one line each."""
+    return [" ".join(print_item(when).split()) for when in scenario.all(When)]
+
+
+def events(*found: str, actor: str = "Target-1") -> str:
+    """A scenario with events of one actor."""
+    return osc.scenario(events=osc.group(actor, *found))
+
+
+def on_time(value: float, **options: float) -> str:
+    """A trigger by simulation time."""
+    inner = f'<ByValueCondition><SimulationTimeCondition value="{value}" rule="greaterThan"/></ByValueCondition>'
+    return osc.condition(inner, **options)
+
+
+def on_state(kind: str, ref: str, state: str) -> str:
+    """A trigger by the state of a part of the storyboard."""
+    inner = f'storyboardElementType="{kind}" storyboardElementRef="{ref}" state="{state}"'
+    return osc.condition(f"<ByValueCondition><StoryboardElementStateCondition {inner}/></ByValueCondition>")
+
+
+# ---- where, and which way round -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
+    """Positions on the straight road; the ego is at 50 m on the right, `Other` at 90 m on the left, going west."""
+    file = tmp_path_factory.mktemp("road") / "straight.xodr"
+    file.write_text(osc.XODR)
+    other = '<Position><LanePosition roadId="1" laneId="1" s="90"/></Position>'
+    inits = {"Ego": ElementTree.fromstring(_EGO_AT_50), "Other": ElementTree.fromstring(other)}
+    return Places(Roads(file), inits, along=lambda _x, _y: 0.0)
+
+
+_TURN = '<Orientation type="relative" h="3.14159265"/>'
+_WAY = "<RouteRef><Route name='r' closed='false'>" + "".join(
+    f'<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="{lane}" s="{s}"/></Position>'
+    "</Waypoint>" for lane, s in ((1, 400), (1, 100))
+) + "</Route></RouteRef>"  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("position", "pose"),
+    [  # as esmini 3.6 has them
+        (f'<LanePosition roadId="1" laneId="1" s="80">{_TURN}</LanePosition>', (80, 1.75, 0)),  # against the traffic
+        ('<LanePosition roadId="1" laneId="1" s="80"/>', (80, 1.75, 180)),
+        ('<LanePosition roadId="1" laneId="1" s="80"><Orientation h="0"/></LanePosition>', (80, 1.75, 0)),
+        ('<LanePosition roadId="1" laneId="1" s="80"><Orientation p="0"/></LanePosition>', (80, 1.75, 180)),
+        ('<RelativeRoadPosition entityRef="Other" ds="30" dt="-3.5"/>', (120, -1.75, 0)),
+        ('<RelativeLanePosition entityRef="Other" dLane="0" dsLane="30"/>', (60, 1.75, 180)),
+        ('<RelativeLanePosition entityRef="Other" dLane="0" ds="30"/>', (120, 1.75, 0)),
+        ('<RelativeLanePosition entityRef="Other" dLane="1" dsLane="0"/>', (90, -1.75, 0)),
+        ('<RelativeObjectPosition entityRef="Other" dx="30" dy="0"/>', (60, 1.75, 180)),
+        (
+            f'<RoutePosition>{_WAY}<InRoutePosition><FromLaneCoordinates pathS="100" laneId="2"/></InRoutePosition>'
+            "</RoutePosition>",
+            (300, 5.25, 180),
+        ),
+    ],
+)
+def test_positions_look_where_the_standard_says(
+    places: Places, position: str, pose: tuple[float, float, float]
+) -> None:
+    found = places.pose(ElementTree.fromstring(f"<Position>{position}</Position>"))
+    assert (found.x, found.y) == pytest.approx(pose[:2], abs=1e-6)
+    assert abs(math.remainder(found.heading_rad - math.radians(pose[2]), math.tau)) < 1e-6
+
+
+def test_since_version_1_3_an_orientation_without_a_type_is_relative(places: Places) -> None:
+    text = '<Position><LanePosition roadId="1" laneId="1" s="80"><Orientation h="0"/></LanePosition></Position>'
+    later = Places(places.roads, places.inits, minor=3)
+    assert abs(later.pose(ElementTree.fromstring(text)).heading_rad) == pytest.approx(math.pi)
+
+
+def _mirrored(description: str) -> str:
+    text = osc.scenario().replace("A &quot;cut-in&quot;", description)
+    text = text.replace(
+        '<LanePosition roadId="1" laneId="-2" s="50" offset="0"/>', '<WorldPosition x="50" y="5.25" h="0"/>'
+    )
+    text = re.sub(r"<RelativeLanePosition[^>]*/>", '<WorldPosition x="75" y="1.75" h="0"/>', text)
+    return text.replace('x="300" y="-8.5" h="1.5707963"', 'x="300" y="8.5" h="-1.5707963"')
+
+
+@pytest.mark.parametrize(
+    ("description", "said"), [("CARLA:cut in", "description says CARLA"), ("town", "stand on lanes only so")]
+)
+def test_left_handed_coordinates_are_found_said_and_turned_round(tmp_path: Path, description: str, said: str) -> None:
+    done, scenario = imported(tmp_path, _mirrored(description))
+    (note,) = [note for note in done.notes if "left-handed" in note]
+    assert said in note
+    ego, _, walker = scenario.actors
+    assert ego.state is not None
+    assert walker.state is not None
+    assert isinstance(ego.state.at.x, Quantity)
+    assert (ego.state.at.x.si, ego.state.at.y.si) == pytest.approx((50 + 2.3, -5.25))  # places are of the middle
+    assert walker.state.heading.si == pytest.approx(math.pi / 2, abs=1e-5)
+
+
+def test_the_option_decides_which_way_coordinates_are_meant(tmp_path: Path) -> None:
+    done, scenario = imported(tmp_path, osc.scenario(), coordinates=Coordinates.right)
+    assert not any("left-handed" in note for note in done.notes)
+    assert scenario.actors[2].state is not None
+    assert scenario.actors[2].state.at.y.si == -8.5
+
+
+# ---- parameters -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("${pi / 2}", repr(math.pi / 2)),
+        ("${-$pi}", repr(-math.pi)),
+        ("${$forward + $standoff}", "7"),  # names that contain `or`, `and`
+        ("${$andy}", "3"),
+        ("${not ($forward > 3 and $andy == 3)}", "false"),
+        ("${round($forward / 3) + floor(1.9) - ceil(0.1) + sqrt(pow(3, 2))}", "4"),
+        ("$road.xodr", "main.xodr"),
+        ("a $andy b", "a 3 b"),
+        ("${7 % 4}", "3"),
+    ],
+)
+def test_expressions(text: str, value: str) -> None:
+    assert value_of(text, {"forward": "4", "standoff": "3", "andy": "3", "road": "main"}) == value
+
+
+@pytest.mark.parametrize(
+    "text", ["${1 +}", "${(1}", "${a + 1}", "${1 / 0}", "$gone", "${'x' * 2}", "${" + "(" * 400 + "}"]
+)
+def test_what_is_no_expression_is_refused(text: str) -> None:
+    with pytest.raises(SourceError):
+        value_of(text, {})
+
+
+def test_parameters_are_found_wherever_they_are_written(tmp_path: Path) -> None:
+    """References with `$`, conditions on parameters, names that look like expressions, catalogues by a file's name."""
+    never = '<ByValueCondition><ParameterCondition parameterRef="$gap" rule="lessThan" value="3"/></ByValueCondition>'
+    text = events(
+        osc.event("${$who + trajectory event}", osc.speed_action("${$pace / 2}"), on_time(2)),
+        osc.event("next", osc.speed_action("3"), on_state("event", "${$who + trajectory event}", "completeState")),
+        osc.event("never", osc.speed_action("4"), osc.condition(never)),
+    ).replace('parameterRef="topSpeed"', 'parameterRef="$topSpeed"').replace('"Cars"', '"cars"')  # fmt: skip
+    done, scenario = imported(tmp_path, text)
+    assert not done.lost
+    assert done.left_out == {"events whose conditions hold at no time": 1}
+    assert whens(scenario) == [
+        "when time > 2 s { target_1 changes speed to 6 m/s then { target_1 changes speed to 3 m/s } }"
+    ]
+
+
+# ---- what happens ---------------------------------------------------------------------------------------------------
+
+_TO_EGOS_LANE = osc.lane_change(0).replace('entityRef="Target-1"', 'entityRef="Ego"')
+_AS_FAST = """<LongitudinalAction><SpeedAction><SpeedActionDynamics dynamicsShape="linear" value="2"
+  dynamicsDimension="time"/><SpeedActionTarget><RelativeTargetSpeed entityRef="Ego" value="-2"
+  speedTargetValueType="delta" continuous="false"/></SpeedActionTarget></SpeedAction></LongitudinalAction>"""
+
+
+def test_lane_changes_and_speeds_relative_to_the_ego_and_states_of_the_storyboard(tmp_path: Path) -> None:
+    text = events(
+        osc.event("in", _TO_EGOS_LANE, on_time(1, delay=0.5)),
+        osc.event("slow", _AS_FAST, on_state("event", "in", "startTransition")),
+        osc.event("after", osc.speed_action("4"), on_state("action", "slow_action", "endTransition")),
+        osc.event("with_act", osc.speed_action("0"), on_state("act", "act", "startTransition"), on_time(9)),
+    )
+    done, scenario = imported(tmp_path, text)
+    assert not done.lost
+    assert whens(scenario) == [
+        "when time > 1.5 s { target_1 changes lane right }",
+        "when time > 1.5 s { target_1 changes speed to 10 m/s over 2 s then { target_1 changes speed to 4 m/s } }",
+        "when time > 9 s { target_1 changes speed to 0 m/s }",
+    ]
+    assert "lane changes relative to the ego count from its lane at the beginning" in done.notes
+
+
+@pytest.mark.parametrize(
+    ("inner", "said"),
+    [
+        ('<TraveledDistanceCondition value="100"/>', "ego within 5 m of 104 m along ego.route"),
+        (
+            '<ReachPositionCondition tolerance="2"><Position><WorldPosition x="100" y="-5.25" h="0"/></Position>'
+            "</ReachPositionCondition>",
+            "ego within 1 m of (102.7 m, -5.25 m)",
+        ),
+        (
+            '<RelativeDistanceCondition entityRef="Target-1" value="20" freespace="false" rule="lessThan" '
+            'relativeDistanceType="longitudinal"/>',
+            "distance(ego, target_1) < 15.4 m",
+        ),
+        ('<CollisionCondition><ByType type="pedestrian"/></CollisionCondition>', "ego within 0 m of walker"),
+        ('<SpeedCondition value="5" rule="equalTo"/>', "ego.speed >= 4.9 m/s and ego.speed <= 5.1 m/s"),
+    ],
+)
+def test_conditions_are_about_the_same_point_of_a_car(tmp_path: Path, inner: str, said: str) -> None:
+    done, scenario = imported(tmp_path, events(osc.event("e", osc.speed_action("3"), osc.of_entity("Ego", inner))))
+    assert not done.lost
+    assert whens(scenario) == [f"when {said} {{ target_1 changes speed to 3 m/s }}"]
+
+
+def test_what_happens_at_once_is_how_it_begins_and_a_trajectory_is_a_start(tmp_path: Path) -> None:
+    vertices = "".join(
+        f'<Vertex time="{k}"><Position><WorldPosition x="{200 + 10 * k}" y="-1.75" h="0"/></Position></Vertex>'
+        for k in range(4)
+    )
+    follow = f"""<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false">
+      <Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef>
+      <TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference>
+    </FollowTrajectoryAction></RoutingAction>"""
+    car = osc._CAR.format(name="Only", catalogue="Cars")
+    text = osc.scenario(
+        entities=car,
+        events=osc.group("Only", osc.event("goes", follow))
+        + osc.group("Target-1", osc.event("fast", osc.speed_action("20"))),
+    )
+    done, scenario = imported(tmp_path, text)
+    assert not done.lost
+    by_name = {actor.name: actor for actor in scenario.actors}
+    only, target = by_name["only"].state, by_name["target_1"].state
+    assert only is not None
+    assert target is not None
+    assert only.at.x.si == pytest.approx(200 + _FRONT_M)
+    assert target.speed.si == 20
+    assert whens(scenario)[-1].startswith("when time >= 0 s { only changes speed to 10 m/s over")
+
+
+def test_a_loop_is_driven_round(tmp_path: Path) -> None:
+    ring = """<OpenDRIVE><header revMajor="1" revMinor="4" name="ring" version="1"/>
+      <road name="r" length="251.327" id="1" junction="-1">
+      <link><predecessor elementType="road" elementId="1" contactPoint="end"/>
+        <successor elementType="road" elementId="1" contactPoint="start"/></link>
+      <planView><geometry s="0" x="0" y="-40" hdg="0" length="251.327"><arc curvature="0.025"/></geometry></planView>
+      <lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right>
+        <lane id="-1" type="driving"><link><predecessor id="-1"/><successor id="-1"/></link>
+          <width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road></OpenDRIVE>"""
+    text = osc.scenario().replace('laneId="-2" s="50"', 'laneId="-1" s="20"').replace('dLane="1"', 'dLane="0"')
+    text = text.replace('x="300" y="-8.5"', 'x="0" y="-46"')
+    file = osc.write(tmp_path / "in", text, road=ring)
+    importer.run(file, out=tmp_path / "out")
+    target = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario.actors[1]
+    (route,) = [item for item in target.body if isinstance(item, EdgeRoute)]
+    assert len(route.edges) >= 3
+
+
+# ---- nothing is lost in silence -------------------------------------------------------------------------------------
+
+_OFFSET = """<LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics dynamicsShape="step"/>
+  <LaneOffsetTarget><AbsoluteTargetLaneOffset value="1"/></LaneOffsetTarget></LaneOffsetAction></LateralAction>"""
+
+
+def test_an_import_that_loses_something_fails_unless_it_may(tmp_path: Path) -> None:
+    text = events(osc.event("swerve", _OFFSET, on_time(2)), osc.event("slow", osc.speed_action("3"), on_time(5)))
+    file, out = osc.write(tmp_path / "in", text), tmp_path / "out"
+    refused = CliRunner().invoke(app, ["import", "openscenario", str(file), "--out", str(out)])
+    assert refused.exit_code == 1
+    assert "1 actions: LaneOffsetAction" in str(refused.exception)
+    assert "--partial" in str(refused.exception)
+    assert not out.exists()
+    taken = CliRunner().invoke(app, ["import", "openscenario", str(file), "--out", str(out), "--partial"])
+    assert taken.exit_code == 0
+    assert "lost:\n  1 actions: LaneOffsetAction" in taken.stdout
+    written = (out / "cut_in.foresee").read_text()
+    assert "  # Lost: actions: LaneOffsetAction, event 'swerve' of Target-1, Target-1.\n  when time > 5 s {" in written
+
+
+def test_an_event_that_waits_for_what_is_lost_is_lost_too_and_said(tmp_path: Path) -> None:
+    far = osc.of_entity("Ego", '<OffroadCondition duration="1"/>')
+    text = events(
+        osc.event("far", osc.speed_action("3"), far),
+        osc.event("then", osc.speed_action("4"), on_state("event", "far", "endTransition")),
+    )
+    done, scenario = imported(tmp_path, text, partial=True)
+    assert done.lost == {"conditions: OffroadCondition": 1, "events that wait for what is lost": 1}
+    assert not whens(scenario)
