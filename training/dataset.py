@@ -165,13 +165,15 @@ def importance(labels: Labels, speed_mps: float, *, expert_drives: bool) -> floa
         weight = 4.0  # starts
     elif speeds[6] < speed_mps - 1.0:
         weight = 3.0  # brakes
+    elif abs(labels.trajectory[-1, 1]) > 3.0:
+        weight = 3.0  # turns
     elif abs(labels.trajectory[7, 1]) > 0.7:
-        weight = 2.0  # turns
+        weight = 2.0  # bends
     ahead, left = labels.boxes[:, 0], labels.boxes[:, 1]
     close = (ahead > 0) & (ahead < 25) & (np.abs(left) < 6)
     if np.isin(labels.groups[close], [GROUPS.index("pedestrian"), GROUPS.index("two_wheeler")]).any():
         weight *= 1.5
-    return weight * (1.0 if expert_drives else 1.5)
+    return weight * (1.0 if expert_drives else 2.0)
 
 
 class Data:

@@ -46,7 +46,10 @@ class Reading(nn.Module):
 
     def forward(self, birds_eye: Tensor, forward: Tensor, vector: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return both pictures as floats, unchanged, and the vector divided."""
-        return birds_eye.to(vector.dtype), forward.to(vector.dtype), vector * self.scale
+        kind = vector.dtype
+        if self.training and vector.is_cuda:
+            kind = torch.bfloat16  # whole numbers up to 255 are exact in it
+        return birds_eye.to(kind), forward.to(kind), vector * self.scale
 
 
 class Stem(nn.Module):
@@ -60,6 +63,10 @@ class Stem(nn.Module):
     def forward(self, picture: Tensor, channels: Tensor) -> Tensor:
         """Return [B, outputs, rows / 2, columns / 2]."""
         weight = torch.einsum("oikl,ij->ojkl", self.convolution.weight, channels)
+        if self.training:  # tensor cores want channels by eights
+            more = -picture.shape[1] % 8
+            picture = nn.functional.pad(picture, (0, 0, 0, 0, 0, more)).contiguous(memory_format=torch.channels_last)
+            weight = nn.functional.pad(weight, (0, 0, 0, 0, 0, more))
         seen: Tensor = self.after(nn.functional.conv2d(picture, weight, stride=2, padding=1))
         return seen
 
