@@ -86,8 +86,8 @@ def _of_connections(net: Topology) -> Iterator[Fault]:
 
 def fault_of_connection(net: Topology, movement: Movement) -> Fault | None:
     """Return what is wrong with the line from one lane through a junction to another."""
-    before, after = (net.lanes[name] for name in movement.ends)
-    parts = [ending(before.shape), *(net.lanes[name].shape for name in movement.via), beginning(after.shape)]
+    before, *via, after = (net.lanes[name].shape for name in (movement.from_lane, *movement.via, movement.to_lane))
+    parts = [ending(before), *via, beginning(after)]
     gaps = pairwise(parts) if movement.via else ()
     for one, other in gaps:
         away = distance(one[-1], other[0])
