@@ -164,7 +164,7 @@ def from_opendrive(
 
 
 def from_osm(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="An extract of OpenStreetMap (.osm).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="An OpenStreetMap extract (.osm, .osm.gz, .osm.pbf).")],
     out: OutOption,
 ) -> Imported:
     """Turn an OpenStreetMap extract into a network and a starter scenario."""
@@ -174,7 +174,7 @@ def from_osm(
 
 
 def from_sumo(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A SUMO network (.net.xml).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A SUMO network (.net.xml, .net.xml.gz).")],
     out: OutOption,
 ) -> Imported:
     """Turn a SUMO network into one of ours and a starter scenario."""

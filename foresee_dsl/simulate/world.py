@@ -380,7 +380,7 @@ class World:
         self._sumo.vehicle.setSpeedMode(vehicle, mode)
 
     def change_lane(self, vehicle: str, side: int) -> None:
-        """Ask for a change by one lane: 1 to the left, -1 to the right; kept there for 60 s."""
+        """Ask for a change by one lane: 1 to the next higher index, -1 to the next lower; kept there for 60 s."""
         self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
 
     # --- inside ----------------------------------------------------------------------------------------------------

@@ -180,7 +180,7 @@ def _way_moments(facts: Facts) -> Iterator[Moment]:
         lane, before = network.lanes.get(facts.lane(0, frame)), network.lanes.get(previous)
         previous = facts.lane(0, frame)
         if lane and before and lane.edge == before.edge and not lane.internal and lane.index != before.index:
-            side = "left" if lane.index > before.index else "right"
+            side = "left" if (lane.index > before.index) != network.left_hand else "right"
             yield _moment(frame, "changes lane", f"the ego changes to the lane on its {side}")
     states = facts.trace.states[:, 0]
     lateral = states[:, SPEED] * states[:, YAW_RATE]

@@ -10,20 +10,22 @@ from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: t
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of, write_crossings
 from foresee_dsl.compile.foreign.geometry_repair import repair_geometry
 from foresee_dsl.compile.foreign.lane_overlaps import repair_overlaps
+from foresee_dsl.compile.foreign.mirroring import mirror_map, mirror_net
+from foresee_dsl.compile.foreign.opendrive_reading import drives_on_the_left, make_readable, read_opendrive
 from foresee_dsl.compile.foreign.signal_programs import fix_times, give_programs
 from foresee_dsl.compile.nets.cache import cached_net
 from foresee_dsl.compile.nets.net_reader import read_net, topology_of
-from foresee_dsl.compile.nets.netconvert import run_netconvert, sumo_home, without_header
-from foresee_dsl.compile.nets.safe_xml import check_size, parse_net, parse_xml
+from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
+from foresee_dsl.compile.nets.safe_xml import check_size, parse_net
 from foresee_dsl.compile.nets.signals import read_signals
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
-_EDITION = "10"
+_EDITION = "11"
 """Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
 
-_NET_EDITION = "5"
+_NET_EDITION = "6"
 """The same for a SUMO net."""
 
 _LARGEST_M = 1e8
@@ -38,12 +40,15 @@ _DRIVEN = ("driving", "entry", "exit", "onRamp", "offRamp", "mwyEntry", "mwyExit
 """OpenDRIVE's types of lanes that get their road's limit; SUMO's typemap has 80 km/h for entries and exits."""
 _TYPEMAPS = ("opendriveNetconvert.typ.xml", "opendriveNetconvertPedestrians.typ.xml")
 _OPTIONS = (  # of netconvert 1.28
-    *("--opendrive.internal-shapes", "true"),  # lanes inside junctions as in the map, not as netconvert would bend them
     *("--crossings.guess", "true"),
     *("--offset.disable-normalization", "true"),  # coordinates stay those of the map
     *("--no-turnarounds.except-deadend", "true"),  # traffic turns round only where it could go nowhere else
     *("--no-warnings", "true"),
 )
+_INNER_SHAPES = ("--opendrive.internal-shapes", "true")
+"""Lanes inside junctions as in the map, not as netconvert would bend them; it dies of it for some maps (1.28)."""
+NOTES = "notes.txt"
+"""Beside a net in the cache: what is to be said of how it was made."""
 
 
 def foreign_net(path: Path) -> Path:
@@ -126,28 +131,54 @@ def _check_sound(parts: Topology) -> None:
 
 
 def _convert_map(path: Path, out: Path) -> None:
-    root = parse_xml(path, "OpenDRIVE", "an OpenDRIVE map")
-    if root.find("road") is None:
-        raise CompileError(f"{path} is an OpenDRIVE map without roads")
-    maps = sumo_home() / "data" / "typemap"
+    root = read_opendrive(path)
+    try:
+        notes = [f"netconvert cannot read {text}: {count}" for text, count in make_readable(root).items()]
+        left_hand = drives_on_the_left(root)
+        if left_hand:
+            mirror_map(root)
+        _give_lanes_their_limits(root)
+    except ValueError as err:
+        raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
     with tempfile.TemporaryDirectory(prefix="foresee-map-") as name:
         folder = Path(name)
-        try:
-            _give_lanes_their_limits(root)
-        except ValueError as err:
-            raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
-        (folder / "map.xodr").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
-        types = ",".join(str(maps / file) for file in _TYPEMAPS)
-        files = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml"]
-        run_netconvert([*files, *_OPTIONS], folder)
-        if write_crossings(read_net(folder / "map.net.xml"), crosswalks_of(root), folder / "crossings.con.xml"):
-            run_netconvert([*files, *_OPTIONS, "--connection-files", "crossings.con.xml"], folder)
+        notes += _build(root, folder)
         net = parse_net(folder / "map.net.xml")
-        close_parking(net)
-        repair_overlaps(net)
-        repair_geometry(net)
-        give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
-        write_net(net, out)
+    close_parking(net)
+    repair_overlaps(net)
+    repair_geometry(net)
+    give_programs(net)  # an OpenDRIVE map says where signals are, not what they show
+    if left_hand:
+        mirror_net(net)
+    write_net(net, out)
+    if notes:
+        (out.parent / NOTES).write_text("\n".join(notes), encoding="utf-8")
+
+
+def _build(root: Element, folder: Path) -> list[str]:
+    """Have netconvert make `map.net.xml` in a folder, and return what to say of it."""
+    maps = sumo_home() / "data" / "typemap"
+    (folder / "map.xodr").write_bytes(tostring(root, encoding="utf-8", xml_declaration=True))
+    types = ",".join(str(maps / file) for file in _TYPEMAPS)
+    command = ["--opendrive-files", "map.xodr", "--type-files", types, "--output-file", "map.net.xml", *_OPTIONS]
+    notes = []
+    try:
+        run_netconvert([*command, *_INNER_SHAPES], folder)
+        command += _INNER_SHAPES
+    except NetconvertDiedError as err:
+        run_netconvert(command, folder)
+        notes = [f"{err} with the lanes inside junctions as the map has them: they are bent by netconvert"]
+    if write_crossings(read_net(folder / "map.net.xml"), crosswalks_of(root), folder / "crossings.con.xml"):
+        run_netconvert([*command, "--connection-files", "crossings.con.xml"], folder)
+    return notes
+
+
+def notes_of(net_file: Path) -> tuple[str, ...]:
+    """Return what was said when a net was made, a sentence each."""
+    try:
+        return tuple((net_file.parent / NOTES).read_text(encoding="utf-8").splitlines())
+    except OSError:
+        return ()
 
 
 def close_parking(root: Element) -> int:

@@ -66,7 +66,7 @@ class RoadMap:
         """Return the pose in the middle of a lane, or `offset` m to its left, in the road's direction."""
         element = self._road(road)
         side = 1 if lane > 0 else -1
-        t = _cubic_at(element.iterfind("lanes/laneOffset"), "s", s)
+        t = cubic_at(element.iterfind("lanes/laneOffset"), "s", s)
         sections = element.findall("lanes/laneSection")
         if not sections:
             raise CompileError(f"the map's road {road} has no lanes")
@@ -76,7 +76,7 @@ class RoadMap:
         for k in range(side, lane + side, side):
             if k not in lanes:
                 raise CompileError(f"the map's road {road} has no lane {lane} at {s:g} m")
-            width = _cubic_at(lanes[k].iterfind("width"), "sOffset", ds)
+            width = cubic_at(lanes[k].iterfind("width"), "sOffset", ds)
             t += side * (width / 2 if k == lane else width)
         return self.at(road, s, t + offset)
 
@@ -160,7 +160,7 @@ def _slope(cubic: Sequence[float], p: float) -> float:
     return b + p * (2 * c + 3 * d * p)
 
 
-def _cubic_at(elements: Iterable[Element], start: str, s: float) -> float:
+def cubic_at(elements: Iterable[Element], start: str, s: float) -> float:
     """Return a + b ds + c ds^2 + d ds^3 of the last element that begins (attribute `start`) by `s`; 0 for none."""
     found = 0.0
     for element in elements:

@@ -79,6 +79,7 @@ def topology_of(root: Element) -> Topology:
             if function == "walkingarea"
         },
         footways=tuple(_footways(connections, lanes, functions)),
+        left_hand=root.get("lefthand") in ("true", "1"),
     )
 
 

@@ -26,6 +26,10 @@ class NetconvertLimitError(CompileError):
     """netconvert needs more memory, time or room than it is given; to try again with the same input is no use."""
 
 
+class NetconvertDiedError(CompileError):
+    """netconvert was ended by the system: a fault of its own, which other options may avoid."""
+
+
 @cache
 def sumo_home() -> Path:
     """Return the folder of the installed `eclipse-sumo` wheel (its `bin/` and `data/`).
@@ -57,6 +61,7 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
 
     Raises:
         NetconvertLimitError: it needs more than that.
+        NetconvertDiedError: a signal ended it.
         CompileError: it is missing, or fails; the message holds what it printed.
     """
     import shutil
@@ -79,6 +84,10 @@ def run_netconvert(arguments: Sequence[str], folder: Path) -> None:
     if code == -signal.SIGXFSZ:
         raise NetconvertLimitError(f"netconvert makes a network of more than {MOST_BYTES / 1e6:.0f} MB of it: cut out "
                                    "the part that is needed")  # fmt: skip
+    if code < 0:
+        said = _complaint(complaint, 0)
+        raise NetconvertDiedError(f"netconvert {tool_version()} died ({signal.Signals(-code).name}"
+                                  f"{f', its last words: {said}' if said else ''})")  # fmt: skip
     raise CompileError(f"netconvert refused the network: {_complaint(complaint, code)}")
 
 
@@ -145,5 +154,6 @@ def without_header(net: bytes) -> bytes:
 def _complaint(stderr: bytes, code: int) -> str:
     """netconvert's own words, warnings left out where there are errors."""
     lines = [line.strip() for line in stderr.decode("utf-8", "replace").splitlines() if line.strip()]
+    lines = [line for line in lines if not line.startswith(("proj_create", "pj_obj_create"))]  # of no consequence
     errors = [line.removeprefix("Error:").strip() for line in lines if not line.startswith(("Warning:", "Quitting"))]
-    return " ".join(errors or lines)[:2000] or f"it ended with code {code} and said nothing"
+    return " ".join(errors or lines)[:2000] or (f"it ended with code {code} and said nothing" if code else "")

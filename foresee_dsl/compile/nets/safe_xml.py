@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from gzip import GzipFile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 from foresee_dsl.errors import CompileError, ForeseeError
 
@@ -15,6 +16,7 @@ MOST_BYTES = 100_000_000
 largest town of CARLA that we know 4 MB, a net of a city some 50 MB; the tree of a file takes ten times its size."""
 MOST_ELEMENTS = 2_000_000
 """Ours: an element takes some 300 bytes in memory, so about 600 MB; an extract of 100 MB has some 1.5 million."""
+_GZIP = b"\x1f\x8b"
 DEEPEST = 100
 """How deep elements may nest. Ours: OpenSCENARIO nests about 25 deep, OpenDRIVE 10, OpenStreetMap 3."""
 
@@ -31,6 +33,7 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
     An `error` where it cannot be read, is too large or too deep, is no XML, declares entities, or has another root.
     """
     check_size(path, error)
+    import zlib
     from xml.etree.ElementTree import ParseError
 
     from defusedxml import DefusedXmlException  # here: a net that was read before needs no XML
@@ -41,12 +44,15 @@ def parse_xml(path: Path, tag: str, what: str, error: type[ForeseeError] = Compi
         raise error(f"{path} cannot be read: {err.strerror or err}") from err
     except DefusedXmlException as err:
         raise error(f"{path} declares entities, which are not read: write them out") from err
-    except (ParseError, ValueError, LookupError) as err:  # LookupError: an unknown encoding
+    except (ParseError, ValueError, LookupError, EOFError, zlib.error) as err:  # LookupError: an unknown encoding
         # a file that was cut off has `no element found` at its end
         line = getattr(err, "position", (0, 0))[0]
         cut_off = line and str(err).startswith("no element found")
         fault = f"it is cut off at line {line}" if cut_off else str(err)
         raise error(f"{path} is not {what}, or a damaged one: {fault}") from err
+    if root.tag.startswith("{") and root.tag.endswith(f"}}{tag}"):  # files may name their schema, or not
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]
     if root.tag != tag:
         raise error(f"{path} is not {what}: its root is <{root.tag}>, not <{tag}>")
     return root
@@ -67,13 +73,43 @@ def check_size(path: Path, error: type[ForeseeError] = CompileError) -> None:
         )
 
 
+def open_packed(path: Path, error: type[ForeseeError] = CompileError) -> BinaryIO:
+    """Open a file; one that gzip has packed is unpacked while it is read, up to `MOST_BYTES`."""
+    with path.open("rb") as file:
+        packed = file.read(2) == _GZIP
+    return cast(BinaryIO, _Unpacked(path, error)) if packed else path.open("rb")
+
+
+def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
+    """Return a file's bytes, unpacked where gzip has packed them."""
+    with open_packed(path, error) as file:
+        return file.read()
+
+
+class _Unpacked(GzipFile):
+    """A packed file that is larger than it seems is refused."""
+
+    def __init__(self, path: Path, error: type[ForeseeError]) -> None:
+        super().__init__(path)
+        self._path, self._error, self._read = path, error, 0
+
+    def read(self, size: int | None = -1) -> bytes:
+        most = MOST_BYTES - self._read + 1
+        data = super().read(most if size is None or size < 0 else min(size, most))
+        self._read += len(data)
+        if self._read > MOST_BYTES:
+            raise self._error(f"{self._path} has more than {MOST_BYTES / 1e6:.0f} MB when it is unpacked: cut out the "
+                              "part that is needed")  # fmt: skip
+        return data
+
+
 def _parsed(path: Path, error: type[ForeseeError]) -> Element:
     """Parse a file, watching its depth and its size in memory while it grows."""
     from defusedxml.ElementTree import iterparse
 
     depth = count = 0
     root: Element | None = None
-    with path.open("rb") as file:
+    with open_packed(path, error) as file:
         for event, element in iterparse(file, events=("start", "end")):
             if event == "end":
                 depth -= 1

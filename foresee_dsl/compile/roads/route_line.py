@@ -14,7 +14,7 @@ from typing import NamedTuple
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.polyline import MERGE_M, STEP_M, XY, Points, Polyline, distance
 from foresee_dsl.compile.roads.routing import RouteError, check_whole, onward
-from foresee_dsl.compile.roads.topology import Edge, Lane, LaneKind, Movement, Topology
+from foresee_dsl.compile.roads.topology import Lane, LaneKind, Movement, Topology
 
 CHANGE_AFTER_M = 10.0
 """A lane change begins this far into its edge, m (ours: clear of the junction, and early, as drivers are taught)."""
@@ -136,7 +136,7 @@ def build_line(
     origin = end = len(joined.vertices)
     passages: list[tuple[Movement, int, int]] = []
     for k, stretch in enumerate(plan):
-        for lane, vertices in _on_edge(network.edges[stretch.edge], stretch, after_m if k == 0 else 0.0, kind):
+        for lane, vertices in _on_edge(network, stretch, after_m if k == 0 else 0.0, kind):
             joined.add(lane, vertices)
         if k == len(edges) - 1:
             end = len(joined.vertices)
@@ -300,10 +300,11 @@ def _vertices(lane: Lane, points: Sequence[XY] | None = None, sides: XY | None =
     return [_Vertex(x, y, left, right, lane.speed_mps) for x, y in (lane.line.xy if points is None else points)]
 
 
-def _on_edge(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[tuple[Lane, list[_Vertex]]]:
+def _on_edge(network: Topology, stretch: _Stretch, after_m: float, kind: LaneKind) -> list[tuple[Lane, list[_Vertex]]]:
     """Return the vertices on one edge: on one lane, or on two with a change between them."""
+    edge = network.edges[stretch.edge]
     before, after = edge.lanes[stretch.entry], edge.lanes[stretch.exit]
-    sides = _free(edge, before, kind)
+    sides = _free(network, before, kind)
     if before is after:
         return [(before, _vertices(before, sides=sides))]
     length = min(before.line.length_m, after.line.length_m)
@@ -313,7 +314,7 @@ def _on_edge(edge: Edge, stretch: _Stretch, after_m: float, kind: LaneKind) -> l
     span = max(min(wanted, length - begin), STEP_M)
     weights = [(1 - math.cos(math.pi * min(max((t * length - begin) / span, 0.0), 1.0))) / 2 for t in shares]
     half = max(bisect_left(weights, 0.5), 1)
-    (left0, right0), (left1, right1) = sides, _free(edge, after, kind)
+    (left0, right0), (left1, right1) = sides, _free(network, after, kind)
     places = zip(weights, _at_shares(before.line, shares), _at_shares(after.line, shares), strict=True)
     mixed = []
     for k, (w, (x0, y0), (x1, y1)) in enumerate(places):
@@ -334,9 +335,9 @@ def _at_shares(line: Polyline, shares: Sequence[float]) -> list[XY]:
     return [(lines.interpolate(s, line.marks, xs), lines.interpolate(s, line.marks, ys)) for s in at]
 
 
-def _free(edge: Edge, lane: Lane, kind: LaneKind) -> tuple[float, float]:
+def _free(network: Topology, lane: Lane, kind: LaneKind) -> tuple[float, float]:
     """Free width to the left and to the right of a lane's centre, m, over the lanes of its direction."""
-    others = edge.for_kind(kind)
-    left = sum(other.width_m for other in others if other.index > lane.index)
-    right = sum(other.width_m for other in others if other.index < lane.index)
-    return left + lane.width_m / 2, right + lane.width_m / 2
+    others = network.edges[lane.edge].for_kind(kind)
+    inner = sum(other.width_m for other in others if other.index > lane.index) + lane.width_m / 2
+    outer = sum(other.width_m for other in others if other.index < lane.index) + lane.width_m / 2
+    return (outer, inner) if network.left_hand else (inner, outer)

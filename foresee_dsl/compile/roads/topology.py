@@ -161,6 +161,7 @@ class WalkingArea:
 class Topology:
     """Everything read from a net file, in the file's order; compared by identity.
 
+    `left_hand`: traffic keeps to the left, and lanes are counted from there.
     `footways`: pairs of ids that people walk between: a sidewalk's lane, a crossing's lane or a walking area.
     """
 
@@ -171,6 +172,11 @@ class Topology:
     crossings: Mapping[str, Crossing]
     walking_areas: Mapping[str, WalkingArea]
     footways: tuple[tuple[str, str], ...]
+    left_hand: bool = False
+
+    def lanes_to(self, left: int) -> int:
+        """Return by how much a lane's index differs from that of one so many lanes to its left."""
+        return -left if self.left_hand else left
 
     def movements_from(self, edge: str, kind: LaneKind = "car") -> tuple[Movement, ...]:
         """Return the movements that leave an edge and are open to a kind."""

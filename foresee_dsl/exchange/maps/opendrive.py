@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.foreign.crosswalks import crosswalks_of
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
-from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.compile.nets.safe_xml import parse_xml, unpacked
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
@@ -36,13 +36,14 @@ _OPTIONS = ("--precision", "4", "--no-warnings", "true")
 
 def run(file: Path, *, out: Path) -> Imported:
     """Write `NAME.xodr` and the scenario `NAME.foresee` for an OpenDRIVE map."""
-    if file.suffix != ".xodr":
+    plain = file.name.removesuffix(".gz")
+    if not plain.endswith(".xodr"):
         raise ExchangeError(f"{file} is not called like an OpenDRIVE map: its name must end in .xodr")
     root = parse_xml(file, "OpenDRIVE", "an OpenDRIVE map")
     return with_starter(
-        file.read_bytes(),
-        file_name(file.name),
-        name_of(file.stem, "map"),
+        unpacked(file),
+        file_name(plain),
+        name_of(plain.removesuffix(".xodr"), "map"),
         out,
         source=file.name,
         contents=lambda parts: (taken_from(parts), left_out_of(root, parts), notes_on(root, parts)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,9 @@ SHORTEST_M, LONGEST_M = 150.0, 400.0
 """How long the ego's way is: from a whole approach and exit to what takes about a minute (ours)."""
 CLEAR_M = 10.0
 """Free road behind the ego's front at the start, and beyond its goal (ours: two car lengths)."""
+_SMALL_MAPS = ((SHORTEST_M, CLEAR_M), (40.0, CLEAR_M), (5.0, 6.0))
+"""The shortest way, and the free road, m: those of the first are taken that a map has room for (ours; the smallest maps
+are a piece of road of 20 m, on which a car of 5 m stands and moves)."""
 APPROACH_M = 120.0
 """At most so much of the first and of the last edge is driven (ours: signals are seen from there)."""
 _ROOMY_M = 40.0
@@ -60,18 +63,21 @@ class Way:
     slowest_mps: float
 
 
-def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[m.Scenario, Way]:
+def starter(
+    net_file: Path, *, name: str, network: str, doc: str, without: Collection[str] = ()
+) -> tuple[m.Scenario, Way]:
     """Return a scenario that runs on a `.net.xml` or `.xodr`, and the way that its ego takes.
 
-    `network`: the file as the scenario names it. An `ExchangeError` where it has no way for a car that is long enough.
+    `network`: the file as the scenario names it. `without`: edges to keep off. An `ExchangeError`
+    where it has no way for a car that is long enough.
     """
     net = foreign_net(net_file)
     roads = RoadNetwork.from_net(net)
     check_network(roads, net_file.name)
     over = frozenset(edge for one in bridges(roads, Heights.of(net)) for edge in one.edges)
-    way = best_way(roads, frozenset(read_signals(net, None)), over)
+    way = best_way(roads, frozenset(read_signals(net, None)), over, without)
     if way is None:
-        raise ExchangeError(f"{net_file.name} has no way of {SHORTEST_M:.0f} m for a car: a larger map is needed")
+        raise ExchangeError(f"{net_file.name} has no way of {_SMALL_MAPS[-1][0]:.0f} m for a car: {_why(roads)}")
     body: list[m.ScenarioItem] = [
         m.Doc(text=doc),
         m.Tags(names=("starter",)),
@@ -85,14 +91,33 @@ def starter(net_file: Path, *, name: str, network: str, doc: str) -> tuple[m.Sce
     return m.Scenario(name=name, body=tuple(body)), way
 
 
-def best_way(roads: RoadNetwork, signals: frozenset[str], bridged: frozenset[str] = frozenset()) -> Way | None:
+def _why(roads: RoadNetwork) -> str:
+    if roads.faults:
+        return f"it is broken at {len(roads.faults)} places, such as: {roads.faults[0]}"
+    return "a larger map is needed"
+
+
+def best_way(
+    roads: RoadNetwork,
+    signals: frozenset[str],
+    bridged: frozenset[str] = frozenset(),
+    without: Collection[str] = (),
+) -> Way | None:
     """Return the way for the ego: over a signal if there is any, from a street, with a turn, of a middle length.
 
     It keeps off edges that go over or under others (`bridged`) if it can. The same network gives the same way.
     """
+    for shortest_m, clear_m in _SMALL_MAPS:
+        streets = _Streets.of(roads, signals, shortest_m, clear_m, without)
+        way = _best_of(roads, streets, bridged)
+        if way is not None:
+            return way
+    return None
+
+
+def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> Way | None:
     middle = (SHORTEST_M + LONGEST_M) / 2
     best: tuple[tuple[float, ...], Way] | None = None
-    streets = _Streets.of(roads, signals)
     for way in itertools.islice(streets.ways(), _MOST_WAYS):
         ahead_m = streets.lengths[way.edges[0]] - way.start_m
         rank = (
@@ -117,16 +142,25 @@ class _Streets:
     limits: dict[str, float]
     onward: dict[str, dict[str, Movement]]
     signals: frozenset[str]
+    shortest_m: float
+    clear_m: float
 
     @classmethod
-    def of(cls, roads: RoadNetwork, signals: frozenset[str]) -> _Streets:
-        lanes = {edge.id: edge.drivable[0] for edge in roads.edges.values() if edge.for_kind("car")}
+    def of(
+        cls, roads: RoadNetwork, signals: frozenset[str], shortest_m: float, clear_m: float, without: Collection[str]
+    ) -> _Streets:
+        lanes = {
+            edge.id: edge.drivable[0]
+            for edge in roads.edges.values()
+            if edge.for_kind("car") and edge.id not in without
+        }
         onward = {
             edge: {m.to_edge: m for m in roads.movements_from(edge) if m.turn != "back" and m.to_edge in lanes}
             for edge in lanes
         }
         lengths = {edge: lane.line.length_m for edge, lane in lanes.items()}
-        return cls(lengths, {edge: lane.speed_mps for edge, lane in lanes.items()}, onward, signals)
+        limits = {edge: lane.speed_mps for edge, lane in lanes.items()}
+        return cls(lengths, limits, onward, signals, shortest_m, clear_m)
 
     def ways(self) -> Iterator[Way]:
         """Yield ways of a fitting length from every edge on, none over the same edge twice."""
@@ -135,7 +169,7 @@ class _Streets:
             while open_ways:
                 edges, after_first_m = open_ways.pop()
                 way = self.way(edges)
-                if way is not None and SHORTEST_M <= way.length_m <= LONGEST_M:
+                if way is not None and self.shortest_m <= way.length_m <= LONGEST_M:
                     yield way
                 if len(edges) < _MOST_EDGES and after_first_m < LONGEST_M:
                     after = (edge for edge in sorted(self.onward[edges[-1]]) if edge not in edges)
@@ -144,13 +178,14 @@ class _Streets:
     def way(self, edges: tuple[str, ...]) -> Way | None:
         """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
         first_m, last_m = self.lengths[edges[0]], self.lengths[edges[-1]]
-        if first_m < 2 * CLEAR_M or last_m < 2 * CLEAR_M:
+        clear_m = self.clear_m
+        if first_m < 2 * clear_m or last_m < 2 * clear_m:
             return None
         if len(edges) == 1:
-            start_m, goal_m = CLEAR_M, min(last_m - CLEAR_M, LONGEST_M)
+            start_m, goal_m = clear_m, min(last_m - clear_m, LONGEST_M)
             length_m = goal_m - start_m
         else:
-            start_m, goal_m = max(CLEAR_M, first_m - APPROACH_M), min(last_m - CLEAR_M, APPROACH_M)
+            start_m, goal_m = max(clear_m, first_m - APPROACH_M), min(last_m - clear_m, APPROACH_M)
             length_m = first_m - start_m + goal_m + sum(self.lengths[edge] for edge in edges[1:-1])
         taken = [self.onward[a][b] for a, b in itertools.pairwise(edges)]
         return Way(

@@ -8,17 +8,19 @@ from pathlib import Path
 from xml.etree.ElementTree import tostring  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile.foreign.geometry_repair import Geometry, geometry_of
-from foresee_dsl.compile.foreign.networks import foreign_net
+from foresee_dsl.compile.foreign.networks import foreign_net, notes_of
 from foresee_dsl.compile.foreign.signal_programs import fix_times
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import without_header
-from foresee_dsl.compile.nets.safe_xml import parse_xml
+from foresee_dsl.compile.nets.safe_xml import parse_xml, unpacked
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.exchange.maps.bridges import Heights, bridge_notes, bridges
-from foresee_dsl.exchange.maps.starter import starter
+from foresee_dsl.exchange.maps.first_drive import Drive, first_that_arrives
+from foresee_dsl.exchange.maps.starter import Way, starter
 from foresee_dsl.exchange.naming import name_of, sentence
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together, write_text
+from foresee_dsl.language.model import Scenario
 
 NET = ".net.xml"
 _SHOWN = 3
@@ -30,7 +32,7 @@ Contents = tuple[dict[str, int], Counter[str], tuple[str, ...]]
 def run(file: Path, *, out: Path) -> Imported:
     """Write `NAME.net.xml` and the scenario `NAME.foresee` for a SUMO network `NAME.net.xml`."""
     root = parse_xml(file, "net", "a SUMO network", ExchangeError)
-    name = name_of(file.name.removesuffix(NET).removesuffix(".xml"), "net")
+    name = name_of(file.name.removesuffix(".gz").removesuffix(NET).removesuffix(".xml"), "net")
     if root.find("edge") is None or root.find("location") is None:
         raise ExchangeError(f"{file} is not a complete SUMO network: it has no edges or no location")
     changed = fix_times(root)
@@ -40,7 +42,7 @@ def run(file: Path, *, out: Path) -> Imported:
             "signal programs besides the one that SUMO begins with": changed.others,
         }
     )
-    data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(file.read_bytes())
+    data = tostring(root, encoding="utf-8", xml_declaration=True) if changed else without_header(unpacked(file))
     return with_starter(
         data, f"{name}{NET}", name, out, source=file.name, contents=lambda parts: (counts(parts), left_out, ())
     )
@@ -58,21 +60,36 @@ def with_starter(
 
     def write(folder: Path) -> Imported:
         (folder / file).write_bytes(data)
-        scenario, way = starter(folder / file, name=name, network=file, doc=sentence(f"A first drive on {source}."))
-        write_text(folder / f"{name}.foresee", scenario)
         net = foreign_net(folder / file)
         parts = read_net(net)
+        roads = RoadNetwork.of(parts)
+        doc = sentence(f"A first drive on {source}.")
+
+        def find(without: frozenset[str]) -> tuple[Scenario, Way]:
+            return starter(folder / file, name=name, network=file, doc=doc, without=without)
+
+        scenario, way, drive = first_that_arrives(find, folder, roads)
+        write_text(folder / f"{name}.foresee", scenario)
         taken, left_out, notes = contents(parts)
-        over = (
-            f" over the signal of {', '.join(way.signals)}"
-            if way.signals
-            else ", over no signal: there is none on a way"
-        )
-        drive = f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"
-        flat = bridge_notes(bridges(RoadNetwork.of(parts), Heights.of(net)))
-        return Imported((), 1, taken, +left_out, (drive, *notes, *flat, *geometry_notes(geometry_of(net))))
+        flat = bridge_notes(bridges(roads, Heights.of(net)))
+        said = (*_of_the_drive(name, way, drive), *notes, *notes_of(net), *_side(roads), *flat)
+        return Imported((), 1, taken, +left_out, (*said, *geometry_notes(geometry_of(net))))
 
     return import_together(out, write)
+
+
+def _of_the_drive(name: str, way: Way, drive: Drive) -> tuple[str, ...]:
+    over = (
+        f" over the signal of {', '.join(way.signals)}" if way.signals else ", over no signal: there is none on a way"
+    )
+    notes = [f"the ego drives {way.length_m:.0f} m{over}; edit {name}.foresee for another way"]
+    if not drive.arrived:
+        notes.append(f"idm, alone on the road, does not arrive on any way that was tried: {drive.reason}")
+    return tuple(notes)
+
+
+def _side(roads: RoadNetwork) -> tuple[str, ...]:
+    return ("traffic keeps to the left",) if roads.left_hand else ()
 
 
 def geometry_notes(found: Geometry) -> tuple[str, ...]:

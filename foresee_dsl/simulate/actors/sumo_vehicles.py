@@ -159,7 +159,7 @@ class SumoVehicle(Actor):
         takes = slope * (1.0 - math.exp(-abs(lateral) / (slope * axle_m)))
         lane_heading = nearest.line.at(max(s - axle_m, 0.0))[2]
         turned = side * math.remainder(self.heading - lane_heading, math.tau)
-        beside = self._network.lanes.get(f"{nearest.edge}_{nearest.index + side}")
+        beside = self._network.lanes.get(f"{nearest.edge}_{nearest.index + self._network.lanes_to(side)}")
         if abs(lateral) <= ROUNDING_M or turned < takes / 2 or beside is None:
             return nearest
         return beside if lane_kind(self.placed.model) in beside.kinds else nearest

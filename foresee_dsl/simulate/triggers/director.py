@@ -205,9 +205,10 @@ class Director:
         self.event("changes_lane", {"side": side}, actor.id)
         if actor.id not in self._simulation.world:
             return _at_once
-        self._simulation.world.change_lane(actor.id, 1 if side == "left" else -1)
+        step = self._simulation.network.lanes_to(1 if side == "left" else -1)
+        self._simulation.world.change_lane(actor.id, step)
         edge, _, index = actor.lane.rpartition("_")
-        target = f"{edge}_{int(index or -1) + (1 if side == 'left' else -1)}"
+        target = f"{edge}_{int(index or -1) + step}"
         return lambda: self._in_lane(actor, target)
 
     def _in_lane(self, actor: Actor, target: str) -> bool:

@@ -1,0 +1,220 @@
+"""The lines of a net while they are being repaired: corners rounded, connections led smoothly from lane to lane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
+
+from foresee_dsl.compile.foreign.geometry_faults import (
+    FARTHEST_OUTSIDE_M,
+    KINK_RAD,
+    LONGEST_GAP_M,
+    Areas,
+    beginning,
+    ending,
+    fault_of_line,
+    joined,
+    simplified,
+    turns,
+)
+from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, distance_to, interpolate, lengths
+from foresee_dsl.compile.roads.topology import Movement, Topology
+
+_REACHES_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
+"""How far from a corner its rounding begins: the first that gives a line without a kink is taken (ours)."""
+_SHORTER_M = (0.0, 0.75, 1.5, 3.0, 5.0)
+"""By how much lanes are shortened to make room for a connection: the first that does is taken (ours; netconvert 1.28
+turns round a corner of two streets within 1.6 m, for which 0.75 m more are enough)."""
+_LEAST_LANE_M = 2.0
+"""So much is left of a lane that is shortened (ours)."""
+_PULLS = (0.35, 0.5, 0.25, 0.65)
+"""Where the inner points of a Bezier curve lie, as a share of the distance of its ends; 0.35 is nearest to an arc over
+a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
+_CURVE_POINTS = 12
+_MOST_CORNERS = 50
+"""Corners that are rounded in one lane (ours: a hairpin road of the Alps has some 30)."""
+
+
+class Lines:
+    """The centre lines of a net's lanes, which may be changed, and written into its tree."""
+
+    def __init__(self, net: Topology) -> None:
+        self._net = net
+        self._shapes = {name: lane.shape for name, lane in net.lanes.items()}
+        self._changed: dict[str, float] = {}
+        """Lanes with another shape, and by how much they are shorter, m."""
+        self._areas = Areas(net)
+        self._from: dict[str, list[Movement]] = {}
+        self._into: dict[str, list[Movement]] = {}
+        for movement in net.movements:
+            self._from.setdefault(movement.from_edge, []).append(movement)
+            self._into.setdefault(movement.to_edge, []).append(movement)
+
+    def round_corners(self, lane: str) -> bool:
+        """Round the kinks of a lane, within its band; False, with nothing changed, where that cannot be."""
+        line = rounded(self._shapes[lane], self._net.lanes[lane].width_m / 2)
+        if line is None:
+            return False
+        self._shapes[lane] = line
+        self._changed[lane] = lengths(self._net.lanes[lane].shape)[-1] - lengths(line)[-1]
+        return True
+
+    def lead(self, movement: Movement) -> bool:
+        """Give a connection a smooth line; False, with nothing changed, where there is none."""
+        if not movement.via:
+            return False
+        before, after = (self._shapes[name] for name in movement.ends)
+        for shorter_m in _SHORTER_M:
+            if shorter_m and not self._has_room(movement, shorter_m):
+                return False
+            line = self._led(movement, _without_end(before, shorter_m), _without_beginning(after, shorter_m))
+            if line is not None:
+                if shorter_m:
+                    self._shorten(movement, shorter_m)
+                self._share(movement, line)
+                return True
+        return False
+
+    def _led(self, movement: Movement, before: Points, after: Points) -> Points | None:
+        """A smooth line from the end of a lane to the beginning of another, within the junction's area."""
+        if distance(before[-1], after[0]) < LONGEST_GAP_M / 10:
+            return None
+        here, there = direction(*ending(before)[-2:]), direction(*beginning(after)[:2])
+        for pull in _PULLS:
+            line = bezier(before[-1], here, after[0], there, pull)
+            smooth = fault_of_line(joined([ending(before), line, beginning(after)]), "") is None
+            if smooth and max(self._areas.beyond(movement.junction, line)) <= FARTHEST_OUTSIDE_M:
+                return line
+        return None
+
+    def _has_room(self, movement: Movement, shorter_m: float) -> bool:
+        lanes = (*self._driven(movement.from_edge), *self._driven(movement.to_edge))
+        return all(lengths(self._shapes[name])[-1] >= shorter_m + _LEAST_LANE_M for name in lanes)
+
+    def _driven(self, edge: str) -> list[str]:
+        return [lane.id for lane in self._net.edges[edge].lanes if lane.kinds & {"car", "bicycle"}]
+
+    def _shorten(self, movement: Movement, by_m: float) -> None:
+        """Shorten all lanes before and behind a junction; its other connections become longer, and lead as before."""
+        for name in self._driven(movement.from_edge):
+            old = self._shapes[name]
+            self._put(name, _without_end(old, by_m), by_m)
+            for other in self._from[movement.from_edge]:
+                if other.from_lane == name and other.via:
+                    cut = _without_beginning(old, lengths(old)[-1] - by_m)
+                    self._put(other.via[0], joined([cut, self._shapes[other.via[0]]]), -by_m)
+        for name in self._driven(movement.to_edge):
+            old = self._shapes[name]
+            self._put(name, _without_beginning(old, by_m), by_m)
+            for other in self._into[movement.to_edge]:
+                if other.to_lane == name and other.via:
+                    cut = _without_end(old, lengths(old)[-1] - by_m)
+                    self._put(other.via[-1], joined([self._shapes[other.via[-1]], cut]), -by_m)
+
+    def _share(self, movement: Movement, line: Points) -> None:
+        """Share a connection's line among its lanes, in proportion to their lengths."""
+        marks = lengths(line)
+        own = [max(lengths(self._shapes[name])[-1], 0.1) for name in movement.via]
+        cuts = [marks[-1] * sum(own[:k]) / sum(own) for k in range(len(own) + 1)]
+        for name, (a, b) in zip(movement.via, pairwise(cuts), strict=True):
+            piece = _cut(line, marks, a, b)
+            self._put(name, piece, lengths(self._shapes[name])[-1] - lengths(piece)[-1])
+
+    def _put(self, lane: str, line: Points, shorter_m: float) -> None:
+        self._shapes[lane] = line
+        self._changed[lane] = self._changed.get(lane, 0.0) + shorter_m
+
+    def write(self, root: Element) -> None:
+        """Write the lines that were changed into the net's tree, with heights from those of the old ones."""
+        for lane in root.iter("lane"):
+            name = lane.get("id", "")
+            if name in self._changed:
+                lane.set("shape", _with_heights(self._shapes[name], lane.get("shape", "")))
+                length_m = self._net.lanes[name].length_m - self._changed[name]
+                lane.set("length", f"{max(length_m, 0.1):.2f}")  # SUMO 1.28 makes shorter lanes 0.1 m long
+
+
+def _with_heights(line: Points, old: str) -> str:
+    """The text of a shape."""
+    points = [tuple(map(float, point.split(","))) for point in old.split()]
+    texts = [f"{x:.2f},{y:.2f}" for x, y in line]
+    if all(len(point) < 3 for point in points):
+        return " ".join(texts)
+    marks, along = lengths(line), lengths([(x, y) for x, y, *_ in points])
+    heights = [point[2] if len(point) > 2 else 0.0 for point in points]
+    at = (mark / max(marks[-1], 0.01) * along[-1] for mark in marks)
+    return " ".join(f"{text},{interpolate(s, along, heights):.2f}" for text, s in zip(texts, at, strict=True))
+
+
+def _without_end(line: Points, by_m: float) -> Points:
+    marks = lengths(line)
+    return _cut(line, marks, 0.0, marks[-1] - by_m) if by_m else line
+
+
+def _without_beginning(line: Points, by_m: float) -> Points:
+    marks = lengths(line)
+    return _cut(line, marks, by_m, marks[-1]) if by_m else line
+
+
+def rounded(shape: Points, aside_m: float) -> Points | None:
+    """Return a line with its kinks rounded, nowhere farther than a distance from where it was; None where that cannot
+    be."""
+    line = simplified(shape)
+    for _ in range(_MOST_CORNERS):
+        k = next((k for k, (angle, _) in enumerate(turns(line)) if abs(angle) > KINK_RAD), None)
+        if k is None:
+            return line if fault_of_line(line, "") is None else None
+        found = next((one for one in _roundings(line, k + 1) if _is_near(one, shape, aside_m)), None)
+        if found is None:
+            return None
+        line = found
+    return None
+
+
+def _roundings(line: Points, corner: int) -> Iterator[Points]:
+    """Lines with a smooth curve in the place of a corner and what is near it, without a kink at that place."""
+    marks = lengths(line)
+    over_m = turns(line)[corner - 1][1]
+    for reach in _REACHES_M:
+        begin, end = max(marks[corner] - reach, 0.0), min(marks[corner] + over_m + reach, marks[-1])
+        before, after = _cut(line, marks, 0.0, begin), _cut(line, marks, end, marks[-1])
+        for pull in _PULLS:
+            here = direction(*before[-2:]) if len(before) > 1 else None
+            there = direction(*after[:2]) if len(after) > 1 else None
+            curve = bezier(before[-1], here, after[0], there, pull)
+            new = (*before[:-1], *curve, *after[1:])
+            at = len(before)
+            angles = turns(simplified(new[max(at - 3, 0) : at + len(curve) + 2]))
+            if all(abs(angle) <= KINK_RAD for angle, _ in angles):
+                yield new
+
+
+def _is_near(line: Points, old: Points, aside_m: float) -> bool:
+    return all(distance_to(x, y, old) <= aside_m for x, y in line)
+
+
+def bezier(start: XY, here: float | None, end: XY, there: float | None, pull: float) -> Points:
+    """Return a cubic Bezier curve between two points, which leaves and arrives in two directions (None: straight)."""
+    reach = pull * distance(start, end)
+    here, there = (direction(start, end) if way is None else way for way in (here, there))
+    one = start[0] + reach * math.cos(here), start[1] + reach * math.sin(here)
+    two = end[0] - reach * math.cos(there), end[1] - reach * math.sin(there)
+    points = []
+    for k in range(_CURVE_POINTS + 1):
+        t = k / _CURVE_POINTS
+        a, b, c, d = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+        points.append((a * start[0] + b * one[0] + c * two[0] + d * end[0],
+                       a * start[1] + b * one[1] + c * two[1] + d * end[1]))  # fmt: skip
+    return tuple(points)
+
+
+def _cut(points: Sequence[XY], marks: Sequence[float], from_m: float, to_m: float) -> Points:
+    """The stretch of a line between two lengths along it; a point where they are one."""
+    xs, ys = zip(*points, strict=True)
+    first, last = ((interpolate(at, marks, xs), interpolate(at, marks, ys)) for at in (from_m, to_m))
+    if to_m - from_m < 1e-6:
+        return (first,)
+    inner = (point for point, at in zip(points, marks, strict=True) if from_m + 1e-6 < at < to_m - 1e-6)
+    return (first, *inner, last)
