@@ -128,20 +128,6 @@ BAD_MAPS = {
         _text(lambda t: re.sub(r"<way(?! id=.202)[^>]*>.*?</way>", "", t, flags=re.DOTALL)),
         "no street that leads anywhere",
     ),
-    "too small": (
-        _text(
-            lambda t: (
-                re.sub(r"<way(?! id=.20[149])[^>]*>.*?</way>", "", t, flags=re.DOTALL)
-                .replace('lon="11.4970000"', 'lon="11.4994000"')
-                .replace('lon="11.4985000"', 'lon="11.4997000"')
-                .replace('lat="48.0976000"', 'lat="48.0996000"')
-                .replace('lat="48.0995000"', 'lat="48.0998000"')
-                .replace('lat="48.1020000"', 'lat="48.1003000"')
-                .replace('lat="48.1029000"', 'lat="48.1004000"')
-            )
-        ),
-        "no way of 150 m",
-    ),
 }
 
 

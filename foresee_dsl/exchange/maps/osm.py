@@ -56,7 +56,7 @@ def run(file: Path, *, out: Path) -> Imported:
     if root.find("node") is None:
         raise ExchangeError(f"{file} has no nodes: export it with them")
     name = name_of(file.name.partition(".osm")[0], "map")
-    net, notes = _converted(root)
+    net, notes = converted(root)
     if b"<edge " not in net:
         raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
     return with_starter(
@@ -73,7 +73,7 @@ _GUESSED = ("signals without known times have netconvert's fixed programs of 90 
             "does not say are guessed")  # fmt: skip
 
 
-def _converted(root: Element) -> tuple[bytes, tuple[str, ...]]:
+def converted(root: Element) -> tuple[bytes, tuple[str, ...]]:
     """Return the net of an extract, and what to say of it.
 
     It is written anew for netconvert: so that meets no document type that it would fetch.
