@@ -25,7 +25,7 @@ BROKEN = {
     "kink": net("100,0 103,0 103,3 106,0"),
     "gap": net("100,0 102,0", second="105,2 200,2"),
     "loop": net("100,0 104,0 104,2 102,3 101,1 103,-2 106,0"),
-    "outside": net("100,0 101.5,2 102,5 103,6 104,5 104.5,2 106,0"),
+    "outside": net("100,0 110,1 118,6 122,6 130,1 140,0", second="140,0 200,0"),
 }
 
 
@@ -97,8 +97,9 @@ class Rightwards:
 def test_who_leaves_the_road_where_the_map_is_broken_is_not_to_blame(
     tmp_path: Path, width: str, verdict: Verdict
 ) -> None:
+    y = -1.6 - float(width) / 2
     alley = f"""<edge id="alley" from="a" to="b">
-      <lane id="alley_0" index="0" speed="9" length="200" width="{width}" shape="0,-3 200,-3"/></edge>"""
+      <lane id="alley_0" index="0" speed="9" length="200" width="{width}" shape="0,{y} 200,{y}"/></edge>"""
     (tmp_path / "x.net.xml").write_text(net(more=alley))
     (tmp_path / "x.foresee").write_text(
         'foresee 1\n\nscenario a {\n  use network "x.net.xml"\n  ego: car.sedan {\n    route [in, out]\n'
