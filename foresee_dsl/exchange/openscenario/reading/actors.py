@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -18,6 +19,7 @@ from foresee_dsl.exchange.openscenario.reading import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.actions import EntityState, from_the_start, speed_changes
 from foresee_dsl.exchange.openscenario.reading.conditions import Way
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.held_up import path_if_held_up, way_on
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source
@@ -32,6 +34,8 @@ _NEAR_M = NEAR_ROAD_M - 1.0
 _LIMIT = 1.01
 _APART_M = 1.0
 """An actor so far from its trajectory's beginning goes there first (ours)."""
+_GENTLE_MPS2 = 1.0
+"""Nothing that drives brakes less (ours)."""
 _CRAWLS_MPS = 0.05
 """An actor that is slower at the end of its trajectory stops there (ours)."""
 
@@ -46,13 +50,18 @@ class BuiltActor:
 
 @dataclass
 class ActorBuilder:
-    """Makes actors of entities on a network; `ways` gets how far each can go."""
+    """Makes actors of entities on a network; `ways` gets how far each can go.
+
+    `lane_changers`: entities that need lanes. `beginnings`: where each is at the beginning, and its speed, m/s.
+    """
 
     source: Source
     network: RoadNetwork
     places: Places
     losses: Losses
     ways: dict[str, Way] = field(default_factory=dict)
+    lane_changers: Set[str] = frozenset()
+    beginnings: Mapping[str, tuple[Pose, float]] = field(default_factory=dict)
 
     def actor(self, state: EntityState, routing: Element | None, *, at_start: bool, acts: bool) -> BuiltActor | None:
         """Return an entity as an actor, or None where it has no place on the network.
@@ -151,7 +160,8 @@ class ActorBuilder:
         if math.dist(path[0], (middle.x, middle.y)) > _APART_M and not at_start:
             path = [(middle.x, middle.y), *path]  # it drives there first
         self._walks(entity, path)
-        points = tuple(_point(Pose(x, y, 0.0)) for x, y in self._with_stopping_distance(path, profile, entity))
+        last = profile.speed_mps[-1] if profile is not None else speed
+        points = tuple(_point(Pose(x, y, 0.0)) for x, y in self._going_on(path, last, entity))
         return BuiltActor(_actor(entity, middle, speed, _walk(entity, points, speed)), whens)
 
     def _on_lanes(self, state: EntityState, middle: Pose, routing: Element | None) -> BuiltActor:
@@ -165,12 +175,17 @@ class ActorBuilder:
                 return self._straight(state, middle, _OFF_ROAD_M)
             self.losses.lose(str(err), f"'{entity.ref}'")
             route = tracks.route_through(self.network, [front], kind)
+        speed = state.speed_mps or 0.0
+        way = tracks.straight_on(self.network, route, kind)
+        if entity.ref not in self.lane_changers:
+            others = [other for ref, other in self.beginnings.items() if ref != entity.ref]
+            path = path_if_held_up(self.network, way, middle, front, kind, speed, others)
+            if path:
+                return self._on_path(state, middle, path, speed)
         self.losses.note(
             "vehicles on lanes ignore signals and priority, as a default controller does; they follow others"
         )
         state.on_lanes = True
-        speed = state.speed_mps or 0.0
-        way = tracks.straight_on(self.network, route, kind)
         self._goes(entity, front, way)
         body: list[m.ActorItem] = [m.EdgeRoute(edges=way)]
         if speed > 0:
@@ -178,6 +193,16 @@ class ActorBuilder:
         body += [m.IgnoresRule(what="signals"), m.IgnoresRule(what="priority")]
         stands = m.When(condition=from_the_start(), actions=(m.Stops(actor=entity.name),))
         return BuiltActor(_actor(entity, middle, speed, tuple(body)), () if speed > 0 else (stands,))
+
+    def _on_path(self, state: EntityState, middle: Pose, path: list[XY], speed: float) -> BuiltActor:
+        """Return a vehicle that keeps its speed where its lanes would not let it, as a default controller does."""
+        self.losses.note(
+            "vehicles that bends or others would hold up on their lanes follow them as a path and react to nobody, as "
+            "a default controller does"
+        )
+        self._walks(state.entity, path)
+        points = tuple(_point(Pose(x, y, 0.0)) for x, y in path)
+        return BuiltActor(_actor(state.entity, middle, speed, _walk(state.entity, points, speed)))
 
     def _straight(self, state: EntityState, middle: Pose, length_m: float) -> BuiltActor:
         """Return an actor that goes straight on off the lanes, or stands."""
@@ -188,13 +213,15 @@ class ActorBuilder:
         body = _walk(entity, points, min(speed, entity.most_mps))
         return BuiltActor(_actor(entity, middle, speed, body))
 
-    def _with_stopping_distance(self, path: list[XY], profile: tracks.SpeedProfile | None, entity: Entity) -> list[XY]:
-        """Return a path that goes on straight for as long as stopping takes: actors do not brake for its end."""
-        speed = profile.speed_mps[-1] if profile is not None else 0.0
+    def _going_on(self, path: list[XY], speed: float, entity: Entity) -> list[XY]:
+        """Return a path that goes on as its lane does, or straight for as long as stopping takes: actors do not brake
+        for its end."""
         if speed < _CRAWLS_MPS:
             return path
         end = Pose(*path[-1], math.atan2(path[-1][1] - path[-2][1], path[-1][0] - path[-2][0]))
-        further = self._straight_end(end, speed * speed / entity.spec.braking_mps2 + 1.0)
+        if entity.kind in WHEELS and (onward := way_on(self.network, end, lane_kind(entity.spec))):
+            return [*path, *onward[1:]]
+        further = self._straight_end(end, speed * speed / max(entity.spec.braking_mps2, _GENTLE_MPS2) + 1.0)
         return [*path, (further.x, further.y)]
 
     def _straight_end(self, start: Pose, length_m: float) -> Pose:

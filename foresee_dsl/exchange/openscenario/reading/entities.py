@@ -25,6 +25,10 @@ _KINDS = {category: kind for kind, category in CATEGORIES.items()}
 _EGO_NAMES = ("ego", "hero", "ego_vehicle", "egovehicle", "host", "subject", "sut")
 _SAME = 1e-4
 """Sizes that differ by less are the same: below what is written (ours)."""
+_LARGEST_M = 100.0
+"""The language has nothing larger; a larger thing is that large."""
+_WEAKEST = 0.01
+"""A speed, or acceleration, that is less is none (ours)."""
 _WIDEST_STEER_RAD = math.radians(79)
 """Wheels of our models turn less than 80 degrees."""
 _COMPARED = ("length_m", "width_m", "height_m", "wheelbase_m", "front_overhang_m", "max_speed_mps", "acceleration_mps2",
@@ -94,6 +98,17 @@ def read_participants(source: Source, losses: Losses, *, name: str, ego: str = "
     return Participants(entities, Catalogue(name=name, body=(doc, *models.values())) if models else None)
 
 
+def possible_egos(source: Source) -> list[str]:
+    """Return who may be the ego: the vehicle that is called so; if there is none, all vehicles in turn."""
+    losses = Losses()
+    objects = {e.get("name", ""): _object(source, e, losses) for e in source.root.iterfind("Entities/ScenarioObject")}
+    found = {ref: element for ref, element in objects.items() if element is not None}
+    first = _ego(found, "")
+    if first is None or name_of(first, "x").removesuffix("_x") in _EGO_NAMES:
+        return [first or ""]
+    return [ref for ref, e in found.items() if e.tag == "Vehicle" and e.get("vehicleCategory") != "bicycle"]
+
+
 def made_faster(catalogue: Catalogue, fastest: Mapping[str, float]) -> Catalogue:
     """Return a catalogue in which models can drive as fast as their actors are told, m/s by the models' names."""
     body: list[Doc | VehicleModel] = []
@@ -158,7 +173,7 @@ def _made(found: Element, kind: ActorKind, losses: Losses) -> VehicleModel:
     if size is None:
         raise SourceError(f"the entity '{found.get('name')}' has no size")
     values: dict[str, Quantity] = {
-        key: quantity(max(number(size, key), 0.05), "length") for key in ("length", "width", "height")
+        key: quantity(min(max(number(size, key), 0.05), _LARGEST_M), "length") for key in ("length", "width", "height")
     }
     defaults = CLASS_DEFAULTS[kind]
     if (mass := number(found, "mass", 0.0)) > 0:
@@ -205,7 +220,7 @@ def _abilities(found: Element, kind: ActorKind) -> dict[str, Quantity]:
         ):
             value = number(power, name, usual)
             dimension: Dimension = "speed" if key == "max_speed" else "acceleration"
-            values[key] = quantity(value if value > 0 else usual, dimension)
+            values[key] = quantity(value if value > _WEAKEST else usual, dimension)
     front, rear = (axles.find(f"{end}Axle") for end in ("Front", "Rear")) if axles is not None else (None, None)
     if front is not None and rear is not None and centre is not None:
         size = cast("Element", found.find("BoundingBox/Dimensions"))

@@ -19,7 +19,12 @@ from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
 from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, EntityState, TriggerBuilder
 from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
 from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
-from foresee_dsl.exchange.openscenario.reading.entities import Participants, made_faster, read_participants
+from foresee_dsl.exchange.openscenario.reading.entities import (
+    Participants,
+    made_faster,
+    possible_egos,
+    read_participants,
+)
 from foresee_dsl.exchange.openscenario.reading.handedness import is_left_handed
 from foresee_dsl.exchange.openscenario.reading.inits import Inits
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
@@ -70,13 +75,21 @@ def run(
     """
     source = read_source(file, allow_outside=allow_outside)
     network_path = network_file(source, road, SUFFIXES)
-    losses = Losses()
     name = name_of(file.name.partition(".")[0], "scenario")
-    participants = read_participants(source, losses, name=f"{name}_models", ego=ego)
     suffix = next(suffix for suffix in SUFFIXES if network_path.name.endswith(suffix))
     network_name = name_of(network_path.name.partition(".")[0], "map") + suffix
-    work = _Import(source, participants, network_path, losses, coordinates)
-    scenario, remarks = work.scenario(name, network_name)
+    nowhere: ExchangeError | None = None
+    for chosen in [ego] if ego else possible_egos(source):
+        losses = Losses()
+        try:
+            participants = read_participants(source, losses, name=f"{name}_models", ego=chosen)
+            work = _Import(source, participants, network_path, losses, coordinates)
+            scenario, remarks = work.scenario(name, network_name)
+            break
+        except _NowhereError as err:
+            nowhere = err
+    else:
+        raise nowhere or ExchangeError(f"{file} has no ego")
     catalogue = work.faster_models(scenario)
     if losses.lost and not partial:
         raise ExchangeError(_refusal(file, losses))
@@ -89,6 +102,10 @@ def run(
             write_text(folder / f"{name}_models.foresee", catalogue)
         write_text(folder / f"{name}.foresee", scenario, remarks)
         mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
+        if mistakes and all("the goal is" in mistake.message for mistake in mistakes):
+            losses.left_out["goals beside the ego's way (it goes to its end)"] += 1
+            write_text(folder / f"{name}.foresee", _without_goal(scenario), remarks)
+            mistakes = placement_mistakes(load_test_cases([folder / f"{name}.foresee"]))
         if mistakes:
             found = "; ".join(dict.fromkeys(f"{d.message}{f' ({d.help})' if d.help else ''}" for d in mistakes))
             on_top = all("starts on top of" in d.message for d in mistakes)
@@ -105,6 +122,10 @@ def _refusal(file: Path, losses: Losses) -> str:
         f"{file} holds what the language does not express, and without it something else happens: {what}. Nothing is "
         "written; --partial writes the rest, with a comment at each place"
     )
+
+
+class _NowhereError(ExchangeError):
+    """The ego has no place on the network; another vehicle may have one."""
 
 
 class _Import:
@@ -150,6 +171,8 @@ class _Import:
             m.UseNetwork(path=network_name),
             *([m.UseModels(path=f"{name}_models.foresee")] if self.catalogue is not None else []),
         ]
+        for _ in self.source.root.iterfind("RoadNetwork/TrafficSignals/TrafficSignalController"):
+            self.losses.leave("programs of signals")
         for weather in self.inits.weather():
             self._add(weather)
         states = self._actors()
@@ -222,7 +245,14 @@ class _Import:
 
     def _actors(self) -> dict[str, EntityState]:
         """Add the actors; return what is known of each."""
-        builder = ActorBuilder(self.source, self.network, self.places, self.losses)
+        builder = ActorBuilder(
+            self.source,
+            self.network,
+            self.places,
+            self.losses,
+            lane_changers=self._lane_changers(),
+            beginnings=self._beginnings(),
+        )
         self._ways = builder.ways
         routing = self._routing()
         acting = {ref for event in (*self.events, *self.inits.events) for ref in event.refs}
@@ -237,10 +267,28 @@ class _Import:
                 states[ref] = state
                 first += made.whens
             elif entity.name == "ego":
-                raise ExchangeError(f"{self.source.path}: the ego '{ref}' stands nowhere on the network")
+                raise _NowhereError(f"{self.source.path}: the ego '{ref}' stands nowhere on the network")
         for when in first:
             self._add(when)
         return states
+
+    def _lane_changers(self) -> set[str]:
+        """Return the entities that change lanes."""
+        changes, events = "LateralAction/LaneChangeAction", (*self.events, *self.inits.events)
+        return {ref for e in events if any(kind.find(changes) is not None for kind in e.actions) for ref in e.refs}
+
+    def _beginnings(self) -> dict[str, tuple[Pose, float]]:
+        """Return where the middle of each entity but the ego is at the beginning, and how fast it is, m/s."""
+        found = {}
+        for ref, entity in self.entities.items():
+            if entity.name == "ego":
+                continue
+            try:
+                middle = self.places.initial(ref).ahead(entity.centre_m)
+            except (NotExpressed, SourceError):
+                continue
+            found[ref] = middle, self.inits.speeds.get(ref, 0.0)
+        return found
 
     def _lane(self, ref: str) -> tuple[int | None, bool]:
         """Return the id of the lane that an entity is on, if its road is known, and whether it looks in the road's
@@ -254,6 +302,18 @@ class _Import:
         except NotExpressed:
             return None, True
         return place.lane or None, abs(math.remainder(off, math.tau)) < math.pi / 2
+
+
+def _without_goal(scenario: m.Scenario) -> m.Scenario:
+    """Return a scenario whose ego drives to the end of its route."""
+    body: list[m.ScenarioItem] = []
+    for item in scenario.body:
+        if isinstance(item, m.Ego):
+            kept = tuple(part for part in item.body if not isinstance(part, m.GoalAt))
+            body.append(item.model_copy(update={"body": kept}))
+        else:
+            body.append(item)
+    return scenario.model_copy(update={"body": tuple(body)})
 
 
 def _changes_of_speed(actions: Sequence[m.Action]) -> Iterator[m.ChangesSpeed]:

@@ -54,12 +54,12 @@ class Places:
         if kind.tag in ("RelativeWorldPosition", "RelativeObjectPosition"):
             return self._beside(kind)
         if kind.tag == "RoadPosition":
-            where = self._roads(kind).on_reference(kind.get("roadId", ""), number(kind, "s"), number(kind, "t"))
+            where = self._roads(kind).on_reference(kind.get("roadId", ""), number(kind, "s"), self._left(kind, "t"))
             return self._turned(where, kind)
         if kind.tag == "RelativeRoadPosition":
             base = self._road_place_of(kind.get("entityRef", ""))
             moved, _ = self._roads(kind).moved(base, number(kind, "ds"))
-            where = self._roads(kind).on_reference(moved.road, moved.s, base.t + number(kind, "dt"))
+            where = self._roads(kind).on_reference(moved.road, moved.s, base.t + self._left(kind, "dt"))
             return self._turned(where, kind)
         return self._on_lane(kind, self.road_place(position))
 
@@ -69,7 +69,7 @@ class Places:
         if kind is None:
             raise NotExpressed("empty positions")
         if kind.tag == "LanePosition":
-            lane, offset = round(number(kind, "laneId")), number(kind, "offset", 0.0)
+            lane, offset = round(number(kind, "laneId")), self._left(kind, "offset")
             return self._with_t(self._roads(kind), RoadPlace(kind.get("roadId", ""), number(kind, "s"), lane, offset))
         if kind.tag == "RelativeLanePosition":
             return self._further_on(kind)
@@ -108,12 +108,16 @@ class Places:
             raise NotExpressed(f"positions: {kind.tag} (the network is no OpenDRIVE map)")
         return self.roads
 
+    def _left(self, kind: Element, name: str) -> float:
+        """Return how far to the left (or turned to the left) something is, which may be given to the right."""
+        value = number(kind, name, 0.0 if "offset" in name.lower() else None)
+        return -value if self.mirrored else value
+
     def _world(self, kind: Element) -> Pose:
         """Return a world position; without a heading it looks along the road, in its direction."""
-        side = -1.0 if self.mirrored else 1.0
-        x, y = number(kind, "x"), number(kind, "y") * side
+        x, y = number(kind, "x"), self._left(kind, "y")
         if kind.get("h") is not None:
-            return Pose(x, y, number(kind, "h") * side)
+            return Pose(x, y, self._left(kind, "h"))
         return Pose(x, y, self.along(x, y) or 0.0)
 
     def _on_lane(self, kind: Element, place: RoadPlace) -> Pose:
@@ -129,7 +133,7 @@ class Places:
 
     def _beside(self, kind: Element) -> Pose:
         base = self.initial(kind.get("entityRef", ""))
-        dx, dy = number(kind, "dx"), number(kind, "dy") * (-1.0 if self.mirrored else 1.0)
+        dx, dy = number(kind, "dx"), self._left(kind, "dy")
         if kind.tag == "RelativeWorldPosition":
             pose = Pose(base.x + dx, base.y + dy, base.heading_rad)
         else:
@@ -139,7 +143,7 @@ class Places:
     def _further_on(self, kind: Element) -> RoadPlace:
         """Return a place along the road of an entity: `ds` in the road's direction, `dsLane` in that of its lane."""
         roads, base = self._roads(kind), self._road_place_of(kind.get("entityRef", ""))
-        lanes, offset = round(number(kind, "dLane")), number(kind, "offset", 0.0)
+        lanes, offset = round(number(kind, "dLane")), self._left(kind, "offset")
         ds = number(kind, "ds", 0.0)
         if kind.get("ds") is None and kind.get("dsLane") is not None:
             side = 1 if roads.forward(base.road, base.lane) else -1
@@ -161,9 +165,9 @@ class Places:
             raise NotExpressed("positions: RoutePosition (a route without waypoints)")
         road, s = _along(roads, points, number(inner, "pathS"))
         if inner.tag == "FromLaneCoordinates":
-            lane, offset = round(number(inner, "laneId")), number(inner, "laneOffset", 0.0)
+            lane, offset = round(number(inner, "laneId")), self._left(inner, "laneOffset")
             return self._with_t(roads, RoadPlace(road, s, lane, offset))
-        found = roads.locate(roads.on_reference(road, s, number(inner, "t")))
+        found = roads.locate(roads.on_reference(road, s, self._left(inner, "t")))
         if found is None:
             raise NotExpressed("positions: RoutePosition (off the road)")
         return found
@@ -181,7 +185,7 @@ class Places:
         orientation = kind.find("Orientation")
         if orientation is None or orientation.get("h") is None:
             return Pose(pose.x, pose.y, pose.heading_rad)
-        h = number(orientation, "h") * (-1.0 if self.mirrored else 1.0)
+        h = self._left(orientation, "h")
         absolute = orientation.get("type") or ("absolute" if self.minor <= 2 else "relative")
         return Pose(pose.x, pose.y, h if absolute == "absolute" else pose.heading_rad + h)
 

@@ -51,6 +51,7 @@ class Event:
 def read_events(source: Source, losses: Losses) -> list[Event]:
     """Return all events, in the order of the file."""
     found = []
+    acts = source.root.findall("Storyboard/Story/Act")
     selections = {
         selection.get("name", ""): tuple(e.get("entityRef", "") for e in selection.iterfind("Members/EntityRef"))
         for selection in source.root.iterfind("Entities/EntitySelection")
@@ -58,7 +59,8 @@ def read_events(source: Source, losses: Losses) -> list[Event]:
     for story in source.root.iterfind("Storyboard/Story"):
         for act in story.iterfind("Act"):
             if _stops_early(act):
-                losses.lose("acts that stop before the end", f"act '{act.get('name', '')}'")
+                said = losses.lose if len(acts) > 1 else losses.leave  # the only act ends with the run
+                said("acts that stop before the end", f"act '{act.get('name', '')}'")
             for group in act.iterfind("ManeuverGroup"):
                 named = [e.get("entityRef", "") for e in group.iterfind("Actors/EntityRef")]
                 refs = tuple(ref for name in named for ref in selections.get(name, (name,)))
