@@ -65,8 +65,9 @@ def drawn_cases(work: Path, count: int, seed: int, scenarios: Path | None = None
     folder = scenarios or data_folder("scenarios")
     files: dict[str, list[Path]] = defaultdict(list)
     for file in scenario_files([folder]):
-        if file.parent != folder and file.parent.name.startswith("scenario"):
-            files[file.parent.name.removeprefix("scenario")].append(file)
+        name = file.stem if file.parent == folder else file.parent.name
+        if name.startswith("scenario"):
+            files[name.removeprefix("scenario")].append(file)
     found: dict[str, list[str]] = defaultdict(list)
     for family, members in sorted(files.items()):
         each = -(-count // len(members))
