@@ -19,6 +19,7 @@ from training.record import CARLA, Job, record_all
 
 SHARE = 0.15
 _BURSTS = 0.3
+_CHUNK = 8
 
 
 def seed_of(number: int, driver: str) -> int:
@@ -36,6 +37,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of the files")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--share", type=float, default=SHARE, help="share of the time that the expert drives")
+    parser.add_argument("--focus", action="append", default=[], help="file name of a scenario to draw more cases of")
     parser.add_argument("--carla", type=Path, default=CARLA, help="folder of CARLA's maps")
     given = parser.parse_args()
     if given.weights is not None:
@@ -43,8 +45,9 @@ def main() -> None:
     carla = given.carla if given.carla.is_dir() else None
     name = f"round{given.round}_{given.driver}"
     pieces = plan(
-        given.hours, seed_of(given.round, given.driver), given.out / f"work_{name}", carla=carla, bursts=_BURSTS
-    )
+        given.hours, seed_of(given.round, given.driver), given.out / f"work_{name}", carla=carla, bursts=_BURSTS,
+        focus=given.focus, chunk=_CHUNK,
+    )  # fmt: skip
     jobs = [
         Job(items, given.out / f"{name}_{k:03d}.npz", bundled_meanings(), partial(load_driver, given.driver),
             given.share)

@@ -29,6 +29,8 @@ TOWN_SHARE = 0.5
 CARLA_WEIGHT = 2.0
 """CARLA's towns are driven in so much more often than a generated one."""
 CHUNK = 24
+FOCUS = 3
+"""So many times as many cases are drawn of scenarios in focus."""
 DRAW_SEED = 5_000_000
 """Seeds of drawn cases begin here; bundled files and examples have small ones."""
 STARTS, BURSTS = 0.5, 0.65
@@ -57,10 +59,12 @@ def bundled_meanings(scenarios: Path | None = None) -> frozenset[str]:
     return frozenset(case.meaning for case in load_test_cases([folder]))
 
 
-def drawn_cases(work: Path, count: int, seed: int, scenarios: Path | None = None) -> dict[str, list[str]]:
+def drawn_cases(
+    work: Path, count: int, seed: int, scenarios: Path | None = None, focus: Sequence[str] = ()
+) -> dict[str, list[str]]:
     """Write files with drawn cases of all bundled scenarios, and return the addresses by family.
 
-    `count`: how many of each family. Which of them mean what a bundled one does is looked at when they are loaded.
+    `count`: how many of each family, more where there is a `focus`: names of scenarios' files. Which of them mean what a bundled one does is looked at when they are loaded.
     """
     folder = scenarios or data_folder("scenarios")
     files: dict[str, list[Path]] = defaultdict(list)
@@ -73,7 +77,7 @@ def drawn_cases(work: Path, count: int, seed: int, scenarios: Path | None = None
         each = -(-count // len(members))
         for file in sorted(members):
             out = work / "cases" / f"{file.parent.name}_{file.stem}.foresee"
-            names = _write_cases(file, out, each, DRAW_SEED + seed)
+            names = _write_cases(file, out, each * (FOCUS if file.stem in focus else 1), DRAW_SEED + seed)
             found[family] += [f"{out.as_posix()}::{name}" for name in names]
     return dict(found)
 
@@ -115,19 +119,27 @@ def town_drives(work: Path, count: int, seed: int, carla: Path | None) -> dict[s
 
 
 def plan(
-    hours: float, seed: int, work: Path, *, carla: Path | None, scenarios: Path | None = None, bursts: float = BURSTS
+    hours: float,
+    seed: int,
+    work: Path,
+    *,
+    carla: Path | None,
+    scenarios: Path | None = None,
+    bursts: float = BURSTS,
+    focus: Sequence[str] = (),
+    chunk: int = CHUNK,
 ) -> tuple[tuple[Item, ...], ...]:
     """Return the runs in pieces that are recorded and written one by one: all of a piece have one network."""
     seconds = hours * 3600.0
-    cases = drawn_cases(work, round(seconds * (1 - TOWN_SHARE) / RUN_S["cases"] / 5), seed, scenarios)
+    cases = drawn_cases(work, round(seconds * (1 - TOWN_SHARE) / RUN_S["cases"] / 5), seed, scenarios, focus)
     drives = town_drives(work, round(seconds * TOWN_SHARE / RUN_S["towns"]), seed, carla)
     rng = np.random.Generator(np.random.PCG64([seed, 777]))
     pieces: list[tuple[Item, ...]] = []
     mixed = [(family, address) for family, addresses in sorted(cases.items()) for address in addresses]
     order = rng.permutation(len(mixed)).tolist()
-    pieces += _pieces([_item(*mixed[k], rng, bursts) for k in order])
+    pieces += _pieces([_item(*mixed[k], rng, bursts) for k in order], chunk)
     for town, addresses in drives.items():
-        pieces += _pieces([_item(town, address, rng, bursts) for address in addresses])
+        pieces += _pieces([_item(town, address, rng, bursts) for address in addresses], chunk)
     return tuple(pieces)
 
 
@@ -136,9 +148,9 @@ def _item(family: str, address: str, rng: np.random.Generator, bursts: float) ->
     return Item(address, family, int(rng.integers(1, 2**31)), disturbance)
 
 
-def _pieces(items: Sequence[Item]) -> Iterable[tuple[Item, ...]]:
-    for k in range(0, len(items), CHUNK):
-        yield tuple(items[k : k + CHUNK])
+def _pieces(items: Sequence[Item], chunk: int) -> Iterable[tuple[Item, ...]]:
+    for k in range(0, len(items), chunk):
+        yield tuple(items[k : k + chunk])
 
 
 def loaded(project: Project, item: Item, bundled: frozenset[str]) -> TestCase | None:
