@@ -64,7 +64,8 @@ def drawn_cases(
 ) -> dict[str, list[str]]:
     """Write files with drawn cases of all bundled scenarios, and return the addresses by family.
 
-    `count`: how many of each family, more where there is a `focus`: names of scenarios' files. Which of them mean what a bundled one does is looked at when they are loaded.
+    `count`: how many of each family, more where there is a `focus`: names of scenarios' files. Which of
+    them mean what a bundled one does is looked at when they are loaded.
     """
     folder = scenarios or data_folder("scenarios")
     files: dict[str, list[Path]] = defaultdict(list)
