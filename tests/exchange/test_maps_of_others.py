@@ -39,7 +39,7 @@ MAPS = {
     "empty types of signals": xodr(road(more=SIGNAL)),
     "an arc that is straight": xodr(road(piece='<arc curvature="0.0"/>')),
     "a spiral that is an arc": xodr(road(piece='<spiral curvStart="0.01" curvEnd="0.01"/>')),
-    "a piece of road of 20 m": xodr(road(length=20)),
+    "a piece of road of 10 m": xodr(road(length=10)),
     "a direct junction": direct_junction(),
 }
 

@@ -96,11 +96,11 @@ def fault_of_connection(net: Topology, movement: Movement) -> Fault | None:
     return fault_of_line(joined(parts), *movement.ends)
 
 
-def fault_of_line(points: Sequence[XY], lane: str, to: str = "") -> Fault | None:
-    """Return a line's kink, or the loop in which it crosses itself."""
+def fault_of_line(points: Sequence[XY], lane: str, to: str = "", kink_rad: float = KINK_RAD) -> Fault | None:
+    """Return a line's kink, a turn by more than `kink_rad`, or the loop in which it crosses itself."""
     line = simplified(points)
     for k, (angle, over_m) in enumerate(turns(line)):
-        if abs(angle) > KINK_RAD:
+        if abs(angle) > kink_rad:
             text = f"turns by {abs(math.degrees(angle)):.0f} degrees within {max(over_m, 0.1):.1f} m"
             return Fault("kink", *line[k + 1], text, lane, to)
     crossing = _crossing(line)

@@ -32,6 +32,8 @@ _LEAST_LANE_M = 2.0
 _PULLS = (0.35, 0.5, 0.25, 0.65)
 """Where the inner points of a Bezier curve lie, as a share of the distance of its ends; 0.35 is nearest to an arc over
 a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
+_SMOOTH_RAD = math.radians(54)
+"""A line that is repaired turns by less than this within 2 m: below a kink by what rounding to 1 cm may add (ours)."""
 _CURVE_POINTS = 12
 _MOST_CORNERS = 50
 """Corners that are rounded in one lane (ours: a hairpin road of the Alps has some 30)."""
@@ -84,7 +86,8 @@ class Lines:
         here, there = direction(*ending(before)[-2:]), direction(*beginning(after)[:2])
         for pull in _PULLS:
             line = bezier(before[-1], here, after[0], there, pull)
-            smooth = fault_of_line(joined([ending(before), line, beginning(after)]), "") is None
+            whole = joined([ending(before), line, beginning(after)])
+            smooth = fault_of_line(whole, "", kink_rad=_SMOOTH_RAD) is None
             if smooth and max(self._areas.beyond(movement.junction, line)) <= FARTHEST_OUTSIDE_M:
                 return line
         return None
@@ -187,7 +190,7 @@ def _roundings(line: Points, corner: int) -> Iterator[Points]:
             new = (*before[:-1], *curve, *after[1:])
             at = len(before)
             angles = turns(simplified(new[max(at - 3, 0) : at + len(curve) + 2]))
-            if all(abs(angle) <= KINK_RAD for angle, _ in angles):
+            if all(abs(angle) <= _SMOOTH_RAD for angle, _ in angles):
                 yield new
 
 

@@ -22,9 +22,9 @@ SHORTEST_M, LONGEST_M = 150.0, 400.0
 """How long the ego's way is: from a whole approach and exit to what takes about a minute (ours)."""
 CLEAR_M = 10.0
 """Free road behind the ego's front at the start, and beyond its goal (ours: two car lengths)."""
-_SMALL_MAPS = ((SHORTEST_M, CLEAR_M), (40.0, CLEAR_M), (5.0, 6.0))
-"""The shortest way, and the free road, m: those of the first are taken that a map has room for (ours; the smallest maps
-are a piece of road of 20 m, on which a car of 5 m stands and moves)."""
+_SMALL_MAPS = ((SHORTEST_M, CLEAR_M, CLEAR_M), (40.0, CLEAR_M, CLEAR_M), (5.0, 6.0, 6.0), (3.0, 5.0, 1.0))
+"""The shortest way, and the free road behind the start and beyond the goal, m: those of the first are taken that a map
+has room for (ours; the smallest maps are a piece of road of 10 m, on which a car of 5 m stands and moves)."""
 APPROACH_M = 120.0
 """At most so much of the first and of the last edge is driven (ours: signals are seen from there)."""
 _ROOMY_M = 40.0
@@ -107,8 +107,8 @@ def best_way(
 
     It keeps off edges that go over or under others (`bridged`) if it can. The same network gives the same way.
     """
-    for shortest_m, clear_m in _SMALL_MAPS:
-        streets = _Streets.of(roads, signals, shortest_m, clear_m, without)
+    for room_m in _SMALL_MAPS:
+        streets = _Streets.of(roads, signals, room_m, without)
         way = _best_of(roads, streets, bridged)
         if way is not None:
             return way
@@ -136,18 +136,24 @@ def _best_of(roads: RoadNetwork, streets: _Streets, bridged: frozenset[str]) -> 
 
 @dataclass(frozen=True)
 class _Streets:
-    """What the search needs of each edge for cars: m, m/s, and the movements onward by the edge that they lead to."""
+    """What the search needs of each edge for cars: m, m/s, and the movements onward by the edge that they lead to.
+
+    `room_m`: the shortest way, and the free road before and behind it.
+    """
 
     lengths: dict[str, float]
     limits: dict[str, float]
     onward: dict[str, dict[str, Movement]]
     signals: frozenset[str]
-    shortest_m: float
-    clear_m: float
+    room_m: tuple[float, float, float]
 
     @classmethod
     def of(
-        cls, roads: RoadNetwork, signals: frozenset[str], shortest_m: float, clear_m: float, without: Collection[str]
+        cls,
+        roads: RoadNetwork,
+        signals: frozenset[str],
+        room_m: tuple[float, float, float],
+        without: Collection[str],
     ) -> _Streets:
         lanes = {
             edge.id: edge.drivable[0]
@@ -160,7 +166,7 @@ class _Streets:
         }
         lengths = {edge: lane.line.length_m for edge, lane in lanes.items()}
         limits = {edge: lane.speed_mps for edge, lane in lanes.items()}
-        return cls(lengths, limits, onward, signals, shortest_m, clear_m)
+        return cls(lengths, limits, onward, signals, room_m)
 
     def ways(self) -> Iterator[Way]:
         """Yield ways of a fitting length from every edge on, none over the same edge twice."""
@@ -169,7 +175,7 @@ class _Streets:
             while open_ways:
                 edges, after_first_m = open_ways.pop()
                 way = self.way(edges)
-                if way is not None and self.shortest_m <= way.length_m <= LONGEST_M:
+                if way is not None and self.room_m[0] <= way.length_m <= LONGEST_M:
                     yield way
                 if len(edges) < _MOST_EDGES and after_first_m < LONGEST_M:
                     after = (edge for edge in sorted(self.onward[edges[-1]]) if edge not in edges)
@@ -178,14 +184,14 @@ class _Streets:
     def way(self, edges: tuple[str, ...]) -> Way | None:
         """Return the drive over edges, as little of the first and last as is wanted; None where they are too short."""
         first_m, last_m = self.lengths[edges[0]], self.lengths[edges[-1]]
-        clear_m = self.clear_m
-        if first_m < 2 * clear_m or last_m < 2 * clear_m:
+        _, behind_m, beyond_m = self.room_m
+        if min(first_m, last_m) < behind_m + beyond_m:
             return None
         if len(edges) == 1:
-            start_m, goal_m = clear_m, min(last_m - clear_m, LONGEST_M)
+            start_m, goal_m = behind_m, min(last_m - beyond_m, LONGEST_M)
             length_m = goal_m - start_m
         else:
-            start_m, goal_m = max(clear_m, first_m - APPROACH_M), min(last_m - clear_m, APPROACH_M)
+            start_m, goal_m = max(behind_m, first_m - APPROACH_M), min(last_m - beyond_m, APPROACH_M)
             length_m = first_m - start_m + goal_m + sum(self.lengths[edge] for edge in edges[1:-1])
         taken = [self.onward[a][b] for a, b in itertools.pairwise(edges)]
         return Way(
