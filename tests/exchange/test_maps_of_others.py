@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import SubElement
 
 import pytest
 
@@ -12,6 +14,7 @@ from foresee_dsl.compile.foreign.networks import foreign_net
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.maps import opendrive, osm, sumo
+from foresee_dsl.exchange.maps.osm_crossings import crossings_of
 from foresee_dsl.exchange.maps.osm_files import drives_on_the_left, read_osm
 from tests.support.crooked_nets import net, road
 from tests.support.crooked_nets import opendrive as xodr
@@ -106,3 +109,18 @@ def test_an_extract_says_or_shows_on_which_side_its_traffic_drives(tmp_path: Pat
     ):
         (tmp_path / "town.osm").write_text(change())
         assert drives_on_the_left(read_osm(tmp_path / "town.osm"))
+
+
+def test_crossings_of_an_extract_are_found_at_their_junctions(tmp_path: Path) -> None:
+    """Used where netconvert dies of putting them; here 18 m before and behind a junction in each direction."""
+    osm.run(TOWN, out=tmp_path)
+    made = replace(read_net(foreign_net(tmp_path / "small_town.net.xml")), crossings={})
+    root = read_osm(TOWN)
+    node = next(node for node in root.iterfind("node") if node.get("id") == "103")
+    lon, lat = float(node.get("lon", "")), float(node.get("lat", ""))
+    for k, (east_m, north_m) in enumerate([(18, 0), (-18, 0), (0, 18), (0, -18)]):
+        place = {"lon": f"{lon + east_m / 74_500:.7f}", "lat": f"{lat + north_m / 111_200:.7f}"}
+        SubElement(SubElement(root, "node", {"id": f"900{k}", **place}), "tag", {"k": "highway", "v": "crossing"})
+    wanted = crossings_of(root, made)
+    assert wanted is not None
+    assert wanted.count(b'node="103"') >= 3

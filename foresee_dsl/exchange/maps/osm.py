@@ -7,8 +7,10 @@ from collections import Counter
 from pathlib import Path
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
+from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
 from foresee_dsl.errors import CompileError
+from foresee_dsl.exchange.maps.osm_crossings import crossings_of
 from foresee_dsl.exchange.maps.osm_files import drives_on_the_left, read_osm
 from foresee_dsl.exchange.maps.sumo import NET, counts, with_starter
 from foresee_dsl.exchange.naming import name_of
@@ -30,14 +32,27 @@ _OPTIONS = (
     *("--osm.sidewalks", "true"),
     *("--osm.turn-lanes", "true"),
     *("--keep-edges.by-vclass", "passenger,delivery,bus,truck,motorcycle,bicycle"),
-    *("--remove-edges.isolated", "true"),
     *("--no-turnarounds.except-deadend", "true"),
     *("--output.street-names", "true"),
     *("--precision", "3"),  # millimetres
     *("--no-warnings", "true"),
 )
+_NOT_ALONE = ("--remove-edges.isolated", "true")
+"""Streets that lead to no others are left out, unless there are no others."""
 _MAPPED_CROSSINGS = ("--osm.crossings", "true")
 """Crossings where the map has them; netconvert 1.28 dies of it for some extracts (3 of 28 of osm2streets')."""
+_NO_NODES = "No nodes loaded"
+"""What netconvert 1.28 says of ways whose nodes are not in the extract."""
+_AGAIN = (
+    "--junctions.corner-detail",
+    "5",
+    "--output.street-names",
+    "true",
+    "--precision",
+    "3",
+    "--no-warnings",
+    "true",
+)
 _CAR_STREETS = frozenset(
     {
         *("motorway", "trunk", "primary", "secondary", "tertiary", "unclassified", "residential", "living_street"),
@@ -58,6 +73,8 @@ def run(file: Path, *, out: Path) -> Imported:
     name = name_of(file.name.partition(".osm")[0], "map")
     net, notes = converted(root)
     if b"<edge " not in net:
+        net, notes = converted(root, alone=True)
+    if b"<edge " not in net:
         raise ExchangeError(f"{file} has no street that leads anywhere: a larger extract is needed")
     return with_starter(
         net,
@@ -73,10 +90,11 @@ _GUESSED = ("signals without known times have netconvert's fixed programs of 90 
             "does not say are guessed")  # fmt: skip
 
 
-def converted(root: Element) -> tuple[bytes, tuple[str, ...]]:
+def converted(root: Element, *, alone: bool = False) -> tuple[bytes, tuple[str, ...]]:
     """Return the net of an extract, and what to say of it.
 
-    It is written anew for netconvert: so that meets no document type that it would fetch.
+    It is written anew for netconvert: so that meets no document type that it would fetch. `alone`: streets that lead to
+    no others too.
     """
     from xml.etree.ElementTree import tostring
 
@@ -87,6 +105,7 @@ def converted(root: Element) -> tuple[bytes, tuple[str, ...]]:
         types = ",".join(str(maps / file) for file in _TYPEMAPS)
         command = ["--osm-files", "map.osm.xml", "--type-files", types, "--output-file", f"map{NET}", *_OPTIONS]
         notes: tuple[str, ...] = ()
+        command += () if alone else _NOT_ALONE
         if drives_on_the_left(root):
             command += ["--lefthand", "true"]
         try:
@@ -94,10 +113,32 @@ def converted(root: Element) -> tuple[bytes, tuple[str, ...]]:
                 run_netconvert([*command, *_MAPPED_CROSSINGS], folder)
             except NetconvertDiedError as err:
                 run_netconvert(command, folder)
-                notes = (f"{err} with the crossings of the map: they are guessed, where sidewalks meet",)
+                put = _put_crossings(root, folder)
+                notes = (f"{err} while it put the map's crossings: {put} of them are put by ourselves, at the arms of "
+                         "junctions with sidewalks; others are guessed",)  # fmt: skip
         except CompileError as err:
+            if _NO_NODES in str(err):
+                return b"", ()
             raise ExchangeError(f"netconvert cannot make a network of it: {err}") from err
         return without_header((folder / f"map{NET}").read_bytes()), notes
+
+
+def _put_crossings(root: Element, folder: Path) -> int:
+    """Put an extract's crossings into the net in a folder, and return how many."""
+    net = folder / f"map{NET}"
+    before = read_net(net)
+    wanted = crossings_of(root, before)
+    if wanted is None:
+        return 0
+    (folder / "crossings.con.xml").write_bytes(wanted)
+    more = folder / f"more{NET}"
+    command = ["--sumo-net-file", net.name, "--connection-files", "crossings.con.xml", "--output-file", more.name]
+    try:
+        run_netconvert([*command, *_AGAIN], folder)
+    except CompileError:
+        return 0
+    more.replace(net)
+    return max(len(read_net(net).crossings) - len(before.crossings), 0)
 
 
 def _left_out(root: Element) -> Counter[str]:

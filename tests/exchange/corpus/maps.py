@@ -34,6 +34,9 @@ _GOOD_REASONS = (
     "no sound OpenDRIVE map",
     "no sound SUMO network",
     "the language cannot express",
+    "is missing in definition of",  # netconvert's words for an attribute that the schema asks for
+    "Invalid Number Format",
+    "No edges loaded",
     "that are read: cut out",  # too large
 )
 """Parts of messages about files that hold no map that anybody could drive on."""

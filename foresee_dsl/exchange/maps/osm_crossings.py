@@ -1,0 +1,81 @@
+"""Puts pedestrian crossings where an OpenStreetMap extract has them, for extracts of which netconvert dies doing so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from xml.etree.ElementTree import Element, SubElement, tostring  # no parsing: that is safe_xml's
+
+from foresee_dsl.compile.roads.polyline import XY, distance_to
+from foresee_dsl.compile.roads.topology import Edge, Topology
+
+_FROM_JUNCTION_M = 25.0
+"""A crossing so near to a junction is one of its arm (ours; over four lanes stop lines are 15 m before the middle)."""
+_BESIDE_M = 6.0
+"""A crossing's node is no farther from the middle of its street (ours: of a street whose directions lie apart)."""
+_LEAST_JUNCTIONS = 3
+
+
+def crossings_of(root: Element, net: Topology) -> bytes | None:
+    """Return what netconvert needs to put an extract's crossings into a net that was made of it; None for none.
+
+    Each lies at the arm of a junction; arms that have a crossing already, and those without a sidewalk near, get none.
+    """
+    places = list(_places(root, net))
+    taken = {edge for crossing in net.crossings.values() for edge in crossing.edges}
+    connections = Element("connections")
+    for place in places:
+        found = _arm(net, place)
+        if found is None or taken & {edge.id for edge in found[1]}:
+            continue
+        taken |= {edge.id for edge in found[1]}
+        edges = " ".join(edge.id for edge in found[1])
+        SubElement(connections, "crossing", {"node": found[0], "edges": edges, "width": "4.00"})
+    return tostring(connections, encoding="utf-8", xml_declaration=True) if len(connections) else None
+
+
+def _places(root: Element, net: Topology) -> Iterator[XY]:
+    """The places of the crossings, m, from those of the junctions that are named after a node.
+
+    Within an extract UTM coordinates are linear in longitude and latitude, to some decimetres.
+    """
+    import numpy as np
+
+    degrees: dict[str, tuple[float, float]] = {}
+    crossings = []
+    for node in root.iterfind("node"):
+        try:
+            at = float(node.get("lon", "nan")), float(node.get("lat", "nan"))
+        except ValueError:
+            continue
+        if not all(map(math.isfinite, at)):
+            continue
+        degrees[node.get("id", "")] = at
+        if any(tag.get("k") == "highway" and tag.get("v") == "crossing" for tag in node.iterfind("tag")):
+            crossings.append(at)
+    known = [(degrees[name], (junction.x, junction.y)) for name, junction in net.junctions.items() if name in degrees]
+    if len(known) < _LEAST_JUNCTIONS or not crossings:
+        return
+    middle = np.mean([at for at, _ in known], axis=0)
+    rows = np.array([(*(np.array(at) - middle), 1.0) for at, _ in known])
+    to_metres, *_ = np.linalg.lstsq(rows, np.array([xy for _, xy in known]), rcond=None)
+    for at in crossings:
+        x, y = np.array((*(np.array(at) - middle), 1.0)) @ to_metres
+        yield float(x), float(y)
+
+
+def _arm(net: Topology, place: XY) -> tuple[str, tuple[Edge, ...]] | None:
+    """The junction, and the edges of its arm, that a crossing belongs to."""
+    best: tuple[float, str, tuple[Edge, ...]] | None = None
+    for name, junction in net.junctions.items():
+        if math.dist(place, (junction.x, junction.y)) > _FROM_JUNCTION_M:
+            continue
+        edges = net.edges_at(name)
+        if not any("pedestrian" in lane.kinds for edge in edges for lane in edge.lanes):
+            continue
+        for edge in edges:
+            away = min((distance_to(*place, lane.shape) for lane in edge.for_kind("car")), default=math.inf)
+            if away <= _BESIDE_M and (best is None or away < best[0]):
+                other = next((e for e in edges if (e.start, e.end) == (edge.end, edge.start)), None)
+                best = away, name, (edge,) if other is None else (edge, other)
+    return best[1:] if best is not None else None
