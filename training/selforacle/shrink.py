@@ -2,12 +2,14 @@
 
 Both layers have 19.7 million weights, but what they give for nominal pictures varies in few directions: the decoder's
 input is a curved sheet of two dimensions. The directions are the principal components of the encoder's activations
-before the ReLU, and of the decoder's hidden layer; what lies outside of them is replaced by its mean.
+before the ReLU, and of the decoder's hidden layer; what lies outside of them is replaced by its mean. Then the thin
+network is trained a little to redraw the pictures as the large one does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 
 import torch
 from torch import Tensor, nn
@@ -21,8 +23,8 @@ Batches = Callable[[], Iterator[Tensor]]
 
 @torch.no_grad()
 def shrunk(network: Autoencoder, pictures: Batches, encoder_rank: int, decoder_rank: int) -> Autoencoder:
-    """Return a network with thin layers of these widths, rounded as they are stored."""
-    first, widen, last = network.encoder[1], network.decoder[0], network.decoder[2]
+    """Return a network with thin layers of these widths; the given one stays as it is."""
+    first, widen, last = network.encoder[1], deepcopy(network.decoder[0]), network.decoder[2]
     seen = _Moments(HIDDEN)
     hidden = _Moments(HIDDEN)
     for batch in pictures():
@@ -44,8 +46,22 @@ def shrunk(network: Autoencoder, pictures: Batches, encoder_rank: int, decoder_r
     encoder = nn.Sequential(nn.Flatten(), down, up, nn.ReLU())
     decoder = nn.Sequential(widen, nn.ReLU(), narrow, out, nn.Sigmoid(), nn.Unflatten(1, (COLOURS, ROWS, COLUMNS)))
     small = Autoencoder(encoder, HIDDEN, decoder)
-    small.mean, small.log_variance = network.mean, network.log_variance
-    return rounded(small.to(first.weight.device)).eval()
+    small.mean, small.log_variance = deepcopy(network.mean), deepcopy(network.log_variance)
+    return small.to(first.weight.device).eval()
+
+
+def polished(small: Autoencoder, network: Autoencoder, batches: Iterator[Tensor], learning_rate: float) -> None:
+    """Train a network with thin layers to redraw pictures as another one does."""
+    chosen = [p for name, p in small.named_parameters() if not name.startswith("log_variance")]
+    for weight in chosen:
+        weight.requires_grad_(True)
+    optimiser = torch.optim.Adam(chosen, learning_rate)
+    for batch in batches:
+        with torch.no_grad():
+            wanted = network(batch)
+        optimiser.zero_grad(set_to_none=True)
+        (small(batch) - wanted).square().mean().backward()
+        optimiser.step()
 
 
 @torch.no_grad()

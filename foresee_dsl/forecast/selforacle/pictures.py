@@ -39,9 +39,14 @@ def classes_seen(trace: Trace, surroundings: Surroundings, frames: NDArray[np.in
         view = canvas.forward(
             recorded.pose(frame), recorded.bodies(frame), recorded.groups, signals_at(trace, surroundings, frame)
         )
-        planes = view[: CLASSES - 1]
-        seen[k] = np.where(planes.any(axis=0), planes.argmax(axis=0), CLASSES - 1)
+        seen[k] = classes_of(view)
     return seen
+
+
+def classes_of(view: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the class of each pixel of a forward view: [64, 160]."""
+    planes = view[: CLASSES - 1]
+    return np.where(planes.any(axis=0), planes.argmax(axis=0), CLASSES - 1).astype(np.uint8)
 
 
 def pictures_of(classes: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,0 +1,122 @@
+"""Do SelfOracle's alarms warn of anything? Precision and recall against near misses, and against failing children.
+
+An alarm is a segment over the threshold. It warns of what happens from its beginning until `WARNS_S` after its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import rankdata
+
+from foresee_dsl.forecast.selforacle.segments import Segment
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.simulate.results.near_misses import braking_needed
+from foresee_dsl.simulate.trace import STEP_S, Trace
+
+NEAR_MISS_MPS2 = 3.35
+"""Braking that makes a near miss, as in `rides`."""
+WARNS_S = 5.0
+"""How long before something an alarm counts as a warning of it: o_a, the half of a clip that follows its point."""
+APART_S = 1.0
+"""Moments that are nearer to each other are one event."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """A near miss, or a moment whose clip had a failing child: from when until when, frames."""
+
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Score:
+    """How alarms and events meet.
+
+    Attributes:
+        alarms, right: alarms, and those that warn of an event. events, warned: events, and those that were warned of.
+        chance: the share of all segments that lie before an event: what random alarms' precision would be.
+        covered: the share of all segments that are alarms. auc: of the errors (0.5: no better than chance).
+    """
+
+    alarms: int
+    right: int
+    events: int
+    warned: int
+    chance: float
+    covered: float
+    auc: float
+
+    def __str__(self) -> str:
+        precision = self.right / self.alarms if self.alarms else float("nan")
+        recall = self.warned / self.events if self.events else float("nan")
+        return (
+            f"{self.alarms} alarms, {self.right} right: precision {precision:.2f} (chance {self.chance:.2f}); "
+            f"{self.events} events, {self.warned} warned of: recall {recall:.2f}; alarms are {self.covered:.1%} of all "
+            f"segments; AUC {self.auc:.2f}"
+        )
+
+
+@dataclass
+class Tally:
+    """What is counted over many runs."""
+
+    errors: list[float] = field(default_factory=list)
+    before: list[bool] = field(default_factory=list)
+    alarms: int = 0
+    right: int = 0
+    events: int = 0
+    warned: int = 0
+
+    def add(self, segments: Sequence[Segment], threshold: float, events: Sequence[Event]) -> None:
+        """Count a run."""
+        for segment in segments:
+            right = any(_warns(segment, event) for event in events)
+            self.errors.append(segment.error)
+            self.before.append(right)
+            self.alarms += segment.error > threshold
+            self.right += segment.error > threshold and right
+        over = [segment for segment in segments if segment.error > threshold]
+        self.events += len(events)
+        self.warned += sum(any(_warns(segment, event) for segment in over) for event in events)
+
+    def score(self) -> Score:
+        """Return the figures."""
+        before = np.array(self.before, np.bool_)
+        auc = _auc(np.array(self.errors), before)
+        share = self.alarms / max(len(before), 1)
+        return Score(self.alarms, self.right, self.events, self.warned, float(before.mean()), share, auc)
+
+
+def near_misses_of(trace: Trace) -> list[Event]:
+    """Return the events of a run in which the ego needed to brake hard for somebody."""
+    hard = np.zeros(trace.frames, np.bool_)
+    for actor in range(1, len(trace.actors)):
+        hard |= braking_needed(trace, actor) > NEAR_MISS_MPS2
+    return events_of(np.flatnonzero(hard).tolist())
+
+
+def events_of(frames: Iterable[int]) -> list[Event]:
+    """Join frames that are near to each other."""
+    found: list[Event] = []
+    for frame in sorted(frames):
+        if found and (frame - found[-1].last) * STEP_S <= APART_S:
+            found[-1] = Event(found[-1].first, frame)
+        else:
+            found.append(Event(frame, frame))
+    return found
+
+
+def _warns(segment: Segment, event: Event) -> bool:
+    return segment.first <= event.last and (event.first - segment.last) * STEP_S <= WARNS_S
+
+
+def _auc(errors: FloatArray, before: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
+    """Return the chance that a segment before an event has the larger error of two."""
+    inside, outside = int(before.sum()), int((~before).sum())
+    if not inside or not outside:
+        return float("nan")
+    return float((rankdata(errors)[before].sum() - inside * (inside + 1) / 2) / (inside * outside))

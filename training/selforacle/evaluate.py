@@ -1,0 +1,164 @@
+"""SelfOracle beside the other rankers: campaigns of the bundled library, and what its alarms warn of.
+
+    python -m training.selforacle.evaluate --driver pdm --half even --out FOLDER
+
+The same test cases, settings and seeds for every ranker, one risky point a run by default. The same command gives the
+same figures. What was run is kept in the folder's store, so that a second time costs nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.execution.engine import run_campaign
+from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.files import data_folder
+from foresee_dsl.forecast.protocol import Surroundings
+from foresee_dsl.forecast.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
+from foresee_dsl.forecast.selforacle.segments import Segment
+from foresee_dsl.forecast.selforacle.watcher import watcher_of
+from foresee_dsl.language.model import Clip
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace
+from training.selforacle.alarms import Event, Tally, near_misses_of
+
+RANKERS = ("foresee", "proximity", "random", "selforacle", "selforacle_conv")
+FIRST = 4
+"""Segments of a run that are compared: as many as a campaign studies points by default."""
+HALVES = {"even": 0, "odd": 1}
+
+
+def main() -> None:
+    """Run the campaigns and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--driver", default="pdm")
+    parser.add_argument("--half", choices=list(HALVES), help="only test cases whose name's hash is even, or odd")
+    parser.add_argument("--every", type=int, default=1, help="only every so many of them")
+    parser.add_argument("--risky-points", type=int, default=1)
+    parser.add_argument("--children", type=int, default=4)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--rankers", nargs="*", default=list(RANKERS))
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    cases = chosen_cases(options.half)[:: options.every]
+    results = {
+        name: _campaign(cases, CampaignSettings(
+            driver=options.driver, ranker=name, risky_points=options.risky_points, children=options.children,
+        ), options.out, options.jobs)
+        for name in options.rankers
+    }  # fmt: skip
+    _say(f"{len(cases)} test cases, driver {options.driver}, {options.risky_points} risky points a run at most")
+    for name, result in results.items():
+        _say(row(name, result))
+    passed = [(case, trace) for case in cases if (trace := _passed(case, options.driver)) is not None]
+    seen: dict[str, list[list[Segment]]] = {}
+    near = [near_misses_of(trace) for _, trace in passed]
+    studied = [_studied(case, trace, list(results.values())) for case, trace in passed]
+    for ranker in (SelfOracleRanker(), ConvolutionalRanker()):
+        threshold = watcher_of(ranker.name, options.driver).threshold
+        segments = seen[ranker.name] = [ranker.within(_around(case)).segments(trace) for case, trace in passed]
+        misses, children = Tally(), Tally()
+        for found, events, (moments, failing) in zip(segments, near, studied, strict=True):
+            misses.add(found, threshold, events)
+            children.add([s for s in found if _at_one_of(s, moments)], threshold, failing)
+        calm = [s.error > threshold for found, events in zip(segments, near, strict=True) if not events for s in found]
+        _say(f"{ranker.name}, near misses: {misses.score()}")
+        _say(f"{ranker.name}, failures of children: {children.score()}")
+        _say(f"{ranker.name}, runs without a near miss: alarms in {np.mean(calm):.1%} of {len(calm)} segments")
+    _say(agreement(*seen.values()))
+
+
+def chosen_cases(half: str | None) -> list[TestCase]:
+    """Return the library's test cases, or one half of them by the hash of their names."""
+    folder = data_folder("scenarios")
+    cases = load_test_cases(sorted(str(file) for file in folder.glob("scenario*")))
+    if half is None:
+        return list(cases)
+    return [case for case in cases if _hash(Path(case.id).name) % 2 == HALVES[half]]
+
+
+def row(name: str, result: CampaignResult) -> str:
+    """Return a ranker's line of the table."""
+    total = result.row()
+    failing = [clip for clip in result.clips if clip.failing]
+    avoidable = sum(child.preventable is not None and child.preventable.value == "yes"
+                    for clip in result.clips for child in clip.failing)  # fmt: skip
+    kinds = " ".join(f"{kind} {count}" for kind, count in total.failures.items() if count)
+    return (
+        f"{name:16} points {total.risky_points:4}, clips {total.clips:4}, children {total.children:4}, "
+        f"failing {sum(total.failures.values()):3} ({kinds}), clips with one {len(failing):3}, avoidable "
+        f"{avoidable:3}, {total.simulated_s:.0f} s simulated"
+    )
+
+
+def agreement(dense: Sequence[Sequence[Segment]], conv: Sequence[Sequence[Segment]]) -> str:
+    """Say how alike the two networks rank the segments of each run."""
+    alike, common, first = [], [], 0
+    for mine, other in zip(dense, conv, strict=True):
+        if len(mine) > FIRST:
+            alike.append(float(spearmanr([s.error for s in mine], [s.error for s in other]).statistic))
+            best = [sorted(found, key=lambda s: -s.error)[:FIRST] for found in (mine, other)]
+            common.append(len({s.first for s in best[0]} & {s.first for s in best[1]}) / FIRST)
+            first += best[0][0].first == best[1][0].first
+    return (
+        f"both networks, {len(alike)} runs: rank correlation of a run's segments {np.mean(alike):.2f} in the mean; "
+        f"of the {FIRST} worst segments {np.mean(common):.0%} are common; the worst one is the same in {first} runs"
+    )
+
+
+def _campaign(cases: Sequence[TestCase], settings: CampaignSettings, out: Path, jobs: int) -> CampaignResult:
+    with Store(out / "store") as store:
+        where = out / f"{settings.driver}_{settings.ranker}"
+        return run_campaign(cases, settings, out=where, store=store, options=RunOptions(jobs=jobs))
+
+
+def _passed(case: TestCase, driver: str) -> Trace | None:
+    result = run_test_case(case, driver, 0)
+    return result.trace if result.verdict is Verdict.PASS else None
+
+
+def _around(case: TestCase) -> Surroundings:
+    return Surroundings.of(compile_test_case(case))
+
+
+def _studied(case: TestCase, trace: Trace, results: Sequence[CampaignResult]) -> tuple[list[int], list[Event]]:
+    """Return the moments of a run that any ranker's clips studied, and those of them that a child failed at."""
+    studied, failing = [], []
+    for clip in (clip for result in results for clip in result.clips if clip.seed == case.id):
+        model = parse(clip.text, clip.file).model
+        if isinstance(model, Clip) and model.risk is not None and model.risk.at is not None and clip.children:
+            frame = trace.frame_at(float(model.risk.at.si))
+            studied.append(frame)
+            if clip.failing:
+                failing.append(Event(frame, frame))
+    return studied, failing
+
+
+def _at_one_of(segment: Segment, frames: Sequence[int]) -> bool:
+    return any(segment.first - 20 <= frame <= segment.last + 20 for frame in frames)
+
+
+def _hash(name: str) -> int:
+    return int(hashlib.sha256(name.encode()).hexdigest(), 16)
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)  # noqa: T201  a command's answer
+
+
+if __name__ == "__main__":
+    main()
