@@ -2,8 +2,9 @@
 
     python -m training.selforacle.evaluate --driver pdm --half even --out FOLDER
 
-The same test cases, settings and seeds for every ranker, one risky point a run by default. The same command gives the
-same figures. What was run is kept in the folder's store, so that a second time costs nothing.
+The same test cases, settings and seeds for every ranker, one risky point a run by default; without rankers, only the
+alarms before near misses are counted. The same command gives the same figures. What was run is kept in the folder, so
+that a second time costs little.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from scipy.stats import spearmanr
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
@@ -61,12 +63,13 @@ def main() -> None:
         ), options.out, options.jobs)
         for name in options.rankers
     }  # fmt: skip
-    _say(f"{len(cases)} test cases, driver {options.driver}, {options.risky_points} risky points a run at most")
+    _say(f"{len(cases)} test cases, driver {options.driver}, at most {options.risky_points} risky point(s) a run")
     for name, result in results.items():
         _say(row(name, result))
-    passed = [(case, trace) for case in cases if (trace := _passed(case, options.driver)) is not None]
+    passed = [(case, trace) for case in cases if (trace := _passed(case, options.driver, options.out)) is not None]
     seen: dict[str, list[list[Segment]]] = {}
     near = [near_misses_of(trace) for _, trace in passed]
+    _say(f"{len(passed)} runs passed; {sum(map(bool, near))} of them have near misses, {sum(map(len, near))} in all")
     studied = [_studied(case, trace, list(results.values())) for case, trace in passed]
     for ranker in (SelfOracleRanker(), ConvolutionalRanker()):
         threshold = watcher_of(ranker.name, options.driver).threshold
@@ -77,7 +80,8 @@ def main() -> None:
             children.add([s for s in found if _at_one_of(s, moments)], threshold, failing)
         calm = [s.error > threshold for found, events in zip(segments, near, strict=True) if not events for s in found]
         _say(f"{ranker.name}, near misses: {misses.score()}")
-        _say(f"{ranker.name}, failures of children: {children.score()}")
+        if results:
+            _say(f"{ranker.name}, failures of children: {children.score()}")
         _say(f"{ranker.name}, runs without a near miss: alarms in {np.mean(calm):.1%} of {len(calm)} segments")
     _say(agreement(*seen.values()))
 
@@ -126,9 +130,15 @@ def _campaign(cases: Sequence[TestCase], settings: CampaignSettings, out: Path, 
         return run_campaign(cases, settings, out=where, store=store, options=RunOptions(jobs=jobs))
 
 
-def _passed(case: TestCase, driver: str) -> Trace | None:
-    result = run_test_case(case, driver, 0)
-    return result.trace if result.verdict is Verdict.PASS else None
+def _passed(case: TestCase, driver: str, out: Path) -> Trace | None:
+    """Return the trace of a run that passed; runs are kept, by all that they depend on but the code."""
+    identity = f"{driver_identity(driver)} {case.meaning}"
+    file = out / "runs" / f"{hashlib.sha256(identity.encode()).hexdigest()[:20]}.npz"
+    trace = Trace.load(file) if file.exists() else run_test_case(case, driver, 0).trace
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        trace.save(file)
+    return trace if trace.meta["verdict"] == Verdict.PASS.value else None
 
 
 def _around(case: TestCase) -> Surroundings:
