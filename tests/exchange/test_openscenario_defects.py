@@ -15,7 +15,8 @@ from foresee_dsl.exchange.openscenario.reading import importer
 from foresee_dsl.exchange.openscenario.reading.expressions import value_of
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
-from foresee_dsl.exchange.outcome import Coordinates, Imported, SourceError
+from foresee_dsl.exchange.outcome import Coordinates, Imported, NotExpressed, SourceError
+from foresee_dsl.language import model as m
 from foresee_dsl.language.model import EdgeRoute, Quantity, Scenario, When
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.loading import load_test_case
@@ -98,6 +99,14 @@ def test_positions_look_where_the_standard_says(
     found = places.pose(ElementTree.fromstring(f"<Position>{position}</Position>"))
     assert (found.x, found.y) == pytest.approx(pose[:2], abs=1e-6)
     assert abs(math.remainder(found.heading_rad - math.radians(pose[2]), math.tau)) < 1e-6
+
+
+def test_a_second_place_may_be_relative_to_the_first(places: Places) -> None:
+    again = ElementTree.fromstring('<Position><RelativeRoadPosition entityRef="Ego" ds="10" dt="3.5"/></Position>')
+    moved = Places(places.roads, {"Ego": again}, earlier={"Ego": [places.inits["Ego"]]})
+    assert (moved.initial("Ego").x, moved.initial("Ego").y) == pytest.approx((60, -1.75))
+    with pytest.raises(NotExpressed, match="depend on each other"):
+        Places(places.roads, {"Ego": again}).initial("Ego")
 
 
 def test_since_version_1_3_an_orientation_without_a_type_is_relative(places: Places) -> None:
@@ -273,6 +282,30 @@ def test_a_loop_is_driven_round(tmp_path: Path) -> None:
     target = load_test_case(tmp_path / "out" / "cut_in.foresee").scenario.actors[1]
     (route,) = [item for item in target.body if isinstance(item, EdgeRoute)]
     assert len(route.edges) >= 3
+
+
+def test_a_vehicle_that_somebody_slower_would_hold_up_keeps_its_speed(tmp_path: Path) -> None:
+    """As a default controller would drive it; one that changes lanes needs them."""
+    slow = osc._CAR.format(name="Slow", catalogue="Cars")
+    init = f"""<Private entityRef="Slow">{osc.teleport('<LanePosition roadId="1" laneId="-1" s="100"/>')}</Private>"""
+    _, scenario = imported(tmp_path / "keeps", osc.scenario(entities=slow, init=init))
+    target = next(actor for actor in scenario.actors if actor.name == "target_1")
+    (path,) = [item for item in target.body if isinstance(item, m.Path)]
+    assert all(isinstance(point, m.Point) and point.y.si == -1.75 for point in path.points)  # type: ignore[union-attr]
+    text = osc.scenario(entities=slow, init=init, events=osc.group("Target-1", osc.event("in", osc.lane_change(-1))))
+    _, scenario = imported(tmp_path / "changes", text)
+    target = next(actor for actor in scenario.actors if actor.name == "target_1")
+    assert any(isinstance(item, EdgeRoute) for item in target.body)
+
+
+def test_without_a_name_the_ego_is_the_first_vehicle_on_a_lane(tmp_path: Path) -> None:
+    text = (
+        osc.scenario()
+        .replace('"Ego"', '"First"')
+        .replace('laneId="-2" s="50" offset="0"', 'laneId="-2" s="50" offset="-6"')
+    )
+    _, scenario = imported(tmp_path, text)
+    assert [actor.name for actor in scenario.actors] == ["ego", "first", "walker"]
 
 
 # ---- nothing is lost in silence -------------------------------------------------------------------------------------

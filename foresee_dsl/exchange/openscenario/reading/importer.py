@@ -124,7 +124,7 @@ def _refusal(file: Path, losses: Losses) -> str:
     )
 
 
-class _NowhereError(ExchangeError):
+class _NowhereError(SourceError):
     """The ego has no place on the network; another vehicle may have one."""
 
 
@@ -158,6 +158,7 @@ class _Import:
             self._along,
             mirrored,
             source.minor,
+            self.inits.earlier,
         )
         self._fill_places()
         self._remarks: dict[int, list[str]] = {}
@@ -267,7 +268,10 @@ class _Import:
                 states[ref] = state
                 first += made.whens
             elif entity.name == "ego":
-                raise _NowhereError(f"{self.source.path}: the ego '{ref}' stands nowhere on the network")
+                raise _NowhereError(
+                    f"{self.source.path}: the ego '{ref}' stands on no lane that goes its way, and could not be "
+                    "driven: name another vehicle with --ego"
+                )
         for when in first:
             self._add(when)
         return states

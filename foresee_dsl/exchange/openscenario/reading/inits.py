@@ -32,11 +32,13 @@ class Inits:
     """The beginning.
 
     Attributes:
-        positions: where entities are. speeds: how fast, m/s. routing: their routes, targets and trajectories.
+        positions: where entities are; earlier: where they were told to be before.
+        speeds: how fast, m/s. routing: their routes, targets and trajectories.
         removed: entities that are taken out at the beginning. events: what else they begin to do.
     """
 
     positions: dict[str, Element] = field(default_factory=dict)
+    earlier: dict[str, list[Element]] = field(default_factory=dict)
     speeds: dict[str, float] = field(default_factory=dict)
     routing: dict[str, Element] = field(default_factory=dict)
     removed: set[str] = field(default_factory=set)
@@ -110,6 +112,8 @@ class Inits:
         tag = action_name(private)
         inner = next((e for e in private.iter() if e.tag in ROUTING), None)
         if position is not None:
+            if ref in self.positions:
+                self.earlier.setdefault(ref, []).append(self.positions[ref])
             self.positions[ref] = position
         elif speed is not None:
             self.speeds[ref] = speed

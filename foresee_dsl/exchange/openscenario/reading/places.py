@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
@@ -27,6 +27,7 @@ class Places:
         referred: finds the element of a kind that stands in another, or in a catalogue that it refers to.
         along: the direction of the road where a point is, rad, or None where it is on none.
         mirrored: coordinates are left-handed, as CARLA's are. minor: of the standard's version.
+        earlier: what entities are told before their last place, which may be relative to that.
     """
 
     roads: Roads | None
@@ -37,6 +38,7 @@ class Places:
     along: Callable[[float, float], float | None] = lambda x, y: None  # noqa: ARG005 - a default that knows no lanes
     mirrored: bool = False
     minor: int = 2
+    earlier: Mapping[str, Sequence[Element]] = field(default_factory=dict)
     _working: list[str] = field(default_factory=list)
 
     def initial(self, entity: str) -> Pose:
@@ -92,11 +94,13 @@ class Places:
     def _of_entity(self, entity: str, found: Callable[[Element], _Found]) -> _Found:
         if entity not in self.inits:
             raise NotExpressed("entities without a place at the beginning")
-        if entity in self._working:
+        again = self._working.count(entity)
+        places = [*self.earlier.get(entity, ()), self.inits[entity]]
+        if again >= len(places):
             raise NotExpressed("positions that depend on each other")
         self._working.append(entity)
         try:
-            return found(self.inits[entity])
+            return found(places[-1 - again])
         finally:
             self._working.pop()
 
