@@ -248,6 +248,9 @@ def to_carla_route(
     ],
     out: Annotated[Path, typer.Option("--out", help="The file to write.")],
     town: Annotated[str, typer.Option("--town", help="CARLA's name of the map; by default that of its file.")] = "",
+    route_format: Annotated[
+        str, typer.Option("--format", help="CARLA's version, by which the file is laid out: 0.9.10 or 0.9.15.")
+    ] = "0.9.10",
     allow_outside: AllowOutsideOption = False,
 ) -> Imported:
     """Write where the ego starts and where it goes as a route file of CARLA's leaderboard, a route each.
@@ -256,4 +259,4 @@ def to_carla_route(
     """
     from foresee_dsl.exchange.carla import exporter as exchange
 
-    return exchange.run(addresses, out=out, town=town, allow_outside=allow_outside)
+    return exchange.run(addresses, out=out, town=town, route_format=route_format, allow_outside=allow_outside)

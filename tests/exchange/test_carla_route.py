@@ -107,3 +107,25 @@ def test_routes_of_carla_come_back(carla: Path, tmp_path: Path) -> None:
         ]
         assert turned[0] < 12  # in a bend the ego has the lane's direction at its front
         assert turned[1] < 2
+
+
+def test_the_format_of_todays_scenario_runner(tmp_path: Path) -> None:
+    """What its `RouteParser.parse_routes_file` reads: `waypoints/position`, `scenarios`, `weathers/weather`."""
+    file = written(tmp_path)
+    file.write_text(file.read_text().replace("  ego:", "  weather rain 0.5, sun 0.4\n\n  ego:"))
+    done = carla_route.run([str(file)], out=tmp_path / "routes.xml", route_format="0.9.15")
+    (route,) = ElementTree.fromstring(done.files[0].read_text())
+    assert [part.tag for part in route] == ["weathers", "waypoints", "scenarios"]
+    assert not list(route.find("scenarios") or ())
+    start, end = route.find("waypoints") or ()
+    assert (list(start.attrib), end.tag) == (["x", "y", "z"], "position")
+    assert [float(end.get(key, "")) for key in "xy"] == pytest.approx([180, 1.75], abs=1e-6)
+    (weather,) = route.find("weathers") or ()
+    figures = {name: float(value) for name, value in weather.attrib.items()}
+    assert figures == {
+        "route_percentage": 0, "cloudiness": 0, "precipitation": 50, "wetness": 0, "fog_density": 0,
+        "sun_altitude_angle": 9,
+    }  # fmt: skip
+    assert "weather" in carla_route.run([str(file)], out=tmp_path / "old.xml").left_out
+    with pytest.raises(ExchangeError, match=r"no format 0.9.11: name 0.9.10 or 0.9.15"):
+        carla_route.run([str(file)], out=tmp_path / "routes.xml", route_format="0.9.11")

@@ -18,6 +18,7 @@ from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.exchange.openscenario.reading import importer as openscenario_import
 from foresee_dsl.exchange.openscenario.writing import exporter as openscenario_export
+from foresee_dsl.exchange.openscenario.writing.behaviour import waypoints
 from foresee_dsl.exchange.openscenario.writing.exporter import recorded_groups
 from foresee_dsl.exchange.openscenario.writing.library import library
 from foresee_dsl.exchange.outcome import ExchangeError
@@ -300,3 +301,16 @@ def test_a_file_cannot_name_a_program_to_run(scenario: Path, tmp_path: Path, mon
     with pytest.raises(ExchangeError, match="name it with --driver"):
         openscenario_export.run("m.foresee", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_waypoints_lie_outside_of_junctions(scenario: Path) -> None:
+    """On the roads inside, which lie over each other, esmini finds another than the one meant, and aborts."""
+    line = compile_test_case(load_test_case(str(scenario))).scene.ego.line
+    assert line is not None
+    inside = [(passage.entry_s, passage.exit_s) for passage in line.passages]
+    assert inside
+    for start_s, goal_s in ((line.origin_s, line.end_s), (inside[0][0] + 1, line.end_s), (0.0, inside[0][0] + 1)):
+        found = waypoints(line, start_s, goal_s)
+        assert found == sorted(found) and len(found) > 1
+        if goal_s > inside[0][1]:
+            assert all(s < begin - 1 or s > end + 1 for s in found for begin, end in inside)

@@ -9,32 +9,48 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent  # no parsing: that is safe_xml's
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.bundle import Scene, SumoBundle
 from foresee_dsl.compile.nets.safe_xml import parse_net
+from foresee_dsl.compile.placement.scene import DRY_FRICTION
 from foresee_dsl.exchange.carla.files import offset_of
 from foresee_dsl.exchange.outcome import ExchangeError, Imported, import_together
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 
+ROUTE_FORMATS = ("0.9.10", "0.9.15")
+"""Route files by the version of CARLA whose leaderboard reads them: `<waypoint>` elements with poses in leaderboard 1
+(0.9.10), `<waypoints>`, `<scenarios>` and `<weathers>` in leaderboard 2 and today's scenario_runner (0.9.15)."""
+_LOW_SUN_DEG, _HIGH_SUN_DEG = 9.0, 70.0
+"""The altitude of a low sun, which dazzles (ours: as in exported OpenSCENARIO), and scenario_runner's default."""
 _DIGITS = 6
 """Decimals of metres and degrees, as CARLA's own route files have them."""
 
 
-def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: bool = True) -> Imported:
+def run(
+    addresses: Sequence[str],
+    *,
+    out: Path,
+    town: str = "",
+    route_format: str = ROUTE_FORMATS[0],
+    allow_outside: bool = True,
+) -> Imported:
     """Write a route file with a route for each test case, in the order named; their ids count from 0.
 
     Args:
         addresses: clips, mutants or test cases, whose networks are CARLA's maps.
         out: the file, `.xml`.
         town: CARLA's name of the map; by default what stands before the first dot of the network's file name.
+        route_format: one of `ROUTE_FORMATS`.
         allow_outside: see `project.load_test_case`.
 
     Raises:
-        ExchangeError: `out` cannot be written, or there is no telling which town it is.
+        ExchangeError: `out` cannot be written, there is no such format, or there is no telling which town it is.
         InputError, CompileError: a test case has mistakes.
     """
     if out.suffix != ".xml":
         raise ExchangeError(f"{out} is no name of a route file: it must end in .xml")
+    if route_format not in ROUTE_FORMATS:
+        raise ExchangeError(f"there is no format {route_format}: name {' or '.join(ROUTE_FORMATS)}")
     project = Project(allow_outside=allow_outside)
     left_out: Counter[str] = Counter()
     routes = Element("routes")
@@ -42,8 +58,12 @@ def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: b
         case = project.test_case(address)
         bundle = compile_test_case(case)
         route = SubElement(routes, "route", {"id": str(number), "town": town or _town(case)})
-        for x, y, heading_rad in _waypoints(bundle):
-            SubElement(route, "waypoint", _waypoint(x, y, heading_rad))
+        if route_format == ROUTE_FORMATS[0]:
+            for x, y, heading_rad in _waypoints(bundle):
+                SubElement(route, "waypoint", _waypoint(x, y, heading_rad))
+            left_out["weather"] += bool(_weather(bundle.scene))
+        else:
+            _add_parts(route, bundle)
         left_out["actors besides the ego"] += len(bundle.scene.actors) - 1
         left_out["speeds at the beginning"] += bundle.scene.ego.speed_mps > 0
         left_out["triggers"] += len(bundle.scene.whens)
@@ -55,6 +75,33 @@ def run(addresses: Sequence[str], *, out: Path, town: str = "", allow_outside: b
         return Imported(cases=len(addresses), left_out=+left_out)
 
     return import_together(out.parent, write)
+
+
+def _add_parts(route: Element, bundle: SumoBundle) -> None:
+    """Add what scenario_runner's parser asks for: the weather, where the route leads, and its (here no) scenarios."""
+    if weather := _weather(bundle.scene):
+        weathers = SubElement(route, "weathers")
+        values = {name: f"{value:g}" for name, value in weather.items()}
+        SubElement(weathers, "weather", {"route_percentage": "0", **values})
+    waypoints = SubElement(route, "waypoints")
+    for x, y, heading_rad in _waypoints(bundle):
+        pose = _waypoint(x, y, heading_rad)
+        SubElement(waypoints, "position", {axis: pose[axis] for axis in "xyz"})
+    SubElement(route, "scenarios")
+
+
+def _weather(scene: Scene) -> dict[str, float]:
+    """Return CARLA's figures (percent, degrees) for a scene's weather; none where it is dry and clear."""
+    wet = 1 - scene.friction / DRY_FRICTION
+    if not (scene.rain or scene.fog or scene.sun or wet > 0):
+        return {}
+    return {
+        "cloudiness": 0.0 if scene.sun else 50.0,
+        "precipitation": round(100 * scene.rain, 1),
+        "wetness": 100.0 if wet > 0 else 0.0,
+        "fog_density": round(100 * scene.fog, 1),
+        "sun_altitude_angle": _LOW_SUN_DEG if scene.sun else _HIGH_SUN_DEG,
+    }
 
 
 def _town(case: TestCase) -> str:

@@ -294,15 +294,39 @@ def _rate(by_mps2: float) -> Xosc:
     return osc.TransitionDynamics(osc.DynamicsShapes.linear, osc.DynamicsDimension.rate, figure(by_mps2))
 
 
+_BESIDE_M = 3.0
+"""Ours: a waypoint stands so far before and behind a junction. At its very edge, and on roads inside of it, which lie
+over each other, esmini 3.6 finds another road than the one that is meant, and aborts: `Invalid waypoint roadId`."""
+
+
 def _route(actor: PlacedActor, line: RouteLine, goal_s: float) -> Xosc:
-    """Return a route with a waypoint at the start, where junctions are entered and left, and at the end."""
+    """Return a route with a waypoint at the start, before and behind each junction, and at the end."""
     start_s = line.project(actor.x, actor.y, line.origin_s)[0]
-    inner = [s for p in line.passages for s in (p.entry_s, p.exit_s) if start_s + 1 < s < goal_s - 1]
     route = osc.Route(f"{actor.id}_way")
-    for s in (min(start_s, goal_s - 1), *inner, goal_s):
+    for s in waypoints(line, min(start_s, goal_s - 1), goal_s):
         x, y, heading = line.at(s)
         route.add_waypoint(world(x, y, heading), osc.RouteStrategy.shortest)
     return route
+
+
+def waypoints(line: RouteLine, start_s: float, goal_s: float) -> list[float]:
+    """Return where a route has its waypoints: outside of junctions, on the lanes that lead from one to the next.
+
+    A start or end inside a junction becomes the nearest place on its way outside.
+    """
+    inside = [(p.entry_s, p.exit_s) for p in line.passages]
+    ends = [line.origin_s, *(s for pair in inside for s in pair), line.end_s]
+    found = []
+    for begin, end in zip(ends[::2], ends[1::2], strict=True):  # the stretches between junctions
+        by = min(_BESIDE_M, (end - begin) / 2)
+        first, last = max(begin + by, start_s), min(end - by, goal_s)
+        if first <= last:
+            found += [first] if last - first < _APART_M else [first, last]
+    return found if len(found) > 1 else [start_s, goal_s]
+
+
+_APART_M = 1.0
+"""Waypoints nearer to each other are one (ours)."""
 
 
 def _follow(actor: PlacedActor) -> Xosc:
