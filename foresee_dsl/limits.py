@@ -42,12 +42,12 @@ LIMITS = MappingProxyType(
             Limit("netconvert-time", 60, "s", "wall time of one start of netconvert"),
             # A minute with 40 actors has 3 MB of arrays; an hour with 20 actors 100 MB.
             Limit("trace", 400, "MB", "unpacked size of a trace"),
-            # The largest bundled scenario has 100 cases; 20,000 take 1 s and 150 MB to check.
-            Limit("cases", 20_000, "cases", "drawn cases of one scenario"),
-            # The largest town of CARLA has some 400 roads; a network of 2,000 is a town's, which is imported.
+            # The largest bundled scenario has 100 cases; a case takes 2 kB.
+            Limit("cases", 20_000, "cases", "drawn cases of all files of one command"),
+            # The bundled town has 60; 2,000 take a second to read and 60 MB. Larger ones are maps, which are imported.
             Limit("network", 2000, "items", "junctions, roads and buildings of a network in the language"),
-            # A condition by hand has up to ten parts.
-            Limit("conditions", 2000, "parts", "parts of one condition"),
+            # The longest condition of the bundled scenarios has four parts; a file of 2,000 takes half a second.
+            Limit("conditions", 2000, "words", "`and`, `or` and `not` in one file"),
         )
     }
 )

@@ -19,6 +19,7 @@ from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.nodes import Node, NodeMaker, TextError, span_of
+from foresee_dsl.language.syntax.size import check_size
 from foresee_dsl.language.traversal import walk
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def parse(text: str, path: str) -> Document:
     if not text.strip():
         help = "begin with `foresee 1`, then a scenario, network, clip, mutant or models block"
         raise InputError((Diagnostic("FS002", "the file is empty", help, path),))
+    check_size(text, path)
     errors: list[TextError] = []
     comments: list[Token] = []
     try:

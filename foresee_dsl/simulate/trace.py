@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import zipfile
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from typing_extensions import TypedDict
 
 from foresee_dsl.files import replacing
+from foresee_dsl.simulate.npz import TooLargeError, read_arrays
 from foresee_dsl.simulate.triggers.record import DirectorRecord
 
 FIELDS = ("x", "y", "heading", "speed", "acceleration", "yaw_rate", "steer")
@@ -24,6 +26,10 @@ X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE, STEER = range(7)
 STEP_S = 0.05
 """20 frames a second, as in the paper (section 4.2)."""
 FORMAT = 1
+
+
+_DAMAGED = (KeyError, TypeError, AttributeError, ValueError, RecursionError)
+"""What reading raises where a file is none of ours, or was changed."""
 
 
 @dataclass(frozen=True)
@@ -155,32 +161,60 @@ class Trace:
 
     @classmethod
     def load(cls, path: Path | BinaryIO) -> Trace:
-        """Read a trace from its file; a `ValueError` where it holds none, or one of another format version."""
+        """Read a trace from its file; a `ValueError` where it holds none, one of another format version, or one that
+        would take more memory than the limit `trace` allows."""
+        name = path if isinstance(path, Path) else "this"
         try:
-            with np.load(path, allow_pickle=False) as data:
-                header = json.loads(data["header"].tobytes())
-                arrays = {name: data[name] for name in cls._ARRAYS}
-                director = DirectorRecord.of_json(data["director"].tobytes()) if "director" in data else None
-        except (KeyError, EOFError, ValueError, zipfile.BadZipFile) as err:
-            raise ValueError(
-                f"{path} is no trace, or a damaged one; `foresee run FILE --out DIR` writes traces"
-            ) from err
-        if header["format"] != FORMAT:
-            raise ValueError(f"{path} has trace format {header['format']}, this version reads {FORMAT}")
-        actors = tuple(
-            ActorInfo(**{**a, "route": tuple(a["route"]), "path": tuple(tuple(p) for p in a["path"])})
-            for a in header["actors"]
-        )
-        return cls(
-            **arrays,
-            actors=actors,
-            lane_ids=tuple(header["lane_ids"]),
-            signals=tuple(header["signals"]),
-            signal_stages=tuple(tuple(s) for s in header["signal_stages"]),
-            events=tuple(Event(**e) for e in header["events"]),
-            meta=header["meta"],
-            director=director,
-        )
+            data = read_arrays(path)
+            header = json.loads(data["header"].tobytes())
+            written = header["format"]
+        except TooLargeError as err:
+            raise ValueError(f"{name} is too large to be read: {err}") from err
+        except _DAMAGED as err:
+            raise ValueError(_no_trace(name)) from err
+        if written != FORMAT:
+            raise ValueError(f"{name} has trace format {written!s:.20}, this version reads {FORMAT}")
+        try:
+            _check_header(header)
+            arrays = {key: data[key] for key in cls._ARRAYS}
+            trace = cls(
+                **arrays,
+                actors=tuple(
+                    ActorInfo(**{**a, "route": tuple(a["route"]), "path": tuple((x, y) for x, y in a["path"])})
+                    for a in header["actors"]
+                ),
+                lane_ids=tuple(header["lane_ids"]),
+                signals=tuple(header["signals"]),
+                signal_stages=tuple(tuple(s) for s in header["signal_stages"]),
+                events=tuple(Event(**e) for e in header["events"]),
+                meta=dict(header["meta"]),
+                director=DirectorRecord.of_json(data["director"].tobytes()) if "director" in data else None,
+            )
+            trace._check_shapes()
+        except _DAMAGED as err:
+            raise ValueError(_no_trace(name)) from err
+        return trace
+
+    def _check_shapes(self) -> None:
+        """Raise a `ValueError` where arrays do not fit each other: their file was damaged, or is none of ours."""
+        frames, actors, signals = self.frames, len(self.actors), len(self.signals)
+        expected: dict[str, tuple[str, tuple[int, ...]]] = {
+            "time_s": ("f8", (frames,)),
+            "states": ("f8", (frames, actors, len(FIELDS))),
+            "lanes": ("i4", (frames, actors)),
+            "along": ("f8", (frames, actors)),
+            "stages": ("i2", (frames, signals)),
+            "elapsed": ("f8", (frames, signals)),
+            "waypoints": ("f8", (len(self.waypoints), 2)),
+        }
+        for name, (dtype, shape) in expected.items():
+            array: NDArray[Any] = getattr(self, name)
+            if array.shape != shape or array.dtype != np.dtype(dtype):
+                raise ValueError(f"{name} has the shape {array.shape} and the type {array.dtype}, not {shape}, {dtype}")
+        if not (frames and actors) or len(self.signal_stages) != signals or not np.isfinite(self.time_s).all():
+            raise ValueError("it has no frames, no actors, or signals without stages")
+        if not -1 <= self.lanes.min() <= self.lanes.max() < len(self.lane_ids):
+            raise ValueError("an actor is on a lane that is not listed")
 
     def _header(self, *, meta: bool) -> dict[str, Any]:
         header: dict[str, Any] = {
@@ -194,3 +228,29 @@ class Trace:
         if meta:
             header["meta"] = self.meta
         return header
+
+
+def _no_trace(name: object) -> str:
+    return f"{name} is no trace, or a damaged one; `foresee run FILE --out DIR` writes traces"
+
+
+class _Header(TypedDict):
+    """What is written as JSON."""
+
+    format: int
+    actors: list[ActorInfo]
+    lane_ids: list[str]
+    signals: list[str]
+    signal_stages: list[list[str]]
+    events: list[Event]
+    meta: dict[str, Any]
+
+
+def _check_header(header: object) -> None:
+    """Raise a `ValueError` for a header that this package would not write."""
+    _header_type().validate_python(header)
+
+
+@cache
+def _header_type() -> TypeAdapter[_Header]:
+    return TypeAdapter(_Header)

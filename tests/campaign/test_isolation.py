@@ -53,7 +53,10 @@ def test_whatever_a_driver_does_is_one_row_and_the_rest_is_done(tmp_path: Path) 
         "timeout: the driver took longer than 3 s of wall time for step 21, at breaker.py:27 (Breaker.step); "
         "--step-deadline allows more",
     )
-    assert found["83"] == ("crash", "the run took more than 900 MB of memory and was ended")
+    assert found["83"] == (
+        "crash",
+        "the run took more than 900 MB of memory and was ended; --memory allows more",
+    )
     assert found["84"] == ("crash", "the driver raised ValueError: no idea, at breaker.py:32 (Breaker.step)")
     assert found["85"] == ("crash", "its process died of SIGABRT (a library gave up), at breaker.py:34 (step), 3 times")
     assert data["seeds"] == {"total": 8, "passed": 3, "failed": 5}

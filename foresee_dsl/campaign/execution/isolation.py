@@ -28,6 +28,7 @@ from multiprocessing.reduction import DupFd
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+from foresee_dsl.campaign.execution.processes import adopt_orphans, end_started, memory_mb
 from foresee_dsl.simulate.driver_faults import place_in_dump
 from foresee_dsl.simulate.printed import keep_prints, read_all, shortened
 
@@ -143,13 +144,10 @@ class Worker:
         limit_s = self.current[1].deadline_s if self.current else None
         return limit_s is not None and time.monotonic() - self.since_s > limit_s + min(limit_s, _GRACE_S)
 
-    def memory_mb(self) -> float:
-        """Return how much memory the process has in use; 0 where the system does not tell (no Linux)."""
-        try:
-            pages = Path(f"/proc/{self.pid}/statm").read_text(encoding="ascii").split()[1]
-        except (OSError, IndexError):
-            return 0.0
-        return int(pages) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    def memory_mb(self, limit_mb: float) -> float:
+        """Return how much memory the process and what it has started have in use, exactly where that passes `limit_mb`;
+        0 where the system does not tell (no Linux)."""
+        return memory_mb(self.pid, limit_mb)
 
     def left_behind(self) -> LeftBehind:
         """Return what a process that broke has left: what was printed, and whether and where it hung or crashed."""
@@ -161,6 +159,8 @@ class Worker:
         """End the process now, or one that is `gone`, and return how it had ended."""
         if gone:
             self._process.join(_REPORTED_S)
+        else:
+            end_started(self.pid)
         code = self._process.exitcode
         # Without its fork server (killed, too) it is not known how a process ended, or whether it did.
         if code is None or code == 255:
@@ -238,6 +238,7 @@ def _serve(pipe: Connection, lifeline: Connection, output: SharedFile, stacks: S
     for other in others:
         other.close()
     end_with(lifeline.fileno())
+    adopt_orphans()
     keep_prints(output.descriptor, stacks.descriptor)
     # Ctrl-C reaches the whole group; only the starter decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

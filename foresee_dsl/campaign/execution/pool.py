@@ -105,7 +105,7 @@ class WorkerPool(Executor):
         """Start nothing yet.
 
         Args:
-            memory_mb: what each process may take. deaths: after so many a task is to blame.
+            memory_mb: what each process and what it starts may take together. deaths: after so many a task is to blame.
             once: there is one task, for whose process alone no fork server is started where that is safe.
         """
         super().__init__()
@@ -255,7 +255,7 @@ class WorkerPool(Executor):
             return  # it has sent more than was read
         if worker.current is None:
             # Between two batches: a process that has grown is replaced before it costs an innocent task its run.
-            if worker.idle and worker.memory_mb() > self._memory_mb / 2:
+            if worker.idle and worker.memory_mb(self._memory_mb / 2) > self._memory_mb / 2:
                 self._drop(worker)
             return
         number, task = worker.current
@@ -263,11 +263,11 @@ class WorkerPool(Executor):
             self._drop(worker)
             reason = f"took longer than {task.deadline_s:g} s of wall time and was ended; --deadline allows more"
             yield self._ended(number, Broken(task, reason, "timeout", worker.left_behind().output))
-        elif worker.memory_mb() > self._memory_mb:
+        elif worker.memory_mb(self._memory_mb) > self._memory_mb:
             alone = not worker.finished
             self._drop(worker)
             if alone:
-                reason = f"took more than {self._memory_mb:g} MB of memory and was ended"
+                reason = f"took more than {self._memory_mb:g} MB of memory and was ended; --memory allows more"
                 yield self._ended(number, Broken(task, reason, "memory", worker.left_behind().output))
             else:  # what earlier tasks left behind may be to blame
                 self._deaths[number] += 1

@@ -15,6 +15,7 @@ from foresee_dsl.language.sampling.draws import MAX_CASES, case_names, holds, vi
 from foresee_dsl.language.syntax.nodes import RESERVED
 from foresee_dsl.language.traversal import parts
 from foresee_dsl.language.units import Dimension
+from foresee_dsl.limits import most, raised_by
 
 _TURNS = get_args(m.Turn)
 _SIDES = ("left", "right")
@@ -150,8 +151,14 @@ _MAX_SEED = 10**9
 def _check_case_names(findings: Findings, scenario: m.Scenario) -> None:
     """Report names of cases that are given twice; a `cases` statement whose names clash only once."""
     named: list[tuple[m.Item, str, str]] = [(case, "name", case.name) for case in scenario.all(m.Case)]
+    drawn_cases = 0
     for cases in scenario.all(m.Cases):
         if _check_cases(findings, cases):
+            drawn_cases += int(cases.count.value)
+            if drawn_cases > most("cases"):
+                message = f"with these the scenario has more than {most('cases'):,.0f} drawn cases"
+                findings.add(cases, "count", "FS050", message, f"ask for less; {raised_by('cases', drawn_cases)}")
+                return
             named += [(cases, "seed", name) for name in case_names(cases)]
     seen: dict[str, m.Item] = {}
     reported: set[int] = set()

@@ -11,6 +11,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.lints.allowances import without_allowed
+from foresee_dsl.language.lints.hidden import hidden_characters
 from foresee_dsl.language.lints.logic import Limits, always, never
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
@@ -39,7 +40,7 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
             for lint_ in _of_case(case):
                 item = places.get(id(lint_.item), lint_.item)
                 _add(found, document, replace(lint_, item=item))
-    return without_allowed(document, list(found.values()))
+    return without_allowed(document, [*found.values(), *hidden_characters(document.text, document.path)])
 
 
 def without_repeated(found: Sequence[Diagnostic], placements: Sequence[Diagnostic]) -> list[Diagnostic]:

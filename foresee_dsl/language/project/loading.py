@@ -23,6 +23,7 @@ from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
 from foresee_dsl.language.sampling.draws import with_drawn_cases
+from foresee_dsl.limits import most, raised_by
 
 DEPTH_LIMIT = 32
 """How many parents a child may have, one above the other (ours: a campaign makes two; more is a generated chain)."""
@@ -125,6 +126,7 @@ class Project:
         self._undrawn: dict[Path, Document] = {}
         self._cases: dict[tuple[Path, str | None], TestCase] = {}
         self._roots: tuple[Path, ...] = ()
+        self._drawn = 0
         self.warnings: list[Diagnostic] = []
         """What was found in the files read so far that is no error."""
 
@@ -202,9 +204,20 @@ class Project:
         if not isinstance(file.document.model, m.Scenario | m.Extension):
             return file
         if file.path not in self._wholes:
-            self._undrawn[file.path] = self._joined(file, chain)
-            self._wholes[file.path] = replace(file, document=with_drawn_cases(self._undrawn[file.path]))
+            self._undrawn[file.path] = undrawn = self._joined(file, chain)
+            self._count_drawn(undrawn)
+            self._wholes[file.path] = replace(file, document=with_drawn_cases(undrawn))
         return self._wholes[file.path]
+
+    def _count_drawn(self, document: Document) -> None:
+        """Refuse the file with which all files together have too many drawn cases."""
+        model = document.model
+        for item in model.all(m.Cases) if isinstance(model, m.Scenario) else ():
+            self._drawn += int(item.count.value)
+            if self._drawn > most("cases"):
+                message = f"with these all files together have more than {most('cases'):,.0f} drawn cases"
+                help = f"name fewer files; {raised_by('cases')}"
+                raise InputError((document.diagnostic(item, "count", c.TOO_MANY_CASES, message, help),))
 
     def _joined(self, file: _File, chain: tuple[_File, ...]) -> Document:
         extension = file.document.model

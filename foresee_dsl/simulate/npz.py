@@ -1,0 +1,80 @@
+"""Reads the arrays of an `.npz` file that may come from anybody: no pickles, and no more than it says and may be.
+
+`numpy.load` unpacks what it is given: a file of 3 MB may hold 5 GB of zeros, and the head of an array may claim any
+size, which is then set aside before a byte of it is read.
+"""
+
+from __future__ import annotations
+
+import math
+import tokenize
+import zipfile
+import zlib
+from pathlib import Path
+from typing import IO, Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from foresee_dsl.limits import most, raised_by
+
+_MOST_MEMBERS = 100
+"""Ours: a trace has nine."""
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""What numpy writes."""
+
+
+def read_arrays(path: Path | BinaryIO) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a file by their names.
+
+    Raises:
+        ValueError: it is no `.npz` file, a damaged one, or would be larger in memory than the limit `trace` allows.
+        OSError: it cannot be read.
+    """
+    try:
+        with zipfile.ZipFile(path) as packed:
+            members = packed.infolist()
+            _check(members)
+            return {member.filename.removesuffix(".npy"): _array(packed, member) for member in members}
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OverflowError) as err:
+        raise ValueError(str(err)) from err
+
+
+def _check(members: list[zipfile.ZipInfo]) -> None:
+    size, allowed = sum(member.file_size for member in members), most("trace") * 1e6
+    if size > allowed:
+        raise TooLargeError(
+            f"it takes {size / 1e6:,.0f} MB when unpacked, more than {allowed / 1e6:,.0f} MB; "
+            f"{raised_by('trace', size / 1e6)}"
+        )
+    if len(members) > _MOST_MEMBERS or any(member.compress_type not in _METHODS for member in members):
+        raise ValueError("it is packed in another way than traces are")
+
+
+class TooLargeError(ValueError):
+    """An array file would take more memory than is allowed; the message has the option that allows more."""
+
+
+def _array(packed: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    with packed.open(member) as stream:
+        shape, by_column, dtype = _head(stream)
+        count = math.prod(shape)
+        if dtype.hasobject or count * dtype.itemsize > member.file_size or min(shape, default=0) < 0:
+            raise ValueError(f"the head of its array {member.filename} does not fit what follows")
+        data = stream.read(count * dtype.itemsize + 1)  # never more than `file_size`: the package counts
+    if len(data) != count * dtype.itemsize:
+        raise ValueError(f"its array {member.filename} is cut off, or has bytes too many")
+    return np.frombuffer(bytearray(data), dtype).reshape(shape, order="F" if by_column else "C")
+
+
+def _head(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    version = npy.read_magic(stream)
+    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
+    if read is None:
+        raise ValueError(f"an array of format {version}")
+    try:
+        shape, by_column, dtype = read(stream)
+    except (SyntaxError, tokenize.TokenError) as err:  # numpy 2 reads the head as a Python literal
+        raise ValueError("the head of an array is damaged") from err
+    return shape, by_column, dtype
