@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import glob
+import itertools
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from foresee_dsl.derive.presets import PRESETS
@@ -13,8 +14,9 @@ from foresee_dsl.drivers.registry import driver_names
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.forecast.registry import ranker_names
 from foresee_dsl.language import model as m
+from foresee_dsl.language.codes.names import OUTSIDE
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.project.addresses import kind_of, parse_address
+from foresee_dsl.language.project.addresses import SUFFIX, absolute, is_inside, kind_of, parse_address, project_folder
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.project.loading import Project
 
@@ -47,8 +49,8 @@ def is_campaign(path: str) -> bool:
     return os.path.isfile(path) and kind_of(Path(path)) == "campaign"  # noqa: PTH113 - paths may be no file names
 
 
-def read_campaign(path: Path) -> CampaignFile:
-    """Read a campaign's file.
+def read_campaign(path: Path, *, allow_outside: bool = False) -> CampaignFile:
+    """Read a campaign's file; `allow_outside`: its test cases may lie outside the file's project folder.
 
     Raises:
         InputError: it has errors, or names what is not there (see `mistakes_of`).
@@ -57,7 +59,7 @@ def read_campaign(path: Path) -> CampaignFile:
     model = document.model
     if not isinstance(model, m.Campaign):
         raise InputError((document.diagnostic(model, "", "FS132", f"this is a {model.kind}, not a campaign"),))
-    if mistakes := mistakes_of(document):
+    if mistakes := mistakes_of(document, allow_outside=allow_outside):
         raise InputError(mistakes)
     seeds = (item for item in model.body if isinstance(item, m.Seeds))
     budget = next((item.time.si for item in model.body if isinstance(item, m.Budget)), None)
@@ -71,12 +73,18 @@ def read_campaign(path: Path) -> CampaignFile:
     )
 
 
-def mistakes_of(document: Document) -> tuple[Diagnostic, ...]:
-    """Return what a campaign's file names that is not there: drivers, rankers, its preset, its test cases."""
-    return tuple(_mistakes(document, document.model)) if isinstance(document.model, m.Campaign) else ()
+def mistakes_of(document: Document, *, allow_outside: bool = False) -> tuple[Diagnostic, ...]:
+    """Return what a campaign's file names that is not there: drivers, rankers, its preset, its test cases.
+
+    Also test cases outside its project folder, unless `allow_outside`: these folders are not even looked at.
+    """
+    if not isinstance(document.model, m.Campaign):
+        return ()
+    return tuple(_mistakes(document, document.model, allow_outside=allow_outside))
 
 
-def _mistakes(document: Document, campaign: m.Campaign) -> Iterator[Diagnostic]:
+def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) -> Iterator[Diagnostic]:
+    folder = Path(document.path).parent
     for item in campaign.body:
         if isinstance(item, m.Drivers | m.Rankers):
             what, known = ("driver", driver_names()) if isinstance(item, m.Drivers) else ("ranker", ranker_names())
@@ -88,9 +96,30 @@ def _mistakes(document: Document, campaign: m.Campaign) -> Iterator[Diagnostic]:
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
             message, help_ = f"no preset '{item.name}' is known", did_you_mean(item.name, PRESETS)
             yield document.diagnostic(item, "name", NOT_INSTALLED, message, help_)
-        elif isinstance(item, m.Seeds) and not _paths(item, Path(document.path).parent):
+        elif isinstance(item, m.Seeds) and not allow_outside and _leads_outside(item.path, folder):
+            message = f"'{item.path}' leads out of the project folder '{project_folder(absolute(folder)).as_posix()}'"
+            help_ = "move the files there, or allow it with `--allow-outside`"
+            yield document.diagnostic(item, "path", OUTSIDE, message, help_)
+        elif isinstance(item, m.Seeds) and not _paths(item, folder):
             message, help_ = f"no scenario matches '{item.path}'", "paths begin at this file's own folder"
             yield document.diagnostic(item, "path", NOTHING_THERE, message, help_)
+
+
+def _leads_outside(path: str, folder: Path) -> bool:
+    """Return whether a path or pattern may mean files outside the project folder of the campaign's file.
+
+    A pattern is judged by its beginning, before its first wildcard; after that it may not go up again.
+    """
+    fixed, pattern = _divided(path) if _PATTERN & set(path) else (parse_address(path)[0], ())
+    projects = (project_folder(absolute(folder)), project_folder(absolute(Path())))
+    return ".." in pattern or not is_inside(absolute(folder / fixed), projects)
+
+
+def _divided(path: str) -> tuple[Path, tuple[str, ...]]:
+    """Return what stands before the first wildcard of a pattern, and the parts from there on."""
+    parts = Path(path).parts
+    fixed = tuple(itertools.takewhile(lambda part: not _PATTERN & set(part), parts))
+    return Path(*fixed), parts[len(fixed) :]
 
 
 def _paths(item: m.Seeds, folder: Path) -> tuple[str, ...]:
@@ -99,9 +128,28 @@ def _paths(item: m.Seeds, folder: Path) -> tuple[str, ...]:
         file, case = parse_address(item.path)
         at = str(folder / file)
         return (f"{at}::{case}" if case else at,) if os.path.exists(at) else ()  # noqa: PTH110 - see is_campaign
-    matches = sorted(glob.glob(item.path, root_dir=folder, recursive=True))  # noqa: PTH207 - `**` matches files too
-    files = (folder / name for name in matches if name.endswith(".foresee"))
-    return tuple(str(file) for file in files if kind_of(file) == "scenario")
+    fixed, pattern = _divided(item.path)
+    base = folder / fixed
+    matches = sorted(base / path for path in _under(base, pattern) if path.name.endswith(SUFFIX))
+    return tuple(str(file) for file in matches if kind_of(file) == "scenario")
+
+
+def _under(base: Path, pattern: tuple[str, ...]) -> Iterator[Path]:
+    """Yield the files under a folder that match a pattern, as seen from there; hidden ones and linked folders not."""
+    for at, folders, names in os.walk(base):
+        here = Path(at).relative_to(base)
+        deep = "**" in pattern or len(here.parts) + 1 < len(pattern)
+        folders[:] = [name for name in folders if deep and not name.startswith(".")]
+        yield from (here / name for name in names if not name.startswith(".") and _fits((*here.parts, name), pattern))
+
+
+def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    """Return whether the parts of a path match those of a pattern; `**` matches any number of them."""
+    if not pattern:
+        return not parts
+    if pattern[0] == "**":
+        return any(_fits(parts[k:], pattern[1:]) for k in range(len(parts) + 1))
+    return bool(parts) and fnmatchcase(parts[0], pattern[0]) and _fits(parts[1:], pattern[1:])
 
 
 def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:

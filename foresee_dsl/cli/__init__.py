@@ -21,6 +21,7 @@ from foresee_dsl import __version__
 from foresee_dsl.cli.completion import VARIABLE
 from foresee_dsl.cli.options.common import BUG, explain_error
 from foresee_dsl.cli.options.output import for_tools
+from foresee_dsl.cli.options.plain_output import guard_streams
 
 COMMANDS = (
     ("Write", "init", "init.init"),
@@ -148,6 +149,7 @@ def main() -> None:
     """Run the command line; the exit code says how it went, and no user's mistake ends in a traceback."""
     # Most of a short command is importing, which makes many objects and no garbage: a tenth of its time is saved.
     gc.set_threshold(100_000)
+    guard_streams()
     try:
         app()
     except KeyboardInterrupt:

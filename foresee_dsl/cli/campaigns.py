@@ -19,6 +19,7 @@ from foresee_dsl.cli.options.campaign_options import (
     Jobs,
     Paths,
     executor_of,
+    notes_on,
     of_other_versions,
     requested,
     shard_of,
@@ -51,6 +52,9 @@ def campaign(
     executor: Annotated[str, typer.Option(help="What runs it: local (processes here), dask (a cluster).")] = "local",
     scheduler: Annotated[
         str, typer.Option(help="Address of the Dask scheduler; by default a cluster is started here.")
+    ] = "",
+    dashboard: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Show Dask's web page of a cluster that is started here, at :8787.")
     ] = "",
     step_deadline: common.StepDeadlineOption = None,
     deadline: common.DeadlineOption = None,
@@ -101,7 +105,7 @@ def campaign(
         limits=Limits(deadline, memory, None if request.budget_min is None else request.budget_min * 60, step_deadline),
         shard=shard_of(flags.shard),
         retry=retry,
-        executor=executor_of(executor, scheduler),
+        executor=executor_of(executor, scheduler, dashboard),
         stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )
     cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
@@ -125,13 +129,13 @@ def campaign(
                           wall_s=round(result.wall_s, 2))  # fmt: skip
             if result.interrupted:
                 break
-        others = store.of_other_versions()
+        notes = notes_on(store)
     form = ReportFormat.json if json else format_
     _report(results, report, form, junit, raw=raw)
     screen = console(error=form is not ReportFormat.text)
     _pages([folder for folder, _ in results], flags.out, screen)
-    if others:
-        screen.print(of_other_versions(flags.store_folder, others))
+    for note in notes:
+        screen.print(note, markup=False)
     if results[-1][1].interrupted:
         ended = "Stopped at the first failure. " if first_failure.name and fail_fast else "The time is up. "
         screen.print(f"{'' if stop() else ended}The same command continues from there.")

@@ -82,7 +82,8 @@ def check(
     if result.campaigns:
         from foresee_dsl.campaign.campaign_file import mistakes_of  # looks for plug-ins, which takes its time
 
-        found += [mistake for document in result.campaigns for mistake in mistakes_of(document)]
+        for document in result.campaigns:
+            found += mistakes_of(document, allow_outside=allow_outside)
     if places:
         from foresee_dsl.compile import placement_mistakes
         from foresee_dsl.language.lints.lint import without_repeated
@@ -220,6 +221,7 @@ def _list(codes: list[Code]) -> None:
 def _show(code: Code) -> None:
     from rich.text import Text
 
+    from foresee_dsl.cli.options.plain_output import plain
     from foresee_dsl.editor.highlight import show
 
     out = console()
@@ -232,7 +234,7 @@ def _show(code: Code) -> None:
         if example:
             where = f", {code.within}" if code.within and _FILE not in example and not example.startswith("$") else ""
             out.print(Text(f"\n{word}{where}:"))
-            show(textwrap.indent(example.rstrip("\n").replace("PIN", _PIN), "  ") + "\n")
+            show(plain(textwrap.indent(example.rstrip("\n").replace("PIN", _PIN), "  ")) + "\n")
 
 
 def _without_repeats(wrong: str, right: str) -> str:

@@ -125,10 +125,10 @@ def _one_file(targets: list[str], *files: Path | None) -> None:
 
 def _console() -> Console:
     """Return a console that writes no control codes with NO_COLOR or into a pipe."""
-    from rich.console import Console
+    from foresee_dsl.cli.options.plain_output import harmless_console
 
     plain = bool(os.environ.get("NO_COLOR"))
-    return Console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
+    return harmless_console(highlight=False, color_system=None if plain else "auto", soft_wrap=True)
 
 
 def _page(shown: Shown, wish: Wish, up: UpSide, moments: int | None, width: int) -> Page:
@@ -151,8 +151,8 @@ def _print_page(console: Console, page: Page, picture: Picture) -> None:
         for line in page.timeline(width):
             console.print(line, soft_wrap=True)
         console.file.flush()
-        sys.stdout.write(sent)
-        sys.stdout.flush()
+        console.file.write(sent)
+        console.file.flush()
         for line in page.foot():
             console.print(line, soft_wrap=True)
 

@@ -49,7 +49,7 @@ def wanted() -> bool:
 def show(text: str) -> None:
     """Print a text of the language on standard output: in colours where they are wanted, else byte for byte."""
     if not wanted():
-        sys.stdout.write(text)
+        getattr(sys.stdout, "trusted", sys.stdout).write(text)  # the command line's stream writes out hidden signs
         return
     from rich.console import Console
 

@@ -6,6 +6,7 @@ import ctypes
 import math
 import os
 import signal
+import socket
 import time
 import warnings
 from collections.abc import Iterator
@@ -79,3 +80,23 @@ def test_no_scheduler_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("foresee_dsl.campaign.execution.cluster.CONNECT_S", 0.5)
     with pytest.raises(ClusterError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:9"):
         DaskExecutor("tcp://127.0.0.1:9")
+
+
+def test_a_cluster_that_is_started_here_takes_nobody_else() -> None:
+    executor = DaskExecutor(jobs=1)
+    try:
+        address = executor._client.scheduler_info()["address"]
+        assert address.startswith("tls://127.0.0.1:")
+        with (
+            pytest.raises(OSError, match="refused"),
+            socket.create_connection(
+                ("127.0.0.1", executor._client.scheduler_info()["services"]["dashboard"]), timeout=2
+            ),
+        ):
+            pass  # no web page either
+        with pytest.raises((OSError, TypeError, RuntimeError)):  # no certificate, or one of its own
+            distributed.Client(address, timeout=2, security=distributed.Security.temporary())
+        executor.add([Task("root", math.sqrt, 4.0)])
+        assert [update.value for update in executor.updates()] == [2.0]
+    finally:
+        executor.close()

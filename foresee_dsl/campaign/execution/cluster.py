@@ -38,22 +38,29 @@ class ClusterError(ForeseeError):
     """The cluster cannot be reached, or `distributed` is not installed."""
 
 
-def dask(scheduler: str = "") -> Callable[[RunOptions], DaskExecutor]:
-    """Return what makes an executor on a scheduler's cluster (`tcp://10.0.0.1:8786`), or on one of processes here."""
-    return lambda options: DaskExecutor(scheduler, jobs=options.jobs, memory_mb=options.limits.memory_mb)
+def dask(scheduler: str = "", *, dashboard: str = "") -> Callable[[RunOptions], DaskExecutor]:
+    """Return what makes an executor on a scheduler's cluster (`tls://10.0.0.1:8786`), or on one of processes here.
+
+    `dashboard`: the address of Dask's web page of a cluster that is started here (`:8787`); by default there is none.
+    """
+    return lambda options: DaskExecutor(
+        scheduler, jobs=options.jobs, memory_mb=options.limits.memory_mb, dashboard=dashboard
+    )
 
 
 class DaskExecutor(Executor):
     """Runs tasks on the workers of a Dask cluster."""
 
-    def __init__(self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = Limits.memory_mb) -> None:
+    def __init__(
+        self, scheduler: str = "", *, jobs: int = 1, memory_mb: float = Limits.memory_mb, dashboard: str = ""
+    ) -> None:
         """Connect to a scheduler, or start a cluster of `jobs` processes here; each of our workers gets `memory_mb`.
 
         Raises:
             ClusterError: there is no scheduler at the address, or `distributed` is not installed.
         """
         super().__init__()
-        self._client = _client(scheduler, jobs)
+        self._client = _client(scheduler, jobs, dashboard)
         self._memory_mb = memory_mb
         self._batches: dict[Any, list[int]] = {}
         self._lost: Counter[int] = Counter()
@@ -186,7 +193,12 @@ def _inlined(task: Task) -> Task:
     return replace(task, argument=replace(argument, **changed))
 
 
-def _client(scheduler: str, jobs: int) -> Any:  # noqa: ANN401 - Dask's client; the package has no types
+def _client(scheduler: str, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 - the package has no types
+    """Return Dask's client.
+
+    Who can speak to a scheduler can run code on its workers: it unpickles what it is sent. So the one that is started
+    here listens on this machine alone, and takes only who has its certificate, which is made for it and kept in memory.
+    """
     try:
         distributed: Any = import_module("distributed")
     except ImportError as err:
@@ -194,10 +206,36 @@ def _client(scheduler: str, jobs: int) -> Any:  # noqa: ANN401 - Dask's client; 
     try:
         if scheduler:
             return distributed.Client(scheduler, timeout=CONNECT_S)
-        cluster = distributed.LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None)
-        return distributed.Client(cluster)
+        return _here(distributed, jobs, dashboard)
     except (OSError, ValueError) as err:
         raise ClusterError(f"no Dask scheduler at {scheduler or 'this machine'}: {err}") from err
+
+
+def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 - Dask's, as above
+    """Start a cluster here and return its client. Its web server serves pages only where a dashboard was asked for."""
+    security = _certificates(distributed)
+    pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+    with import_module("dask").config.set({} if dashboard else pages):
+        cluster = distributed.LocalCluster(
+            n_workers=jobs,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            protocol="tls://",
+            security=security,
+            dashboard_address=(f"127.0.0.1{dashboard}" if dashboard.startswith(":") else dashboard) or None,
+            worker_dashboard_address=None,
+        )
+    if not dashboard:
+        cluster.scheduler.http_server.stop()  # Dask 2026.8 starts it all the same
+    return distributed.Client(cluster, security=security)
+
+
+def _certificates(distributed: Any) -> Any:  # noqa: ANN401 - Dask's, as above
+    try:
+        return distributed.Security.temporary()
+    except ImportError as err:
+        raise ClusterError("a cluster here needs certificates: pip install 'foresee-dsl[dask]'") from err
 
 
 def serve_batches(lifeline: int, descriptor: int, memory_mb: float) -> None:

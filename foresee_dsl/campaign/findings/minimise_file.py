@@ -18,8 +18,9 @@ from foresee_dsl.campaign.steps.minimise import MinimiseStep, minimised, minimis
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
+from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.registry import recorded_address
-from foresee_dsl.errors import DriverError, ForeseeError
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import cache_folder, write_whole
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import load
@@ -50,9 +51,8 @@ def minimise_file(
     case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
     origin, settings = mutant.origin or Origin(), wanted.data.get("settings", {})
     address, seed = driver or recorded_address(origin.driver or "pdm"), int(origin.seed.value) if origin.seed else 0
-    if ":" in address and not (driver or run_programs):
-        raise DriverError(f"{wanted.file} records a program as its driver: {address}. --run-programs starts it, "
-                          "--driver names another driver")  # fmt: skip
+    if not (driver or run_programs):
+        refuse_programs([(address, Path(wanted.file))], "--run-programs starts it, --driver names another driver")
     folder = store_folder or wanted.store
     limit_m = float(settings.get("fidelity_limit_m", CampaignSettings.fidelity_limit_m))
     run_seed = int(settings.get("seed", seed))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.registry import recorded_address
-from foresee_dsl.errors import DriverError
-from foresee_dsl.language.model import Origin
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.repinning.repin import Child
 
@@ -27,7 +26,10 @@ def before_and_after(children: Sequence[Child], *, jobs: int = 1) -> dict[Path, 
         For each file how the run under the old parent ended ("" where that parent is unknown), and the new run.
     """
     runs = {f"{child.file} {when}": run for child in children for when, run in _runs_of(child)}
-    refuse_programs((driver for _, driver, _ in runs.values()), "`foresee verify --run-programs` runs them")
+    refuse_programs(
+        ((_driver_and_seed(child.new or child.old)[0], child.file) for child in children),
+        "`foresee verify --run-programs` runs them",
+    )
     with WorkerPool(jobs) as pool:
         pool.add(Task(name, partial(drive, case, driver), seed) for name, (case, driver, seed) in runs.items())
         ended = {task.name: found.reason if isinstance(found, Broken) else found for task, found in pool.results()}
@@ -44,24 +46,14 @@ def drive(case: TestCase, driver: str, seed: int) -> str:
 def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
     """Return the child's two runs, each with driver and seed; without one whose foreign network is only in git."""
     return [
-        (when, (case, *_driver_and_seed(case.mutant.origin if case.mutant else None)))
+        (when, (case, *_driver_and_seed(case)))
         for when, case in (("old", child.old), ("new", child.new))
         if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
     ]
 
 
-def _driver_and_seed(origin: Origin | None) -> tuple[str, int]:
+def _driver_and_seed(case: TestCase | None) -> tuple[str, int]:
     """Return what a mutant's file records of its run; by default `pdm` and 0."""
+    origin = case.mutant.origin if case is not None and case.mutant else None
     driver = recorded_address((origin.driver if origin else None) or "pdm")
     return driver, int(origin.seed.value) if origin and origin.seed else 0
-
-
-def refuse_programs(drivers: Iterable[str], instead: str) -> None:
-    """Refuse to start what files record as their drivers; `instead`: what the user can do.
-
-    Raises:
-        DriverError: there are programs among the drivers.
-    """
-    programs = sorted({address for address in drivers if ":" in address})
-    if programs:
-        raise DriverError(f"recorded with programs as drivers: {'; '.join(programs)}. {instead}")

@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
-from foresee_dsl.campaign.regression.before_and_after import refuse_programs
 from foresee_dsl.campaign.regression.edits import line_of, with_expected
 from foresee_dsl.campaign.regression.expectations import (
     Ending,
@@ -26,8 +26,9 @@ from foresee_dsl.campaign.regression.expectations import (
 from foresee_dsl.campaign.regression.index import write_index
 from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
 from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
+from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.registry import DRIVERS, recorded_driver
+from foresee_dsl.drivers.registry import DRIVERS, recorded_address, recorded_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.codes.names import STALE_PIN
@@ -113,7 +114,8 @@ def verify_files(
         DRIVERS.find(driver.partition(":")[0])
     elif not run_programs:
         refuse_programs(
-            (test.driver for test in tests), "--run-programs starts what the files say, --driver names another driver"
+            ((test.driver, test.file) for test in tests),
+            "--run-programs starts what the files say, --driver names another driver",
         )
     pool = _Pool(driver, jobs, deadlines)
     found = dict(zip(tests, pool.run(tests), strict=True))
@@ -190,8 +192,23 @@ def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True, deadlines: 
         name=expected.driver if expected is not None else name_to_record(driver, version),
         ending=ending,
         line=line_of(case.document, expected) if case.document is not None and expected in stated else None,
+        note=_other_version(test, driver, version),
         case=test.case,
     )
+
+
+def _other_version(test: SuiteTest, driver: str, version: str) -> str:
+    """Return in words that the run was recorded with another version of its driver or of this tool, or ""."""
+    origin = test.origin
+    if origin is None:
+        return ""
+    differ = []
+    if origin.driver and recorded_address(origin.driver) == driver:
+        differ.append((origin.driver, recorded_driver(driver, version)))
+    if origin.tool:
+        differ.append((f"foresee-dsl {origin.tool}", f"foresee-dsl {__version__}"))
+    said = [f"with {then}, and run with {now} now" for then, now in differ if then != now]
+    return f"it was recorded {'; '.join(said)}" if said else ""
 
 
 def reached(files: Sequence[Path]) -> dict[Path, str]:

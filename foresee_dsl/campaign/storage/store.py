@@ -1,7 +1,8 @@
 """The store: what was run, by key. A row a result in SQLite, and its trace as a blob that was written before the row.
 
 One process writes at a time (a lock holds its number); any number may read. What is committed survives the end of every
-process; a row whose trace was lost counts as not there.
+process. A row whose trace was lost counts as not there, and so does what was changed on the disk: every row has a
+checksum, and a trace is called by its own.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
+from foresee_dsl.campaign.storage.soundness import has_sums, is_sound, is_whole, rescue, sum_of
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.errors import ForeseeError
 
@@ -26,9 +28,11 @@ _TABLES = """
 CREATE TABLE runs (
   key TEXT PRIMARY KEY, kind TEXT NOT NULL, name TEXT NOT NULL, driver TEXT NOT NULL, tool TEXT NOT NULL,
   verdict TEXT NOT NULL, reason TEXT NOT NULL, broken INTEGER NOT NULL, simulated_s REAL NOT NULL, wall_s REAL NOT NULL,
-  trace TEXT NOT NULL, made_s REAL NOT NULL, record BLOB NOT NULL
+  trace TEXT NOT NULL, made_s REAL NOT NULL, record BLOB NOT NULL, sum TEXT NOT NULL DEFAULT ''
 )
 """
+_WITH_SUM = "ALTER TABLE runs ADD COLUMN sum TEXT NOT NULL DEFAULT ''"
+"""Stores of the first versions have none; their rows' sums are empty, and only their records are checked."""
 _BUSY_MS = 10_000
 """How long a statement waits for a reader that holds the database. Ours: `stat` reads a large store in a second."""
 
@@ -65,7 +69,7 @@ class Row:
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
-_INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"  # noqa: S608 - names of our own fields
+_INSERT = f"INSERT OR IGNORE INTO runs ({', '.join(COLUMNS)}, sum) VALUES ({', '.join('?' * len(COLUMNS))}, ?)"  # noqa: S608 - names of our own fields
 
 
 class Store:
@@ -80,6 +84,12 @@ class Store:
         """
         self.folder = folder
         self.blobs = Blobs(folder / "blobs")
+        self.damaged: dict[str, str] = {}
+        """What was found changed on the disk and counts as not there: by key, the results' names."""
+        self.lost = 0
+        """How many results could not be read from a damaged file, which was replaced; that file is kept."""
+        self._sound: set[str] = set()
+        self._sum = "sum"
         self._lock: int | None = None
         self._database: sqlite3.Connection | None = None
         if write:
@@ -101,9 +111,20 @@ class Store:
         self.close()
 
     def get(self, key: str) -> Row | None:
-        """Return the row of a key, or None; None too where its trace is gone."""
+        """Return the row of a key, or None; None too where its trace is gone, or something of it was changed."""
         row = next(self.rows("WHERE key = ?", (key,)), None)
-        return row if row is not None and (not row.trace or self.blobs.has(row.trace)) else None
+        return row if row is not None and self._has_trace(row) else None
+
+    def _has_trace(self, row: Row) -> bool:
+        """Return whether a row has its trace, or needs none; each trace is read once."""
+        if not row.trace or row.trace in self._sound:
+            return True
+        if self.blobs.get(row.trace) is not None:
+            self._sound.add(row.trace)
+            return True
+        if self.blobs.has(row.trace):
+            self.damaged[row.key] = row.name
+        return False
 
     def has(self, key: str) -> bool:
         """Return whether `get` would return a row, without reading its record."""
@@ -123,9 +144,10 @@ class Store:
             name = self.blobs.put(trace) if trace is not None else ""
             row = replace(row, trace=name, made_s=row.made_s or time.time())
             with self._db:
-                if not self.has(row.key):
+                if self.get(row.key) is None:
                     self._db.execute("DELETE FROM runs WHERE key = ?", (row.key,))
-                self._db.execute(_INSERT, tuple(getattr(row, column) for column in COLUMNS))
+                values = tuple(getattr(row, column) for column in COLUMNS)
+                self._db.execute(_INSERT, (*values, sum_of(values)))
         return row
 
     def drop(self, key: str) -> None:
@@ -137,12 +159,21 @@ class Store:
         return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
 
     def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
-        """Yield rows in the order of their keys; `records=False` leaves out what makes them large."""
+        """Yield rows in the order of their keys, without damaged ones.
+
+        `records=False` leaves out what makes them large; then nothing can be checked.
+        """
         columns = ", ".join(column if records or column != "record" else "x''" for column in COLUMNS)
         with self._errors():
-            for found in self._db.execute(f"SELECT {columns} FROM runs {where} ORDER BY key", values):  # noqa: S608
-                row = dict(zip(COLUMNS, found, strict=True))
-                yield Row(**{**row, "broken": bool(row["broken"])})
+            for *found, total in self._db.execute(
+                f"SELECT {columns}, {self._sum} FROM runs {where} ORDER BY key",  # noqa: S608 - our own names
+                values,
+            ):
+                if records and not is_sound(found, total):
+                    self.damaged[str(found[0])] = str(found[2])
+                else:
+                    row = dict(zip(COLUMNS, found, strict=True))
+                    yield Row(**{**row, "broken": bool(row["broken"])})
 
     def mean_wall_s(self, driver: str) -> dict[str, float]:
         """Return the mean wall time of each kind of step, of runs with this driver and of steps without one."""
@@ -182,7 +213,10 @@ class Store:
         # Readers of a write-ahead log write beside it, too; where they may not, no other process does either.
         how = "?mode=ro" if os.access(self.folder, os.W_OK) else "?mode=ro&immutable=1"
         address = file.resolve().as_uri() + ("" if write else how)
+        if write and file.exists() and not is_whole(file):
+            self.lost = rescue(file, COLUMNS, _INSERT, (_TABLES, f"PRAGMA user_version = {SCHEMA}"))
         database = sqlite3.connect(address, uri=True, timeout=_BUSY_MS / 1000)
+        database.text_factory = _text
         try:
             (schema,) = database.execute("PRAGMA user_version").fetchone()
             (tables,) = database.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -197,6 +231,10 @@ class Store:
                     with database:
                         database.execute(_TABLES)
                         database.execute(f"PRAGMA user_version = {SCHEMA}")
+                elif not has_sums(database):
+                    with database:
+                        database.execute(_WITH_SUM)
+            self._sum = "sum" if has_sums(database) else "''"
         except BaseException:
             database.close()
             raise
@@ -208,6 +246,10 @@ class Store:
             yield
         except (sqlite3.DatabaseError, OSError) as err:
             raise StoreError(_explained(self.folder, err)) from err
+
+
+def _text(data: bytes) -> str:
+    return data.decode("utf-8", "replace")  # of a damaged row, whose sum says so
 
 
 def _check_schema(schema: int, folder: Path) -> None:

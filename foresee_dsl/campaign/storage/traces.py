@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 from foresee_dsl.files import replacing
@@ -36,9 +35,8 @@ class Blobs:
         """
         name = name_of(data)
         path = self.path(name)
-        with suppress(OSError):  # it is not there yet
-            if path.stat().st_size == len(data):  # a damaged one is written again
-                return name
+        if self.get(name) is not None:  # a damaged one is written again
+            return name
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary, temporary.open("wb") as file:
             file.write(data)

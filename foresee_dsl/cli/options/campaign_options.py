@@ -20,6 +20,7 @@ from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
 if TYPE_CHECKING:
     from foresee_dsl.campaign.execution.pool import Executor, RunOptions
     from foresee_dsl.campaign.settings import CampaignSettings, Shard
+    from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.drivers.protocol import Driver
 
 CPUS = os.cpu_count() or 1
@@ -59,6 +60,9 @@ class Flags:
     only: OnlyOption = None
     shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = ""
     allow_outside: common.AllowOutsideOption = False
+    run_programs: Annotated[
+        bool, typer.Option("--run-programs", help="Start the programs that the campaign's file names as drivers.")
+    ] = False
 
     @property
     def store_folder(self) -> Path:
@@ -113,6 +117,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     A campaign's file gives settings; those that the command line gives (`ctx` knows which) take precedence.
     """
     from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
+    from foresee_dsl.drivers.consent import refuse_programs
     from foresee_dsl.errors import ForeseeError
 
     drivers: tuple[str, ...] = (flags.driver,)
@@ -121,11 +126,16 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
     if any(is_campaign(path) for path in paths):
         if len(paths) > 1:
             raise ForeseeError("a campaign's file names its own test cases: give it alone")
-        file = read_campaign(Path(paths[0]))
+        file = read_campaign(Path(paths[0]), allow_outside=flags.allow_outside)
         sources = {name: ctx.get_parameter_source(name) for name in (*values, "budget")}
         given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
-        paths = list(file.paths)
+        (named_in,), paths = paths, list(file.paths)
         drivers = file.drivers if file.drivers and "driver" not in given else drivers
+        if "driver" not in given and not flags.run_programs:
+            refuse_programs(
+                ((address, Path(named_in)) for address in drivers),
+                "--run-programs starts what the file says, --driver names another driver",
+            )
         rankers = file.rankers if file.rankers and "ranker" not in given else rankers
         values |= {name: value for name, value in file.given.items() if name not in given}
         if "budget" not in given and file.budget_s is not None:
@@ -193,16 +203,42 @@ def of_other_versions(store: Path, count: int) -> str:
     )
 
 
-def executor_of(name: str, scheduler: str) -> Callable[[RunOptions], Executor]:
-    """Return what makes the executor that `--executor` and `--scheduler` mean."""
+def notes_on(store: Store) -> list[str]:
+    """Return what is to be said of a store after a campaign: results that were not used, each kind in a sentence."""
+    others = store.of_other_versions()
+    notes = [of_other_versions(store.folder, others)] if others else []
+    return [*notes, damage] if (damage := _damage_in(store)) else notes
+
+
+def _damage_in(store: Store) -> str:
+    from foresee_dsl.report.safe_text import safe
+
+    said = []
+    if store.damaged:
+        names = sorted(set(store.damaged.values()))
+        shown = ", ".join(safe(name, 80) for name in names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
+        said.append(f"{common.counted(len(store.damaged), 'result')} had been changed on the disk: {shown}")
+    if store.lost:
+        said.append(f"at least {common.counted(store.lost, 'result')} could not be read from its database, which is "
+                    "kept as runs.damaged-*.sqlite")  # fmt: skip
+    return f"The store {store.folder} was damaged. {'; '.join(said)}. What was missing was run again." if said else ""
+
+
+_SHOWN = 5
+"""How many names of damaged results are shown (ours)."""
+
+
+def executor_of(name: str, scheduler: str, dashboard: str = "") -> Callable[[RunOptions], Executor]:
+    """Return what makes the executor that `--executor`, `--scheduler` and `--dashboard` mean."""
     from foresee_dsl.campaign.execution.pool import local
 
     if name == "dask":
         from foresee_dsl.campaign.execution.cluster import dask
 
-        return dask(scheduler)
+        return dask(scheduler, dashboard=dashboard)
     if name != "local":
         raise typer.BadParameter(f"{name!r} is not one of: local, dask", param_hint="--executor")
-    if scheduler:
-        raise typer.BadParameter("it needs --executor dask", param_hint="--scheduler")
+    for option, value in (("--scheduler", scheduler), ("--dashboard", dashboard)):
+        if value:
+            raise typer.BadParameter("it needs --executor dask", param_hint=option)
     return local

@@ -82,9 +82,9 @@ _NEVER_WRAPPED = 10_000
 
 def console(*, error: bool = False) -> Console:
     """Return a rich console on standard output (or error); where that is no terminal, no line is broken."""
-    from rich.console import Console
+    from foresee_dsl.cli.options.plain_output import harmless_console
 
-    made = Console(stderr=error, soft_wrap=False, highlight=False)
+    made = harmless_console(error=error, soft_wrap=False, highlight=False)
     made.width = min(made.width, WIDEST) if made.is_terminal else _NEVER_WRAPPED
     return made
 

@@ -14,11 +14,12 @@ from contextlib import contextmanager, redirect_stdout
 from enum import StrEnum
 from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, assert_never
+from typing import TYPE_CHECKING, Annotated, Any, assert_never, cast
 
 import typer
 
 from foresee_dsl.cli.options import common
+from foresee_dsl.cli.options.plain_output import PlainStream
 from foresee_dsl.errors import ForeseeError, InputError
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def _into(file: Path | None) -> Iterator[None]:
 
     printed = io.StringIO()
     try:
-        with redirect_stdout(printed):
+        with redirect_stdout(cast("io.StringIO", PlainStream(printed))):
             yield
     finally:
         write_whole(file, printed.getvalue())

@@ -83,8 +83,9 @@ def _asked(question: str) -> str:
     answer = b""
     try:
         tty.setcbreak(keyboard, termios.TCSANOW)
-        sys.stdout.write(question)
-        sys.stdout.flush()
+        stream = getattr(sys.stdout, "trusted", sys.stdout)  # the command line's writes out control codes
+        stream.write(question)
+        stream.flush()
         until = time.monotonic() + ASKS_S
         while not answer.endswith(b"c") and (left := until - time.monotonic()) > 0:
             if select.select([keyboard], [], [], left)[0]:
