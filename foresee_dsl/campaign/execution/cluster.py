@@ -214,7 +214,7 @@ def _client(scheduler: str, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 -
 def _here(distributed: Any, jobs: int, dashboard: str) -> Any:  # noqa: ANN401 - Dask's, as above
     """Start a cluster here and return its client. Its web server serves pages only where a dashboard was asked for."""
     security = _certificates(distributed)
-    pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
+    pages: dict[str, list[str]] = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     with import_module("dask").config.set({} if dashboard else pages):
         cluster = distributed.LocalCluster(
             n_workers=jobs,
