@@ -8,7 +8,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
-from foresee_dsl.compile.roads.polyline import MERGE_M, XY, Points, direction, distance, distinct, lengths, wrap
+from foresee_dsl.compile.roads.polyline import (
+    MERGE_M,
+    XY,
+    Points,
+    direction,
+    distance,
+    distance_to,
+    distinct,
+    lengths,
+    wrap,
+)
 from foresee_dsl.compile.roads.topology import Lane, Movement, Topology
 
 if TYPE_CHECKING:
@@ -210,7 +220,11 @@ class Areas:
 
 
 def _outside(net: Topology, movement: Movement, areas: Areas) -> Fault | None:
+    chord = net.lanes[movement.from_lane].shape[-1], net.lanes[movement.to_lane].shape[0]
     points = [point for name in movement.via for point in net.lanes[name].shape]
+    points = [point for point in points if distance_to(*point, chord) > FARTHEST_OUTSIDE_M]
+    if not points:  # the chord lies in the area, which costs much to compute
+        return None
     away_m, (x, y) = max(zip(areas.beyond(movement.junction, points), points, strict=True))
     if away_m <= FARTHEST_OUTSIDE_M:
         return None

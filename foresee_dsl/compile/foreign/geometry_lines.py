@@ -172,7 +172,7 @@ def rounded(shape: Points, aside_m: float) -> Points | None:
         found = next((one for one in _roundings(line, k + 1) if _is_near(one, shape, aside_m)), None)
         if found is None:
             return None
-        line = found
+        line = simplified(found)
     return None
 
 
@@ -188,10 +188,14 @@ def _roundings(line: Points, corner: int) -> Iterator[Points]:
             there = direction(*after[:2]) if len(after) > 1 else None
             curve = bezier(before[-1], here, after[0], there, pull)
             new = (*before[:-1], *curve, *after[1:])
-            at = len(before)
-            angles = turns(simplified(new[max(at - 3, 0) : at + len(curve) + 2]))
-            if all(abs(angle) <= _SMOOTH_RAD for angle, _ in angles):
+            if _sharp(new) < _sharp(line):
                 yield new
+
+
+def _sharp(line: Points) -> int:
+    """How many corners of a line are sharp when it is written, to 1 cm."""
+    written = simplified([(round(x, 2), round(y, 2)) for x, y in line])
+    return sum(abs(angle) > _SMOOTH_RAD for angle, _ in turns(written))
 
 
 def _is_near(line: Points, old: Points, aside_m: float) -> bool:

@@ -22,10 +22,10 @@ from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
 
-_EDITION = "12"
+_EDITION = "13"
 """Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
 
-_NET_EDITION = "7"
+_NET_EDITION = "8"
 """The same for a SUMO net."""
 
 _LARGEST_M = 1e8
