@@ -172,7 +172,7 @@ def importance(labels: Labels, speed_mps: float, *, expert_drives: bool) -> floa
     ahead, left = labels.boxes[:, 0], labels.boxes[:, 1]
     close = (ahead > 0) & (ahead < 25) & (np.abs(left) < 6)
     if np.isin(labels.groups[close], [GROUPS.index("pedestrian"), GROUPS.index("two_wheeler")]).any():
-        weight *= 1.5
+        weight *= 2.0
     return weight * (1.0 if expert_drives else 2.0)
 
 
