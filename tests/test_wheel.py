@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+LARGEST_BYTES = 30e6
+"""What the wheel may weigh, with all networks."""
+
 
 @pytest.fixture(scope="module")
 def wheel(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -35,12 +38,16 @@ def wheel(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return next((source / "dist").glob("*.whl"))
 
 
-def test_the_wheel_carries_its_data(wheel: Path) -> None:
+def test_the_wheel_carries_its_data(root: Path, wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     for part in ("grammars/foresee.lark", "scenarios/models.foresee", "scenarios/networks/town.foresee"):
         assert f"foresee_dsl/_data/{part}" in names
     assert any(n.startswith("foresee_dsl/_data/templates/") and n.endswith(".j2") for n in names)
     assert not [n for n in names if n.startswith("tests/")]
+    assert {n.rpartition("/")[2] for n in names if "/learned/weights/" in n} == {
+        file.name for file in (root / "foresee_dsl" / "drivers" / "learned" / "weights").glob("*")
+    }
+    assert wheel.stat().st_size < LARGEST_BYTES
 
 
 def test_another_environment_runs_a_scenario_from_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
@@ -72,3 +79,11 @@ def test_another_environment_runs_a_scenario_from_an_empty_folder(wheel: Path, t
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["verdict"] in {"pass", "F1", "F2", "F3", "F4", "F5", "stuck", "timeout"}
     assert list(empty.iterdir()) == []
+    # Without the package of the learned drivers all is as usual, and the list says what is missing.
+    without = "import sys; sys.modules['onnxruntime'] = None; from foresee_dsl.cli import main; main()"
+    listed = subprocess.run(
+        [python, "-c", without, "drivers", "--json"], cwd=empty, capture_output=True, text=True, check=True
+    )
+    rows = {row["name"]: row for row in json.loads(listed.stdout)["drivers"]}
+    assert rows["pdm"]["version"]
+    assert "pip install 'foresee-dsl[learned]'" in rows["fusion"]["about"]

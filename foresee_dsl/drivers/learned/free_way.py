@@ -87,6 +87,8 @@ def _blocked_from(
     boxes = np.empty((len(others), len(times), 5))
     boxes[..., 0] = table[:, 0, None] + on * np.cos(table[:, 2, None])
     boxes[..., 1] = table[:, 1, None] + on * np.sin(table[:, 2, None])
+    small = table[:, 3] < cfg.SMALL_M
+    table[small, 3:5] += 2 * cfg.SMALL_MARGIN_M
     boxes[..., 2:] = table[:, None, 2:5]
     ego = np.empty((len(along), 5))
     ego[:, :3], ego[:, 3:] = poses, (vehicle.length_m, vehicle.width_m + 2 * cfg.SIDE_MARGIN_M)
@@ -106,7 +108,7 @@ def _bound(blocked_m: FloatArray, other: Occupied, ends_s: FloatArray) -> FloatA
     A step's bound is the least of the times around its end, as InterFuser's: the object may be half a step late.
     """
     times = np.array(cfg.PREDICTED_S)
-    soon = blocked_m[times <= cfg.SOON_S]
+    soon = blocked_m[times <= (cfg.SLOW_SOON_S if other.speed_mps < cfg.SLOW_MPS else cfg.SOON_S)]
     if not np.isfinite(soon).any():
         return np.full(len(ends_s), np.inf)
     bound = np.empty(len(ends_s))

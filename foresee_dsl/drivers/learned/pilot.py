@@ -46,7 +46,9 @@ class Pilot:
         """
         car = self._vehicle
         steer = self._angle(path, ego) / car.steer_max_rad
-        acceleration = -math.inf if hardest else self._acceleration(target_mps, within_s, ego)
+        acceleration = self._acceleration(target_mps, within_s, ego)
+        if hardest or acceleration < -cfg.HARD_MPS2:
+            acceleration = -math.inf
         if acceleration >= 0.0:
             return Control(steer, min(acceleration / car.acceleration_mps2, 1.0), 0.0)
         return Control(steer, 0.0, min(-acceleration / car.emergency_braking_mps2, 1.0))

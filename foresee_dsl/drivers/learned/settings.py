@@ -29,6 +29,10 @@ pedals."""
 INTEGRAL_STEPS = 20
 """The integral is the mean error of the last second, as TransFuser's is that of two: nothing that is older than the
 hand-over matters."""
+HARD_MPS2 = 4.0
+"""Ours: where more braking than this is asked for, it is an emergency, and the car brakes as hard as it can: the
+expert comes to rest before the second is over by which the target speed is read. Its everyday braking is 2 to 3 m/s^2.
+TransFuser brakes fully whenever it is 10 % too fast."""
 STANDS_MPS = 0.3
 """Ours: a target speed under this means to stand."""
 GRAVITY_MPS2 = 9.81
@@ -53,6 +57,12 @@ PREDICTED_S = (0.0, 0.5, 0.75, 1.0, 1.5, 2.0)
 SOON_S = 1.0
 """Within InterFuser's two steps any object in the way binds; later ones only those that were in the way by then, moved
 on. Ours: crossing cars that brake for their own red light would bind otherwise."""
+SLOW_MPS = 3.0
+SLOW_SOON_S = 2.0
+"""Ours: who walks or runs goes on walking, and binds from two seconds before."""
+SMALL_M = 2.5
+SMALL_MARGIN_M = 0.4
+"""People and bicycles are drawn larger, as InterFuser doubles what is shorter than 1.5 m: by a step on each side."""
 SPEED_ERROR_MPS = 0.5
 """Ours: slower than this the others stand; the network's speeds are that far off."""
 MARGIN_M = 2.0
