@@ -197,7 +197,7 @@ class ActorBuilder:
     def _on_path(self, state: EntityState, middle: Pose, path: list[XY], speed: float) -> BuiltActor:
         """Return a vehicle that keeps its speed where its lanes would not let it, as a default controller does."""
         self.losses.note(
-            "vehicles that bends or others would hold up on their lanes follow them as a path and react to nobody, as "
+            "vehicles that limits, bends or others would hold up follow their lanes as a path and react to nobody, as "
             "a default controller does"
         )
         self._walks(state.entity, path)

@@ -36,7 +36,8 @@ def path_if_held_up(
 ) -> list[XY]:
     """Return the way along some edges as a path of a vehicle's middle, where it could not keep its speed on the lanes.
 
-    That is where bends are slower, or one of the `others` (pose, m/s) is ahead and slower. Else nothing: SUMO moves it.
+    That is where limits and bends are slower, or one of the `others` (pose, m/s) is ahead and slower. Else nothing:
+    SUMO moves it.
     """
     near = nearest(network, front, kind)
     if near is None or speed_mps <= 0:
@@ -50,8 +51,7 @@ def path_if_held_up(
     seen = [k for k in ahead if line.marks[k] - begin < speed_mps * _LOOKS_S]
     if len(seen) < 2:
         return []
-    limits = [line.limits[k] for k in seen]
-    allowed = max(limits[0], speed_mps) / limits[0] * min(limits)
+    allowed = min(line.limits[k] for k in seen)
     way = shapely.LineString([line.xy[k] for k in seen])
     blocked = any(
         slower < speed_mps * _SLOWER and way.distance(shapely.Point(pose.x, pose.y)) < _IN_THE_WAY_M
