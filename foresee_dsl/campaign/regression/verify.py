@@ -192,12 +192,12 @@ def recheck(test: SuiteTest, driver: str, *, check_pin: bool = True, deadlines: 
         name=expected.driver if expected is not None else name_to_record(driver, version),
         ending=ending,
         line=line_of(case.document, expected) if case.document is not None and expected in stated else None,
-        note=_other_version(test, driver, version),
+        note=other_version(test, driver, version),
         case=test.case,
     )
 
 
-def _other_version(test: SuiteTest, driver: str, version: str) -> str:
+def other_version(test: SuiteTest, driver: str, version: str) -> str:
     """Return in words that the run was recorded with another version of its driver or of this tool, or ""."""
     origin = test.origin
     if origin is None:
