@@ -18,6 +18,7 @@ from foresee_dsl.compile.nets.net_reader import read_net, topology_of
 from foresee_dsl.compile.nets.netconvert import NetconvertDiedError, run_netconvert, sumo_home, without_header
 from foresee_dsl.compile.nets.safe_xml import check_size, parse_net
 from foresee_dsl.compile.nets.signals import read_signals
+from foresee_dsl.compile.roads.polyline import lengths
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.units import UNITS
@@ -30,6 +31,9 @@ _NET_EDITION = "8"
 
 _LARGEST_M = 1e8
 """Ours: more than UTM's northings (1e7 m), and far below where millimetres are lost."""
+
+_LONGEST_M = 1e5
+"""Ours: the longest lanes of motorways have some 20 km; a node in another country makes millions of points."""
 
 SUFFIXES = (".net.xml", ".xodr")
 """The file names that are accepted."""
@@ -126,6 +130,8 @@ def _check_sound(parts: Topology) -> None:
         figures = (lane.length_m, lane.speed_mps, lane.width_m, *(value for point in lane.shape for value in point))
         if len(lane.shape) < 2 or not all(abs(figure) < _LARGEST_M for figure in figures):  # NaN neither
             raise ValueError(f"lane {lane.id} has no shape, length, speed or width that can be meant")
+        if lengths(lane.shape)[-1] > _LONGEST_M:
+            raise ValueError(f"lane {lane.id} is longer than {_LONGEST_M / 1000:.0f} km: a point of it is misplaced")
         if min(lane.length_m, lane.speed_mps, lane.width_m) < 0:
             raise ValueError(f"the length, speed or width of lane {lane.id} is negative")
 
