@@ -26,7 +26,7 @@ from foresee_dsl.language.units import UNITS
 _EDITION = "13"
 """Part of the cache key: raise it when an OpenDRIVE map becomes another net than before."""
 
-_NET_EDITION = "8"
+_NET_EDITION = "9"
 """The same for a SUMO net."""
 
 _LARGEST_M = 1e8
