@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,9 @@ class Diagnostic:
     path: str = ""
     span: Span | None = None
     source_line: str = ""
-    severity: str = "error"
+    severity: Literal["error", "warning"] = "error"
+
+    shown = "code severity message help path span"
 
 
 class ForeseeError(Exception):

@@ -54,6 +54,11 @@ class DriverRun:
     digest: str
     notes: DriverNotes = NO_NOTES
 
+    shown = (
+        "case family driver version verdict reason duration_s way_m hard_brakings step_ms digest output=notes.output "
+        "traceback=notes.traceback hang=notes.hang"
+    )
+
     @property
     def passed(self) -> bool:
         """Whether it arrived."""
@@ -73,9 +78,21 @@ class DriverRow:
     hard_brakings: int
     step_ms: float
 
+    shown = "driver family cases verdicts=by_verdict arrived:4 failed:4 mean_mps:3 hard_brakings_per_km:3 step_ms:3"
+
     def share(self, *verdicts: Verdict) -> float:
         """Return the share of the cases that ended in one of these."""
         return sum(self.verdicts[v] for v in verdicts) / self.cases if self.cases else 0.0
+
+    @property
+    def by_verdict(self) -> dict[Verdict, int]:
+        """The verdicts that occur, in their order."""
+        return {verdict: self.verdicts[verdict] for verdict in Verdict if self.verdicts[verdict]}
+
+    @property
+    def arrived(self) -> float:
+        """The share that passed."""
+        return self.share(Verdict.PASS)
 
     @property
     def failed(self) -> float:
@@ -91,6 +108,28 @@ class DriverRow:
     def hard_brakings_per_km(self) -> float:
         """Events a kilometre."""
         return self.hard_brakings / self.way_m * 1000 if self.way_m else 0.0
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """All runs, and their figures; what is measured on the clock (`step_ms`) differs from run to run."""
+
+    runs: tuple[DriverRun, ...]
+    seed: int
+    broken: tuple[str, ...] = ()
+    """Nothing: a run whose process died is a crash among the others."""
+
+    shown = "seed drivers families runs broken"
+
+    @property
+    def drivers(self) -> tuple[DriverRow, ...]:
+        """A row a driver."""
+        return rows_of(self.runs)
+
+    @property
+    def families(self) -> tuple[DriverRow, ...]:
+        """A row a driver and family."""
+        return rows_of(self.runs, families=True)
 
 
 def assess_drivers(

@@ -13,6 +13,7 @@ from typing import Any
 from foresee_dsl.campaign.assembly import trace_of
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.storage.traces import Blobs
+from foresee_dsl.documents import plain
 
 _PARTS = ("children", "findings", "traces")
 
@@ -63,7 +64,7 @@ class CampaignFolder:
             self._write(f"{small.folder}/{small.child.name}.foresee", small.child.text)
         for file, (name, test_case) in traces.items():
             self._show(file, name, test_case, blobs)
-        self._write("campaign.json", as_text(result.as_dict()))
+        self._write("campaign.json", as_text(campaign_document(result)))
         for part in (*_PARTS, "campaign.json"):
             self._put_in_place(part)
 
@@ -99,6 +100,11 @@ class CampaignFolder:
         except OSError:
             pass  # it is not there, or the disk gives no file a second name
         file.write_bytes(data)
+
+
+def campaign_document(result: CampaignResult) -> dict[str, Any]:
+    """Return what `campaign.json` holds."""
+    return {"schema": 1, "document": "campaign", **plain(result)}
 
 
 def as_text(campaign: Mapping[str, Any]) -> str:

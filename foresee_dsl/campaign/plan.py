@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import networkx as nx
 
@@ -28,6 +28,20 @@ class StagePlan:
     each_s: float
     measured: bool
 
+    shown = "stage=kind done to_run at_most_more=at_most each_s:3 measured"
+
+    @property
+    def kind(self) -> str:
+        """The steps' kind."""
+        return self.step.kind
+
+
+class ToDo(NamedTuple):
+    """How many runs are missing, and how many more may follow from them."""
+
+    to_run: int
+    at_most_more: int
+
 
 @dataclass(frozen=True)
 class CampaignPlan:
@@ -36,6 +50,8 @@ class CampaignPlan:
     graph: nx.DiGraph[str]
     stages: tuple[StagePlan, ...]
     jobs: int
+
+    shown = "stages runs=runs_to_do jobs at_most_s=longest_s:1 measured graph=links"
 
     @property
     def longest_s(self) -> float:
@@ -53,27 +69,15 @@ class CampaignPlan:
         return all(stage.measured or not stage.to_run + stage.at_most for stage in self.stages)
 
     @property
-    def runs_to_do(self) -> tuple[int, int]:
+    def runs_to_do(self) -> ToDo:
         """How many runs are known to be missing, and how many more may follow."""
         stages = [stage for stage in self.stages if stage.step.drives]
-        return sum(s.to_run for s in stages), sum(s.at_most for s in stages)
+        return ToDo(sum(s.to_run for s in stages), sum(s.at_most for s in stages))
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON; the graph as nodes and links."""
-        to_run, at_most = self.runs_to_do
-        return {
-            "schema": 1,
-            "stages": [
-                {"stage": s.step.kind, "done": s.done, "to_run": s.to_run, "at_most_more": s.at_most,
-                 "each_s": round(s.each_s, 3), "measured": s.measured}
-                for s in self.stages
-            ],
-            "runs": {"to_run": to_run, "at_most_more": at_most},
-            "jobs": self.jobs,
-            "at_most_s": round(self.longest_s, 1),
-            "measured": self.measured,
-            "graph": nx.node_link_data(self.graph, edges="links"),
-        }  # fmt: skip
+    @property
+    def links(self) -> dict[str, Any]:
+        """The graph as nodes and links."""
+        return dict(nx.node_link_data(self.graph, edges="links"))
 
     def as_dot(self) -> str:
         """Return the graph for Graphviz: done steps green, missing ones white, what may follow dashed."""

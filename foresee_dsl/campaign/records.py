@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import zlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 from pydantic import TypeAdapter
 
@@ -37,6 +37,11 @@ class SeedOutcome:
     preventability: Preventability | None = None
     story: Story | None = None
     notes: DriverNotes | None = None
+
+    shown = (
+        "test_case=id family meaning verdict reason duration_s:2 risky_points impact near_misses=near preventability "
+        "story notes trace"
+    )
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,22 @@ class ChildOutcome:
     notes: DriverNotes | None = None
     """Of a run that did not pass, if there are any."""
 
+    shown = (
+        "mutant=name meaning operators changes verdict with=with_ reason digest file=failed_file? impact "
+        "near_misses=near preventability story"
+    )
+
+    @property
+    def changes(self) -> list[str]:
+        """What the mutant changes, as its file says it (parsing 1,200 mutants for the same words takes seconds)."""
+        lines = (line.strip() for line in self.text.splitlines())
+        return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
+
+    @property
+    def failed_file(self) -> str:
+        """Its file, which only a failure has."""
+        return self.file if self.verdict.is_failure else ""
+
     @property
     def preventable(self) -> Preventable | None:
         """Whether a careful driver would have avoided it; None where it was no failure, or was not looked at."""
@@ -137,10 +158,25 @@ class ClipOutcome:
     notes: DriverNotes | None = None
     """As of a `ChildOutcome`."""
 
+    shown = (
+        "clip=name test_case=seed verdict deviation_m/max=largest_m?:4 deviation_m/median_others=median_m?:4 "
+        "deviation_m/ego=ego_m?:4 within_0.1_m=within:4 children"
+    )
+
     @property
     def failing(self) -> tuple[ChildOutcome, ...]:
         """The children that failed."""
         return tuple(c for c in self.children if c.verdict.is_failure)
+
+
+class Reduced(NamedTuple):
+    """How many there were before, and are now."""
+
+    before: int = 0
+    now: int = 0
+
+
+_NONE = Reduced()
 
 
 @dataclass(frozen=True)
@@ -160,44 +196,32 @@ class Minimised:
     clip_text: str
     dropped: Dropped = field(default_factory=Dropped)
     boundaries: tuple[Boundary, ...] = ()
-    changes: tuple[int, int] = (0, 0)
-    actors: tuple[int, int] = (0, 0)
-    clip_lines: tuple[int, int] = (0, 0)
+    changes: Reduced = _NONE
+    actors: Reduced = _NONE
+    clip_lines: Reduced = _NONE
     runs: int = 0
     complete: bool = True
     note: str = ""
+
+    shown = (
+        "file clip=clip_file changed=child.changes reason=child.reason sentence=child.story.sentence "
+        "preventability=child.preventable dropped changes actors clip_lines boundary=boundaries runs complete note"
+    )
 
     @property
     def folder(self) -> str:
         """Where its files are, relative to the campaign's folder."""
         return f"findings/{self.child.name}"
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for `campaign.json` and `foresee minimise --json`."""
-        before_and_now = {
-            name: dict(zip(("before", "now"), getattr(self, name), strict=True))
-            for name in ("changes", "actors", "clip_lines")
-        }
-        return {
-            "file": f"{self.folder}/{self.child.name}.foresee",
-            "clip": f"{self.folder}/{self.clip}.foresee",
-            "changed": changes_in(self.child.text),
-            "reason": self.child.reason,
-            "sentence": self.child.story.sentence if self.child.story else None,
-            "preventability": self.child.preventable.value if self.child.preventable else None,
-            "dropped": asdict(self.dropped),
-            **before_and_now,
-            "boundary": [edge.as_dict() for edge in self.boundaries],
-            "runs": self.runs,
-            "complete": self.complete,
-            "note": self.note,
-        }
+    @property
+    def file(self) -> str:
+        """Its mutant's file, likewise."""
+        return f"{self.folder}/{self.child.name}.foresee"
 
-
-def changes_in(text: str) -> list[str]:
-    """Return what a mutant changes, as its file says it (parsing 1,200 mutants for the same words takes seconds)."""
-    lines = (line.strip() for line in text.splitlines())
-    return [line.removeprefix("change ") for line in lines if line.startswith("change ")]
+    @property
+    def clip_file(self) -> str:
+        """Its clip's, likewise."""
+        return f"{self.folder}/{self.clip}.foresee"
 
 
 Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | Minimised

@@ -1,16 +1,15 @@
-"""What a campaign found: its figures, and as JSON."""
+"""What a campaign found, and its figures."""
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
-from foresee_dsl.campaign.findings.grouping import findings_of
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome, changes_in
+from foresee_dsl.campaign.findings.grouping import Finding, findings_of
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventable
@@ -32,6 +31,11 @@ class FamilyRow:
     wall_s: float
     fidelity_median_m: float
     fidelity_max_m: float
+
+    @property
+    def cases_passed(self) -> int:
+        """The test cases that passed."""
+        return self.cases - self.cases_failed
 
     @property
     def failed(self) -> int:
@@ -63,18 +67,6 @@ class FidelityFigures:
     others_max_m: float
     ego_median_m: float
     ego_max_m: float
-
-    def as_dict(self, driver: str) -> dict[str, Any]:
-        """Return it for `campaign.json`."""
-        others = {"actors": self.others, "median_m": _metres(self.others_median_m),
-                  "within_0.1_m": round(self.others_within, 4), "max_m": _metres(self.others_max_m)}  # fmt: skip
-        ego = {"median_m": _metres(self.ego_median_m), "max_m": _metres(self.ego_max_m)}
-        return {"driver": driver, "clips": self.clips, "others": others, "ego": ego}
-
-
-def _metres(value: float) -> float | None:
-    """For JSON, which has no infinity: an actor that a clip's run did not have at all."""
-    return round(value, 4) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
@@ -157,37 +149,35 @@ class CampaignResult:
         ordered = sorted(turns, key=lambda turn: (_avoidable(turn[1]), turn[0], _interest(turn[1])))
         return tuple(child for _, child in ordered[:count])
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return what `campaign.json` holds; everything but `wall_s` is the same for the same inputs."""
-        total = self.row()
-        return {
-            "schema": 1,
-            "document": "campaign",
-            **{name: getattr(self.settings, name) for name in ("driver", "ranker", "preset")},
-            "settings": asdict(self.settings),
-            "seeds": {
-                "total": total.cases,
-                "passed": total.cases - total.cases_failed,
-                "failed": total.cases_failed,
-            },
-            **{name: getattr(total, name) for name in ("risky_points", "clips", "children", "failures")},
-            "preventability": {answer.value: count for answer, count in self.avoidable().items()},
-            "fidelity_m": {"median": round(total.fidelity_median_m, 4), "max": round(total.fidelity_max_m, 4)},
-            "fidelity": self.fidelity.as_dict(self.settings.driver),
-            "simulated_s": round(total.simulated_s, 2),
-            "wall_s": round(self.wall_s, 2),
-            "interrupted": self.interrupted,
-            "broken": list(self.broken),
-            "test_cases": [_seed_dict(s) for s in self.seeds],
-            "clip_runs": [_clip_dict(c) for c in self.clips],
-            "findings": [
-                {**finding.as_dict(), "minimised": self._minimised(finding.name)} for finding in findings_of(self)
-            ],
-            "open_first": [child.file for child in self.to_open_first()],
-        }
+    shown = (
+        "driver=settings.driver ranker=settings.ranker preset=settings.preset settings seeds/total=total.cases "
+        "seeds/passed=total.cases_passed seeds/failed=total.cases_failed risky_points=total.risky_points "
+        "clips=total.clips children=total.children failures=total.failures preventability=avoidable "
+        "fidelity_m/median=total.fidelity_median_m:4 fidelity_m/max=total.fidelity_max_m:4 "
+        "fidelity/driver=settings.driver fidelity/clips=fidelity.clips fidelity/others/actors=fidelity.others "
+        "fidelity/others/median_m=fidelity.others_median_m?:4 "
+        "fidelity/others/within_0.1_m=fidelity.others_within:4 fidelity/others/max_m=fidelity.others_max_m?:4 "
+        "fidelity/ego/median_m=fidelity.ego_median_m?:4 fidelity/ego/max_m=fidelity.ego_max_m?:4 "
+        "simulated_s=total.simulated_s:2 wall_s:2 interrupted broken test_cases=seeds clip_runs=clips findings "
+        "open_first"
+    )
+    """`campaign.json`; everything but `wall_s` is the same for the same inputs."""
 
-    def _minimised(self, name: str) -> dict[str, Any] | None:
-        return next((small.as_dict() for small in self.minimised if small.child.name == name), None)
+    @cached_property
+    def total(self) -> FamilyRow:
+        """The figures of all families."""
+        return self.row()
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Failures that tell the same story as one, with what minimising gave."""
+        small = {one.child.name: one for one in self.minimised}
+        return tuple(replace(found, minimised=small.get(found.name)) for found in findings_of(self))
+
+    @property
+    def open_first(self) -> tuple[str, ...]:
+        """The files of the first to open."""
+        return tuple(child.file for child in self.to_open_first())
 
 
 def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
@@ -205,59 +195,6 @@ def _avoidable(child: ChildOutcome) -> int:
 
 def _interest(child: ChildOutcome) -> tuple[int, bool, bool, float, str]:
     return (_avoidable(child), "steer" in child.operators, child.verdict is Verdict.STUCK, -child.time_s, child.name)
-
-
-def _seed_dict(seed: SeedOutcome) -> dict[str, Any]:
-    return {
-        "test_case": seed.id,
-        "family": seed.family,
-        "meaning": seed.meaning,
-        "verdict": seed.verdict.value,
-        "reason": seed.reason,
-        "duration_s": round(seed.duration_s, 2),
-        "risky_points": seed.risky_points,
-        **_details(seed),
-        "notes": seed.notes.as_dict() if seed.notes else None,
-        "trace": seed.trace,
-    }
-
-
-def _clip_dict(clip: ClipOutcome) -> dict[str, Any]:
-    return {
-        "clip": clip.name,
-        "test_case": clip.seed,
-        "verdict": clip.verdict.value,
-        "deviation_m": {"max": _metres(clip.largest_m), "median_others": _metres(clip.median_m),
-                        "ego": _metres(clip.ego_m)},
-        "within_0.1_m": round(clip.within, 4),
-        "children": [
-            {
-                "mutant": child.name,
-                "meaning": child.meaning,
-                "operators": list(child.operators),
-                "changes": changes_in(child.text),
-                "verdict": child.verdict.value,
-                "with": child.with_,
-                "reason": child.reason,
-                "digest": child.digest,
-                "file": child.file if child.verdict.is_failure else None,
-                **_details(child),
-            }
-            for child in clip.children
-        ],
-    }  # fmt: skip
-
-
-def _details(run: SeedOutcome | ChildOutcome) -> dict[str, Any]:
-    """Return the contact that a run ended with, its near misses, and whether its failure was preventable."""
-    found = vars(run.preventability) if run.preventability else {}
-    preventability = {name: round(value, 3) if isinstance(value, float) else value for name, value in found.items()}
-    return {
-        "impact": run.impact.as_dict() if run.impact else None,
-        "near_misses": run.near.as_dict() if run.near else None,
-        "preventability": preventability or None,
-        "story": run.story.as_dict() if run.story else None,
-    }
 
 
 def sorted_outcomes(

@@ -22,8 +22,7 @@ def drivers(json: JsonOption = False) -> None:
 
     found = describe_drivers()
     if json:
-        keys = ("name", "version", "about", "package")
-        print_json({"schema": 1, "drivers": [dict(zip(keys, d[: len(keys)], strict=True)) for d in found]})
+        print_json({"drivers": found})
         return
     from rich.table import Table
 
@@ -47,9 +46,7 @@ def models(
 
     specs = [spec_of(model) for model in load_catalogue(catalogue).values()]
     if json:
-        from dataclasses import asdict
-
-        print_json({"schema": 1, "models": [asdict(s) | {"rear_overhang_m": s.rear_overhang_m} for s in specs]})
+        print_json({"models": specs})
         return
     from rich.table import Table
 
@@ -121,7 +118,7 @@ def doctor(json: JsonOption = False) -> None:
     """Say what is installed, what works, and how to repair what does not."""
     findings = [_python(), *map(_package, _PACKAGES), *map(_attempt, _CHECKS)]
     if json:
-        print_json({"schema": 1, "ok": all(f.ok for f in findings), "findings": [vars(f) for f in findings]})
+        print_json({"ok": all(f.ok for f in findings), "findings": findings})
     else:
         screen = console()
         for f in findings:

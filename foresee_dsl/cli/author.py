@@ -34,7 +34,7 @@ def compile_(
     bundle = compile_test_case(load_test_case(address, allow_outside=allow_outside))
     files = write_sumo_folder(bundle, out)
     if json:
-        print_json({"schema": 1, "test_case": address, "key": bundle.key, "files": [str(f) for f in files]})
+        print_json({"test_case": address, "key": bundle.key, "files": files})
     else:
         for file in files:
             typer.echo(str(file))
@@ -137,7 +137,6 @@ def _print_json(file: Path, scenario: Scenario, cases: Sequence[Case], found: Co
 
     print_json(
         {
-            "schema": 1,
             "file": str(file),
             "scenario": scenario.name,
             "cases": [

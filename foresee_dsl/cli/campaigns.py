@@ -153,7 +153,7 @@ def _report(
     """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file."""
     from dataclasses import replace
 
-    from foresee_dsl.campaign.folder import as_text
+    from foresee_dsl.campaign.folder import as_text, campaign_document
     from foresee_dsl.report.builds.case_results import CaseResult, of_campaign
     from foresee_dsl.report.campaign import print_campaign, save_campaign
 
@@ -173,7 +173,7 @@ def _report(
     report_results(
         form,
         results=found,
-        data=lambda: as_text(results[0][1].as_dict()) if len(results) == 1 else _several(results),
+        data=lambda: as_text(campaign_document(results[0][1])) if len(results) == 1 else _several(results),
         people=people,
         junit=junit,
         properties=[("driver", result.settings.driver) for _, result in results],
@@ -184,8 +184,10 @@ def _report(
 
 
 def _several(results: list[tuple[Path, CampaignResult]]) -> str:
-    campaigns = [{**result.as_dict(), "folder": str(folder)} for folder, result in results]
-    return json_document({"schema": 1, "document": "campaigns", "campaigns": campaigns})
+    from foresee_dsl.campaign.folder import campaign_document
+
+    campaigns = [{**campaign_document(result), "folder": str(folder)} for folder, result in results]
+    return json_document({"campaigns": campaigns}, "campaigns")
 
 
 def _pages(folders: list[Path], out: Path, screen: Console) -> None:
@@ -264,14 +266,17 @@ def plan(
         plans = [plan_campaign(one, store, jobs=flags.jobs) for one in stages]
         others = store.of_other_versions() if store is not None else 0
     if format == "json" and len(plans) > 1:
-        print_json({"schema": 1, "document": "plans", "plans": [
-            {"driver": settings.driver, "ranker": settings.ranker, **found.as_dict()}
+        from foresee_dsl.documents import plain
+
+        several = [
+            {"driver": settings.driver, "ranker": settings.ranker, "schema": 1, **plain(found)}
             for settings, found in zip(request.settings, plans, strict=True)
-        ]})  # fmt: skip
+        ]
+        print_json({"plans": several}, "plans")
         return
     for settings, found in zip(request.settings, plans, strict=True):
         if format == "json":
-            print_json(found.as_dict())
+            print_json(found)
         elif format == "dot":
             typer.echo(found.as_dot())
         else:
@@ -331,12 +336,12 @@ def assess(
 
     [dim]foresee assess scenarios --driver pdm --driver idm[/dim]
     """
-    from foresee_dsl.campaign.assessment import assess_drivers
+    from foresee_dsl.campaign.assessment import Assessment, assess_drivers
     from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.drivers.registry import find_driver
     from foresee_dsl.language.project.loading import load_test_cases
     from foresee_dsl.report.builds.case_results import of_assessment
-    from foresee_dsl.report.drivers import as_dict, print_assessment, runs_progress
+    from foresee_dsl.report.drivers import print_assessment, runs_progress
 
     drivers = list(dict.fromkeys(driver or ["pdm"]))
     for name in drivers:
@@ -352,7 +357,7 @@ def assess(
     report_results(
         form,
         results=lambda: of_assessment(runs, seed),
-        data=lambda: json_document(as_dict(runs, seed)),
+        data=lambda: json_document(Assessment(runs, seed)),
         people=lambda screen: print_assessment(screen, runs, failures=show, of=total),
         junit=junit,
         properties=[("driver", name) for name in drivers],

@@ -125,10 +125,8 @@ def _print(format_: Format, result: Checked, shown: Sequence[Diagnostic], *, fai
         else:
             give(_lines(render_github(shown, every_code())))
     elif format_ is Format.json:
-        from foresee_dsl.language.messages.diagnostics import to_json
-
-        print_json({"schema": 1, "ok": not failed, "files": result.files, "test_cases": len(result.cases),
-                    "diagnostics": [to_json(d) for d in shown]})  # fmt: skip
+        found = {"ok": not failed, "files": result.files, "test_cases": len(result.cases), "diagnostics": shown}
+        print_json(found)
     elif format_ is Format.concise:
         from foresee_dsl.language.messages.diagnostics import render_concise
 
@@ -151,8 +149,6 @@ def _lines(text: str) -> str:
 
 _FILE = "\n--- "
 """What begins another file of an example, in front of its name."""
-_PIN = "sha256:5ef2c6120a41"
-"""What stands for a parent's pin in an example."""
 
 
 def explain(
@@ -170,7 +166,7 @@ def explain(
 
     codes = every_code()
     if code is None and json:
-        print_json({"schema": 1, "codes": [_data(found) for found in codes.values()]})
+        print_json({"codes": codes.values()})
         return
     if code is None:
         _list(list(codes.values()))
@@ -181,7 +177,7 @@ def explain(
         typer.echo(f"error: there is no code {code[:40]}{_nearest(name, list(codes))}", err=True)
         raise typer.Exit(FAILED)
     if json:
-        print_json({"schema": 1, "codes": [_data(found)]})
+        print_json({"codes": [found]})
     else:
         _show(found)
 
@@ -193,18 +189,6 @@ def _nearest(name: str, known: list[str]) -> str:
     digits = "".join(c for c in name if c.isdigit())
     meant = closest(f"fs{digits.zfill(3)}", small) or closest(name.lower(), small)
     return f": did you mean {meant.upper()}?" if meant else "; `foresee explain` lists them"
-
-
-def _data(code: Code) -> dict[str, str]:
-    return {
-        "code": code.code,
-        "severity": code.severity,
-        "title": code.title,
-        "explanation": code.explanation,
-        "within": code.frame,
-        "wrong": code.wrong.replace("PIN", _PIN),
-        "right": code.right.replace("PIN", _PIN),
-    }
 
 
 def _list(codes: list[Code]) -> None:
@@ -229,12 +213,12 @@ def _show(code: Code) -> None:
     out.print(Text.assemble((code.code, f"bold {tint}"), (f" {code.severity}: ", tint), (code.title, "bold")))
     out.print()
     out.print(Text(code.explanation))
-    right = _without_repeats(code.wrong, code.right)
-    for word, example in (("wrong", code.wrong), ("right", right)):
+    right = _without_repeats(code.wrong_example, code.right_example)
+    for word, example in (("wrong", code.wrong_example), ("right", right)):
         if example:
             where = f", {code.within}" if code.within and _FILE not in example and not example.startswith("$") else ""
             out.print(Text(f"\n{word}{where}:"))
-            show(plain(textwrap.indent(example.rstrip("\n").replace("PIN", _PIN), "  ")) + "\n")
+            show(plain(textwrap.indent(example.rstrip("\n"), "  ")) + "\n")
 
 
 def _without_repeats(wrong: str, right: str) -> str:

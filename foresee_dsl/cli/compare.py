@@ -53,7 +53,7 @@ def diff(
     first, second = (old, new) if new else (parent_address(old), old)
     found = compare_addresses(first, second, allow_outside=allow_outside)
     if json or format is Format.JSON:
-        print_json(found.as_dict())
+        print_json(found)
     elif format is Format.MARKDOWN:
         typer.echo(render_markdown(found.changes, found.texts, old=found.old, new=found.new), nl=False)
     else:
@@ -165,8 +165,10 @@ def repin(
     written = write_pins(children) if write else ()
     failed = [child for child in children if child.state in (State.CONFLICT, State.BLOCKED)]
     if json:
-        listed = [child.as_dict() | {"verdict": verdicts.get(child.file)} for child in children]
-        print_json({"schema": 1, "ok": not failed, "written": [str(file) for file in written], "children": listed})
+        from foresee_dsl.documents import plain
+
+        listed = [plain(child) | {"verdict": verdicts.get(child.file)} for child in children]
+        print_json({"ok": not failed, "written": written, "children": listed})
     else:
         for child in children:
             typer.echo(describe(child, verdicts.get(child.file), written=write), nl=False)

@@ -90,17 +90,7 @@ def _printing(write: Callable[..., Imported]) -> Callable[..., None]:
 
 def _print_outcome(done: Imported, *, json: bool) -> None:
     if json:
-        print_json(
-            {
-                "schema": 1,
-                "files": [str(file) for file in done.files],
-                "cases": done.cases,
-                "taken": done.taken,
-                "left_out": dict(done.left_out),
-                "lost": dict(done.lost),
-                "notes": list(done.notes),
-            }
-        )
+        print_json(done)
         return
     for file in done.files:
         typer.echo(f"wrote {file}")

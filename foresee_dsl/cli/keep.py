@@ -55,6 +55,7 @@ def keep(
     foresee keep --prune[/dim]
     """
     import re
+    from dataclasses import replace
 
     from foresee_dsl.campaign.regression import keeping
     from foresee_dsl.campaign.regression.sources import source_of
@@ -65,12 +66,12 @@ def keep(
         raise typer.BadParameter("name what to keep, or say --prune", param_hint="FINDING|MUTANT")
     if as_ and (len(wanted) != 1 or not re.fullmatch(NAME_PATTERN, as_)):
         raise typer.BadParameter("a name in small letters, digits and _, for one test at a time", param_hint="--as")
-    report = keeping.Report((), (), ())
+    report = keeping.Report()
     if wanted:
         report = keeping.keep([source_of(one, campaign, full=full) for one in wanted], to, name=as_)
     removed = keeping.prune(to) if prune else ()
     if json:
-        print_json(keeping.as_dict(report, removed))
+        print_json(replace(report, removed=removed))
     else:
         _print_kept(report, removed)
 
@@ -120,8 +121,8 @@ def verify(
     foresee verify out/children[/dim]
     """
     from foresee_dsl.campaign.regression.expectations import Status
-    from foresee_dsl.campaign.regression.verify import as_dict, verify_files
     from foresee_dsl.campaign.regression.verify import update as write_expected
+    from foresee_dsl.campaign.regression.verify import verify_files
     from foresee_dsl.drivers.deadlines import Deadlines
     from foresee_dsl.report.builds.case_results import of_rechecks
     from foresee_dsl.report.verification import print_verification
@@ -132,7 +133,14 @@ def verify(
     report_results(
         ReportFormat.json if json else format_,
         results=lambda: of_rechecks(rechecks, driver),
-        data=lambda: json_document(as_dict(rechecks, written)),
+        data=lambda: json_document(
+            {
+                "ok": all(one.status is Status.AS_EXPECTED for one in rechecks),
+                "counts": {status: sum(one.status is status for one in rechecks) for status in Status},
+                "written": written or (),
+                "tests": rechecks,
+            }
+        ),
         people=lambda screen: print_verification(screen, rechecks, written),
         junit=junit,
         properties=[("driver", driver or "as recorded")],
@@ -193,7 +201,7 @@ def compare(
         base, new = (side_of_campaign(Path(path)) for path in paths)
     found = paired(base, new)
     if json or format_ is Format.JSON:
-        print_json(found.as_dict())
+        print_json(found)
     else:
         from foresee_dsl.report.comparison import print_comparison, to_markdown
 

@@ -54,7 +54,7 @@ def minimise(
     if full:
         files = Texts.unreduced(wanted, allow_outside=allow_outside).write(folder)
         if json:
-            print_json({"schema": 1, "mutant": str(wanted.file), "full": True, "files": [str(f) for f in files]})
+            print_json({"mutant": wanted.file, "full": True, "files": files})
         else:
             typer.echo("\n".join(str(file) for file in files))
         return
@@ -63,19 +63,19 @@ def minimise(
     )
     files = Texts.of(found, parent).write(folder)
     if json:
-        small = {name: value for name, value in found.as_dict().items() if name not in ("file", "clip")}
-        print_json({"schema": 1, "mutant": str(wanted.file), "full": False, "files": [str(f) for f in files],
-                    "runs_now": runs, **small})  # fmt: skip
+        from foresee_dsl.documents import plain
+
+        small = {name: value for name, value in plain(found).items() if name not in ("file", "clip")}
+        print_json({"mutant": wanted.file, "full": False, "files": files, "runs_now": runs, **small})
     else:
         _print_minimised(found, runs, files)
 
 
 def _print_minimised(found: Minimised, runs: int, files: tuple[Path, Path]) -> None:
     screen = console()
-    small = found.as_dict()
     took = "known from the store, nothing was run" if not runs else f"{runs} runs"
     screen.print(f"{found.child.name}: {found.child.reason}", soft_wrap=True, markup=False)
-    for change in small["changed"]:
+    for change in found.child.changes:
         screen.print(f"  change {change}", soft_wrap=True, markup=False)
     left_out = found.dropped.text
     screen.print(f"  left out: {left_out or 'nothing'} ({took})", soft_wrap=True, markup=False)
@@ -98,7 +98,7 @@ def review(finding: Finding, campaign: CampaignOption = Path("out"), json: JsonO
 
     found = review_of(asked(finding, campaign, tests=True))
     if json:
-        print_json(found.as_dict())
+        print_json(found)
         return
     from foresee_dsl.report.review import review_text
 

@@ -57,12 +57,12 @@ def report(
             typer.echo(str(file))
         case Form.TEXT | Form.JSON:
             from foresee_dsl.report.page.contents import contents_of
-            from foresee_dsl.report.page.plain import as_dict, as_text
+            from foresee_dsl.report.page.plain import as_text
             from foresee_dsl.report.page.runs import Reader
 
             contents = contents_of(folders, Reader(plays=False))
             if format is Form.JSON:
-                print_json(as_dict(contents))
+                print_json(contents)
             else:
                 typer.echo(as_text(contents), nl=False)
 

@@ -101,7 +101,7 @@ def run(
 
     def data() -> str:
         every = _documents(done, driver, seed, traces)
-        return common.json_document({"schema": 1, **(every[0] if single else {"document": "runs", "runs": every})})
+        return common.json_document(every[0]) if single else common.json_document({"runs": every}, "runs")
 
     report_results(
         ReportFormat.json if json else format_,
@@ -137,23 +137,21 @@ def _documents(runs: Sequence[CaseRun], driver: str, seed: int, traces: Mapping[
 
 def _run_dict(one: CaseRun, trace: Path | None) -> dict[str, object]:
     """Return a run for JSON; of one whose process died there is the verdict, and what was printed."""
-    from dataclasses import asdict
-
     from foresee_dsl.simulate.results.near_misses import NearMisses
 
     result = one.result
     return {
-        "verdict": one.verdict.value,
+        "verdict": one.verdict,
         "time_s": round(result.time_s, 2) if result else 0.0,
         "with": result.with_ if result else "",
         "reason": one.reason,
-        "impact": result.impact.as_dict() if result and result.impact else None,
-        "near_misses": (result.near_misses if result else NearMisses(None, None, None, None)).as_dict(),
+        "impact": result.impact if result else None,
+        "near_misses": result.near_misses if result else NearMisses(None, None, None, None),
         "duration_s": round(result.duration_s, 2) if result else 0.0,
         "steps": result.steps if result else 0,
-        "expectations": [asdict(expectation) for expectation in result.expectations] if result else [],
-        **one.notes.as_dict(),
-        "trace": str(trace) if trace else None,
+        "expectations": result.expectations if result else (),
+        **vars(one.notes),
+        "trace": trace,
         "digest": result.trace.digest if result else "",
     }
 
@@ -173,8 +171,7 @@ def forecast(
     """
     points = _points(_load_trace(trace), ranker, seed, before, after, allow_outside=allow_outside)
     if json:
-        found = [_point_dict(p) for p in points]
-        common.print_json({"schema": 1, "trace": str(trace), "ranker": ranker, "risky_points": found})
+        common.print_json({"trace": trace, "ranker": ranker, "risky_points": points})
         return
     from foresee_dsl.report.terminal import print_points
 
@@ -226,8 +223,10 @@ def clip(
     model, _, _, found = measure_clip(model, case, loaded, file, driver=driver, seed=run_seed)
     write_whole(file, print_model(model))
     if json:
+        from foresee_dsl.documents import plain
+
         fidelity = {"fidelity_m": round(found.largest_others_m, 4), "fidelity_ego_m": round(found.ego_m, 4)}
-        common.print_json({"schema": 1, "clip": str(file), **fidelity, **_point_dict(point)})
+        common.print_json({"clip": file, **fidelity, **plain(point)})
     else:
         strays = f"fidelity {found.largest_others_m:.2f} m, of the ego {found.ego_m:.2f} m"
         typer.echo(f"{file}\n  {point.why}\n  {strays}")
@@ -257,18 +256,12 @@ def mutate(
     for child in outcomes:
         write_whole(Path(child.file), child.text)
     if json:
-        common.print_json(
-            {
-                "schema": 1,
-                "clip": str(file),
-                "preset": preset,
-                "children": [
-                    {"file": c.file, "operators": list(c.operators), "verdict": c.verdict.value, "with": c.with_,
-                     "reason": c.reason, "digest": c.digest}
-                    for c in outcomes
-                ],
-            }
-        )  # fmt: skip
+        ran = [
+            {"file": c.file, "operators": c.operators, "verdict": c.verdict, "with": c.with_, "reason": c.reason,
+             "digest": c.digest}
+            for c in outcomes
+        ]  # fmt: skip
+        common.print_json({"clip": file, "preset": preset, "children": ran})
     elif outcomes:
         from foresee_dsl.report.safe_text import safe
 
@@ -307,15 +300,3 @@ def _points(
         return compile_test_case(case)
 
     return ranker_within(ranker, compiled).rank(trace, seed=seed, before_s=before, after_s=after)
-
-
-def _point_dict(point: RiskyPoint) -> dict[str, object]:
-    return {
-        "rank": point.rank,
-        "time_s": round(point.time_s, 2),
-        "frame": point.frame,
-        "actor": point.actor,
-        "group": point.group,
-        "distance_m": None if point.distance_m != point.distance_m else round(point.distance_m, 3),
-        "why": point.why,
-    }

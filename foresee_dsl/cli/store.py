@@ -54,7 +54,7 @@ def store(
         with Store(folder, write=False) as opened:
             found = statistics(opened)
         if json:
-            print_json({"schema": 1, **vars(found)})
+            print_json(found)
         else:
             _print_statistics(folder, found)
     elif action == "gc":
@@ -63,18 +63,18 @@ def store(
         with Store(folder) as opened:
             swept = sweep(opened, older=older, damaged=damaged)
         text = f"{folder}: {swept.rows} results and {swept.files} files deleted, {swept.size / 1e6:.1f} MB"
-        _print(vars(swept), text, json=json)
+        _print(swept, text, json=json)
     else:
         if to is None:
             raise typer.BadParameter("export needs --to FILE.parquet or --to FILE.csv", param_hint="--to")
         with Store(folder, write=False) as opened:
             count = export(opened, to)
-        _print({"rows": count, "file": str(to)}, f"{to}: {count} rows", json=json)
+        _print({"rows": count, "file": to}, f"{to}: {count} rows", json=json)
 
 
-def _print(data: dict[str, object], text: str, *, json: bool) -> None:
+def _print(data: object, text: str, *, json: bool) -> None:
     if json:
-        print_json({"schema": 1, **data})
+        print_json(data)
     else:
         typer.echo(text)
 

@@ -43,6 +43,8 @@ class ModelSpec:
     height_m: float = 1.5
     cruise_mps: float | None = None
 
+    shown = "* rear_overhang_m"
+
     @property
     def rear_overhang_m(self) -> float:
         """From the rear axle to the rear bumper, m."""

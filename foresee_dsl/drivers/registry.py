@@ -10,8 +10,9 @@ import contextlib
 import math
 import re
 import shlex
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import unquote
 
 from foresee_dsl.drivers.protocol import Driver, WatchesFirst
@@ -24,7 +25,8 @@ _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
 """Characters that a text of the language cannot contain, and how they are written."""
 
 
-class DriverInfo(NamedTuple):
+@dataclass(frozen=True)
+class DriverInfo:
     """What a list of drivers shows.
 
     Attributes:
@@ -37,6 +39,8 @@ class DriverInfo(NamedTuple):
     doc: str
     package: str
     unavailable: bool = False
+
+    shown = "name version about=doc package"
 
 
 def driver_names() -> tuple[str, ...]:

@@ -42,6 +42,8 @@ class RiskyPoint:
     score: float
     why: str
 
+    shown = "rank time_s:2 frame actor group distance_m?:3 why"
+
 
 @runtime_checkable
 class Ranker(Protocol):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
 from itertools import groupby
-from typing import Any
 
 from rich.console import Console
 from rich.progress import TextColumn
@@ -64,38 +62,6 @@ def print_assessment(console: Console, runs: Sequence[DriverRun], *, failures: b
             if (run.driver, run.reason) not in told:  # once for each place in a driver's code
                 told.add((run.driver, run.reason))
                 print_notes(console, run.notes)
-
-
-def as_dict(runs: Sequence[DriverRun], seed: int) -> dict[str, Any]:
-    """Return everything for JSON; what is measured on the clock (`step_ms`) differs from run to run.
-
-    `broken` is empty: a run whose process died is a crash among the others.
-    """
-    return {
-        "schema": 1,
-        "seed": seed,
-        "drivers": [_row_dict(row) for row in rows_of(runs)],
-        "families": [_row_dict(row) for row in rows_of(runs, families=True)],
-        "runs": [
-            {
-                **{k: v for k, v in asdict(one).items() if k != "notes"},
-                "verdict": one.verdict.value,
-                **one.notes.as_dict(),
-            }
-            for one in runs
-        ],
-        "broken": [],
-    }
-
-
-def _row_dict(row: DriverRow) -> dict[str, Any]:
-    return {
-        **{name: getattr(row, name) for name in ("driver", "family", "cases")},
-        "verdicts": {v.value: row.verdicts[v] for v in Verdict if row.verdicts[v]},
-        "arrived": round(row.share(Verdict.PASS), 4),
-        "failed": round(row.failed, 4),
-        **{name: round(getattr(row, name), 3) for name in ("mean_mps", "hard_brakings_per_km", "step_ms")},
-    }
 
 
 def _table(title: str, first: str, rows: Sequence[tuple[str, DriverRow]]) -> Table:

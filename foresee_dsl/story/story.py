@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 
 class ContactClass(StrEnum):
@@ -39,6 +38,8 @@ class Moment:
     kind: str
     text: str
 
+    shown = "time_s:2 actor kind text"
+
 
 @dataclass(frozen=True)
 class Story:
@@ -67,6 +68,11 @@ class Story:
     touch: str = ""
     mutation: str = ""
 
+    shown = (
+        "sentence class=contact opponent? opponent_kind? ego_manoeuvre opponent_manoeuvre place touch? mutation? "
+        "moments"
+    )
+
     @property
     def role(self) -> str:
         """What the opponent is in the story: its class, with all motor vehicles in one."""
@@ -77,19 +83,3 @@ class Story:
         """What equal stories have in common."""
         manoeuvres = self.ego_manoeuvre, self.opponent_manoeuvre
         return (self.role, *manoeuvres, self.place, self.contact.value, self.touch)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {
-            "sentence": self.sentence,
-            "class": self.contact.value,
-            "opponent": self.opponent or None,
-            "opponent_kind": self.opponent_kind or None,
-            "ego_manoeuvre": self.ego_manoeuvre,
-            "opponent_manoeuvre": self.opponent_manoeuvre,
-            "place": self.place,
-            "touch": self.touch or None,
-            "mutation": self.mutation or None,
-            "moments": [{"time_s": round(m.time_s, 2), "actor": m.actor, "kind": m.kind, "text": m.text}
-                        for m in self.moments],
-        }  # fmt: skip

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from foresee_dsl.campaign.assessment import DriverRun, assess_drivers, hard_brakings, rows_of, run_one
+from foresee_dsl.campaign.assessment import Assessment, DriverRun, assess_drivers, hard_brakings, rows_of, run_one
+from foresee_dsl.documents import plain
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_cases
-from foresee_dsl.report.drivers import as_dict, print_assessment
+from foresee_dsl.report.drivers import print_assessment
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import ACCELERATION, STEP_S, Trace
 
@@ -79,7 +80,7 @@ def test_the_table_fits(width: int) -> None:
 
 
 def test_json_has_the_rows_and_the_runs() -> None:
-    found = as_dict(RUNS, 0)
+    found = plain(Assessment(tuple(RUNS), 0))
     assert found["drivers"][0]["verdicts"] == {"pass": 1, "F2": 1, "F4": 1, "stuck": 1}
     assert found["runs"][1]["verdict"] == "F2" and len(found["families"]) == 3
 

@@ -11,6 +11,7 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.child import with_sentence
+from foresee_dsl.documents import plain
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
@@ -94,7 +95,7 @@ def test_the_order_of_what_finished_does_not_matter() -> None:
 
 
 def test_campaign_json_lists_them() -> None:
-    listed = campaign(SEEDS, CLIPS).as_dict()["findings"]
+    listed = plain(campaign(SEEDS, CLIPS))["findings"]
     assert [(f["name"], f["class"], f["count"]) for f in listed] == [
         ("b_p1_m1", "ego drove into", 3),
         ("b_p1_m2", "ego drove into", 1),

@@ -19,6 +19,7 @@ from foresee_dsl.campaign.steps.clip import measure_clip
 from foresee_dsl.campaign.steps.forecast import clip_around
 from foresee_dsl.derive.mutate import mutate
 from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.documents import plain
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
@@ -55,7 +56,7 @@ def test_preventable_failures_come_first_and_unavoidable_ones_last(result: Campa
 def test_counts(result: CampaignResult) -> None:
     assert result.avoidable() == {Preventable.YES: 1, Preventable.NO: 1, Preventable.UNKNOWN: 1}
     assert result.avoidable(Verdict.F2) == {Preventable.YES: 1, Preventable.NO: 0, Preventable.UNKNOWN: 0}
-    data = result.as_dict()
+    data = plain(result)
     assert data["preventability"] == {"preventable": 1, "unavoidable": 1, "undecided": 1}
     shown = {c["mutant"]: c["preventability"] for run in data["clip_runs"] for c in run["children"]}
     assert shown["passes"] is None

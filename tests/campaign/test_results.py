@@ -10,6 +10,7 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, sorted_outcomes
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.derive.preventability import Preventability, Preventable
+from foresee_dsl.documents import plain
 from foresee_dsl.report.campaign import save_campaign
 from foresee_dsl.simulate.results.verdict import Verdict
 
@@ -70,16 +71,16 @@ def test_fidelity_tells_the_others_from_the_ego() -> None:
         for one, others, ego in zip(result().clips, ((0.0, 0.02, 0.3), (0.01,), ()), (0.5, 0.1, 0.2), strict=True)
     )
     found = replace(result(), clips=clips)
-    assert found.as_dict()["fidelity"] == {
+    assert plain(found)["fidelity"] == {
         "driver": "pdm",
         "clips": 3,
         "others": {"actors": 4, "median_m": 0.015, "within_0.1_m": 0.75, "max_m": 0.3},
         "ego": {"median_m": 0.2, "max_m": 0.5},
     }
-    assert [run["deviation_m"]["ego"] for run in found.as_dict()["clip_runs"]] == [0.5, 0.1, 0.2]
+    assert [run["deviation_m"]["ego"] for run in plain(found)["clip_runs"]] == [0.5, 0.1, 0.2]
     # An actor that a clip's run lacks is infinitely far, which JSON cannot say.
     lost = replace(found, clips=(replace(clips[0], others_m=(math.inf,)),))
-    assert lost.as_dict()["fidelity"]["others"]["max_m"] is None
+    assert plain(lost)["fidelity"]["others"]["max_m"] is None
 
 
 def test_order_does_not_depend_on_who_finished_first() -> None:
@@ -109,5 +110,5 @@ def test_a_failing_test_case_says_whether_it_could_have_been_prevented(tmp_path:
     seeds = tuple(replace(s, preventability=why) if s.verdict is Verdict.F4 else s for s in found.seeds)
     save_campaign(tmp_path / "r.txt", replace(found, seeds=seeds), Path("out"))
     assert "    F4\n    unavoidable: the risk begins too late\n    7b\n" in (tmp_path / "r.txt").read_text()
-    told = {s["test_case"]: s["preventability"] for s in replace(found, seeds=seeds).as_dict()["test_cases"]}
+    told = {s["test_case"]: s["preventability"] for s in plain(replace(found, seeds=seeds))["test_cases"]}
     assert told["7b"]["verdict"] == "unavoidable" and told["3a"] is None

@@ -19,6 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.messages import diagnostics as rendering
@@ -188,7 +189,7 @@ def _rendered(diagnostic: Diagnostic) -> list[str]:
         rendering.render_full(diagnostic),
         rendering.render_full(diagnostic, colour=True),
         rendering.render_concise(diagnostic),
-        json.dumps(rendering.to_json(diagnostic)),
+        json.dumps(plain(diagnostic)),
     ]
 
 

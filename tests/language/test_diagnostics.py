@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.lints.lint import without_repeated
-from foresee_dsl.language.messages.diagnostics import render_all, render_concise, render_full, to_json
+from foresee_dsl.language.messages.diagnostics import render_all, render_concise, render_full
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.checked_files import check_paths
 from tests.support.examples_at_work import pin_by_hand
@@ -221,7 +222,7 @@ def test_colour_only_adds_colour():
 def test_concise_and_json():
     one = diagnostic("  speed 50 kmh", 12, 15)
     assert render_concise(one) == "a.foresee:7:12: error FS003: wrong (right)"
-    assert json.loads(json.dumps(to_json(one))) == {
+    assert json.loads(json.dumps(plain(one))) == {
         "code": "FS003",
         "severity": "error",
         "message": "wrong",
@@ -229,4 +230,4 @@ def test_concise_and_json():
         "path": "a.foresee",
         "span": {"line": 7, "column": 12, "end_line": 7, "end_column": 15},
     }
-    assert to_json(Diagnostic("FS001", "gone", path="a"))["span"] is None
+    assert plain(Diagnostic("FS001", "gone", path="a"))["span"] is None

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.documents import plain
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.diff.addresses import compare_addresses
 from foresee_dsl.language.diff.compare import diff_models
-from foresee_dsl.language.diff.parts import apply, to_dict
+from foresee_dsl.language.diff.parts import apply
 from foresee_dsl.language.diff.plain import plain_text, texts
 from foresee_dsl.language.diff.rendering import render_groups, render_markdown
 from foresee_dsl.language.model import (
@@ -85,7 +86,7 @@ def test_added_and_removed_statements() -> None:
     assert lines(without("weather"), SCENARIO) == ["added weather: rain 0.3, wetness 0.4"]
     assert lines(without("expect"), SCENARIO)[0] == "added expect never collision(ego)"
     bare = Scenario(name="a", body=(Weather(),))
-    assert [to_dict(d) for d in diff_models(bare, Scenario(name="a", body=(Weather(fog=q("0.2")),)))] == [
+    assert [plain(d) for d in diff_models(bare, Scenario(name="a", body=(Weather(fog=q("0.2")),)))] == [
         {
             "group": "environment",
             "path": "weather.fog",
@@ -423,8 +424,7 @@ def test_two_cases_of_a_file(tmp_path: Path) -> None:
     )
     found = compare_addresses(f"{file}::slow", f"{file}::fast")
     assert [str(change) for change in found.changes] == ["runner.speed: 30 km/h => 60 km/h (+30 km/h)"]
-    assert found.as_dict()["groups"] == ["stimulus"]
-    assert found.as_dict()["schema"] == 1
+    assert plain(found)["groups"] == ["stimulus"]
 
 
 def test_bare_crossings_are_something_that_is_written() -> None:

@@ -13,9 +13,10 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from foresee_dsl.documents import plain
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.compare import diff_models
-from foresee_dsl.language.diff.parts import apply, edit_from_dict, edit_to_dict
+from foresee_dsl.language.diff.parts import Edit, apply
 from foresee_dsl.language.diff.plain import plain_text
 from foresee_dsl.language.diff.rendering import render_groups, render_markdown
 from foresee_dsl.language.meaning import content_key, meaning_hash
@@ -88,12 +89,16 @@ def _one_field_changed(item: m.Item, givers: Iterable[m.Item]) -> Iterator[m.Ite
             yield type(item).model_validate(dict(item) | {name: getattr(giver, name)})
 
 
+def _edit(data: dict[str, Any]) -> Edit:
+    return Edit(data["op"], tuple(data["at"]), data["value"], data["rank"])
+
+
 def check_script(a: m.Definition, b: m.Definition) -> None:
     changes = diff_models(a, b)
     made = apply(a, changes)
     assert meaning(made) == meaning(b)
     assert diff_models(made, b) == ()
-    read_back = [edit_from_dict(json.loads(json.dumps(edit_to_dict(change.edit)))) for change in changes]
+    read_back = [_edit(json.loads(json.dumps(plain(change.edit)))) for change in changes]
     assert meaning(apply(a, reversed(read_back))) == meaning(b)
     assert (meaning(a) == meaning(b)) == (not changes)
     assert all(change.path for change in changes)

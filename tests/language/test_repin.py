@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from foresee_dsl.documents import plain
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.names import MISSING_FILE, STALE_PIN, WRONG_KIND, WRONG_WAS
 from foresee_dsl.language.project.loading import load_test_case
@@ -190,4 +191,4 @@ def test_in_words(project: Repository) -> None:
     assert f"follows {project.clip}" in describe(children[1], ("pass", "pass"))
     assert "run: the same, pass" in describe(children[1], ("pass", "pass"))
     assert summary(children) == "3 to re-pin (`--write` does it)"
-    assert clip.as_dict()["reaching"][0]["path"] == "weather.rain"
+    assert plain(clip)["reaching"][0]["path"] == "weather.rain"

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from foresee_dsl.documents import plain
 from foresee_dsl.simulate.results.near_misses import HORIZON_S, NearMiss, near_misses
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from tests.support.handmade_traces import EAST, NORTH, SIZES, WEST, Track, make_trace, straight, until
@@ -145,8 +146,8 @@ def test_a_contact_cannot_be_braked_away() -> None:
     found = near_misses(make_trace({"ego": ego, "lead": lead}))
     assert found.drac_mps2 is not None
     assert found.drac_mps2.value == math.inf
-    assert found.as_dict()["drac_mps2"] == {"value": None, "time_s": 1.0, "with": "lead"}
-    assert found.as_dict()["ttc_s"] == {"value": 0.0, "time_s": 1.0, "with": "lead"}
+    assert plain(found)["drac_mps2"] == {"value": None, "time_s": 1.0, "with": "lead"}
+    assert plain(found)["ttc_s"] == {"value": 0.0, "time_s": 1.0, "with": "lead"}
 
 
 def test_who_stood_on_the_spot_counts_from_when_it_left() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.derive.preventability import Preventability
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
@@ -41,6 +41,7 @@ class Finding:
         test_case: the address of the representative's test case. family: of all of them.
         file: the representative's: of a child relative to the campaign's folder, of a test case its address.
         clip: the file of the representative's clip, relative to the campaign's folder; "" of a test case.
+        minimised: the representative made smaller, where that was done.
     """
 
     name: str
@@ -52,6 +53,13 @@ class Finding:
     family: str
     file: str
     clip: str = ""
+    minimised: Minimised | None = None
+
+    shown = (
+        "name sentence=story.sentence class=story.contact verdict test_case family file clip? count siblings "
+        "sibling_files preventability=preventability.verdict why=preventability.why ego_manoeuvre=story.ego_manoeuvre "
+        "opponent_manoeuvre=story.opponent_manoeuvre? place=story.place mutation=story.mutation? minimised"
+    )
 
     @property
     def verdict(self) -> Verdict:
@@ -67,28 +75,6 @@ class Finding:
     def count(self) -> int:
         """How many failures it stands for."""
         return 1 + len(self.siblings)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for `campaign.json`."""
-        return {
-            "name": self.name,
-            "sentence": self.story.sentence,
-            "class": self.story.contact.value,
-            "verdict": self.verdict.value,
-            "test_case": self.test_case,
-            "family": self.family,
-            "file": self.file,
-            "clip": self.clip or None,
-            "count": self.count,
-            "siblings": list(self.siblings),
-            "sibling_files": list(self.sibling_files),
-            "preventability": self.preventability.verdict.value if self.preventability else None,
-            "why": self.preventability.why if self.preventability else None,
-            "ego_manoeuvre": self.story.ego_manoeuvre,
-            "opponent_manoeuvre": self.story.opponent_manoeuvre or None,
-            "place": self.story.place,
-            "mutation": self.story.mutation or None,
-        }
 
 
 @dataclass(frozen=True)

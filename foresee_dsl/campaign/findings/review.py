@@ -22,6 +22,8 @@ class Mutation:
     reason: str
     margins: Mapping[str, Mapping[str, Any] | None]
 
+    shown = "name changes verdict reason margins?"
+
 
 @dataclass(frozen=True)
 class Review:
@@ -39,6 +41,8 @@ class Review:
     seed: int
     campaign: Path
 
+    shown = "finding asked others withstood files/as_found=as_found files/to_look_at=file commands=command_lines"
+
     @property
     def minimised(self) -> Mapping[str, Any] | None:
         """The representative made smaller; None of a test case, or where that was not done yet."""
@@ -46,9 +50,14 @@ class Review:
         return found
 
     @property
-    def withstood(self) -> tuple[Mutation, ...]:
-        """The mutations that the driver passed."""
-        return tuple(one for one in self.others if one.verdict == "pass")
+    def withstood(self) -> tuple[str, ...]:
+        """The names of the mutations that the driver passed."""
+        return tuple(one.name for one in self.others if one.verdict == "pass")
+
+    @property
+    def as_found(self) -> str:
+        """The representative's file, unreduced."""
+        return str(self.finding["file"])
 
     @property
     def file(self) -> str:
@@ -71,19 +80,10 @@ class Review:
             found.append(("get it unreduced", f"foresee minimise {self.finding['name']}{out} --full --out unreduced"))
         return tuple(found)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {
-            "schema": 1,
-            "finding": dict(self.finding),
-            "asked": self.asked,
-            "others": [
-                {**vars(one), "changes": list(one.changes), "margins": one.margins or None} for one in self.others
-            ],
-            "withstood": [one.name for one in self.withstood],
-            "files": {"as_found": self.finding["file"], "to_look_at": self.file},
-            "commands": [command for _, command in self.commands],
-        }
+    @property
+    def command_lines(self) -> tuple[str, ...]:
+        """The commands alone."""
+        return tuple(command for _, command in self.commands)
 
 
 def review_of(wanted: Asked) -> Review:

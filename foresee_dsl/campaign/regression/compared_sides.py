@@ -13,6 +13,7 @@ from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.regression.comparison import Ran, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
+from foresee_dsl.documents import plain
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.registry import DRIVERS, recorded_driver
 from foresee_dsl.errors import ForeseeError
@@ -118,5 +119,5 @@ def _run(test: SuiteTest, driver: str, *, deadlines: Deadlines) -> tuple[Ran, st
     result = run_test_case(case, driver, test.seed, deadlines=deadlines)
     label = recorded_driver(driver, str(result.trace.meta.get("driver_version", "")))
     reason = result.reason or result.verdict.label
-    near = result.near_misses.as_dict()
+    near = plain(result.near_misses)
     return Ran(test.address, test.address, case.family, result.verdict, reason, near), label

@@ -56,6 +56,8 @@ class Ran:
     reason: str
     near: Mapping[str, Any] | None = None
 
+    shown = "verdict reason"
+
     @property
     def failed(self) -> bool:
         """Whether it did not pass: failures, and also crashes and timeouts."""
@@ -87,6 +89,8 @@ class Pair:
     base: Ran
     new: Ran
 
+    shown = "test_case=new.name family=new.family base new nearer"
+
     @property
     def change(self) -> Change:
         """What became of it."""
@@ -101,15 +105,6 @@ class Pair:
             return None
         found = [one for name in MEASURES if (one := _nearer(name, self.base.near, self.new.near)) is not None]
         return max(found, key=lambda one: one.share, default=None)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        sides = {
-            name: {"verdict": ran.verdict.value, "reason": ran.reason}
-            for name, ran in (("base", self.base), ("new", self.new))
-        }
-        nearer = vars(self.nearer) if self.nearer is not None else None
-        return {"test_case": self.new.name, "family": self.new.family, **sides, "nearer": nearer}
 
 
 @dataclass(frozen=True)
@@ -157,6 +152,41 @@ class Comparison:
     only_new: tuple[str, ...]
     edited: tuple[str, ...]
 
+    shown = (
+        "base=base.label new=new.label ok sentence pairs=paired only_base only_new edited broken new_failures fixed "
+        "still_failing nearer rows"
+    )
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is no new failure."""
+        return not self.new_failures
+
+    @property
+    def paired(self) -> int:
+        """How many test cases both sides have."""
+        return len(self.pairs)
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """What could not be run on either side."""
+        return self.base.broken + self.new.broken
+
+    @property
+    def new_failures(self) -> tuple[Pair, ...]:
+        """Those that only the base passed."""
+        return self.of(Change.NEW_FAILURE)
+
+    @property
+    def fixed(self) -> tuple[Pair, ...]:
+        """Those that only the new side passes."""
+        return self.of(Change.FIXED)
+
+    @property
+    def still_failing(self) -> tuple[Pair, ...]:
+        """Those that no side passes."""
+        return self.of(Change.STILL_FAILING)
+
     def of(self, change: Change) -> tuple[Pair, ...]:
         """Return the pairs of one kind; crashes and timeouts first."""
         found = (pair for pair in self.pairs if pair.change is change)
@@ -192,26 +222,6 @@ class Comparison:
         fewer = "more" if total.new_failures > total.fixed else "fewer"
         chance = f"{fewer} failures than by chance" if total.p < SIGNIFICANT else "it may be chance"
         return f"{counts}: {chance} (p = {total.p:.2g}, exact two-sided test)"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what `foresee compare --json` prints."""
-        return {
-            "schema": 1,
-            "base": self.base.label,
-            "new": self.new.label,
-            "ok": not self.of(Change.NEW_FAILURE),
-            "sentence": self.sentence,
-            "pairs": len(self.pairs),
-            "only_base": list(self.only_base),
-            "only_new": list(self.only_new),
-            "edited": list(self.edited),
-            "broken": [*self.base.broken, *self.new.broken],
-            "new_failures": [pair.as_dict() for pair in self.of(Change.NEW_FAILURE)],
-            "fixed": [pair.as_dict() for pair in self.of(Change.FIXED)],
-            "still_failing": [pair.as_dict() for pair in self.of(Change.STILL_FAILING)],
-            "nearer": [pair.as_dict() for pair in self.nearer],
-            "rows": [vars(row) for row in self.rows],
-        }
 
 
 def compare(base: Side, new: Side) -> Comparison:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.campaign.regression.edits import paths_in, with_doc, with_expected, with_name, with_paths
 from foresee_dsl.campaign.regression.index import write_index
@@ -38,26 +37,17 @@ class Kept:
 
 @dataclass(frozen=True)
 class Report:
-    """What was kept: the tests, the files that were written for them, and what else there is to say."""
+    """What was kept: the tests, the files that were written for them, and what else there is to say.
 
-    tests: tuple[Kept, ...]
-    parents: tuple[Path, ...]
-    notes: tuple[str, ...]
+    `removed`: the files of `--prune`.
+    """
 
+    tests: tuple[Kept, ...] = ()
+    parents: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+    removed: tuple[Path, ...] = ()
 
-def as_dict(report: Report, removed: Sequence[Path] = ()) -> dict[str, Any]:
-    """Return what `foresee keep --json` prints; `removed`: the files of `--prune`."""
-    tests = [
-        {"file": str(one.file), "new": one.new, "minimised": one.minimised, "sentence": one.sentence}
-        for one in report.tests
-    ]
-    return {
-        "schema": 1,
-        "tests": tests,
-        "copied": [str(file) for file in report.parents],
-        "notes": list(report.notes),
-        "removed": [str(file) for file in removed],
-    }
+    shown = "tests copied=parents notes removed"
 
 
 def keep(sources: Sequence[Source], folder: Path, *, name: str = "") -> Report:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import run_test_case
@@ -66,24 +64,12 @@ class Recheck:
     note: str = ""
     case: str | None = None
 
+    shown = "file status driver expected=was verdict=ending.verdict with=ending.actor now line note"
+
     @property
     def path(self) -> Path:
         """Its file."""
         return Path(self.file.removesuffix(f"::{self.case}") if self.case else self.file)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {
-            "file": self.file,
-            "status": self.status.value,
-            "driver": self.driver,
-            "expected": self.was,
-            "verdict": self.ending.verdict.value if self.ending else None,
-            "with": self.ending.actor if self.ending else None,
-            "now": self.now,
-            "line": self.line,
-            "note": self.note,
-        }
 
 
 def verify_files(
@@ -274,15 +260,3 @@ def update(rechecks: Iterable[Recheck]) -> tuple[Path, ...]:
     for suite in dict.fromkeys(folder for file in written if (folder := suite_folder(file)) is not None):
         write_index(suite, tests_in(suite))
     return tuple(written)
-
-
-def as_dict(rechecks: Sequence[Recheck], written: Sequence[Path] | None = None) -> dict[str, Any]:
-    """Return what `foresee verify --json` prints; `written`: the files of `--update`."""
-    counts = Counter(r.status for r in rechecks)
-    return {
-        "schema": 2,
-        "ok": counts[Status.AS_EXPECTED] == len(rechecks),
-        "counts": {status.value: counts[status] for status in Status},
-        "written": [str(file) for file in written or ()],
-        "tests": [one.as_dict() for one in rechecks],
-    }

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import relative_path, run_test_case
-from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, changes_in
+from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
 from foresee_dsl.campaign.steps.clip_text import clip_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
@@ -115,9 +115,9 @@ def minimised(
         clip_text=print_model(found.clip),
         dropped=found.dropped,
         boundaries=found.boundaries,
-        changes=(len(subject.mutant.changes), len(found.mutant.changes)),
-        actors=(_actors(before), _actors(found.clip)),
-        clip_lines=(print_model(before).count("\n"), print_model(found.clip).count("\n")),
+        changes=Reduced(len(subject.mutant.changes), len(found.mutant.changes)),
+        actors=Reduced(_actors(before), _actors(found.clip)),
+        clip_lines=Reduced(print_model(before).count("\n"), print_model(found.clip).count("\n")),
         runs=found.runs,
         complete=found.complete,
         note="; ".join(note for note in notes if note),
@@ -127,10 +127,10 @@ def minimised(
 
 def _as_found(child: ChildOutcome, clip: Clip, note: str) -> Minimised:
     """Return what says why a mutant is as it was."""
-    text, changes, actors = print_model(clip), len(changes_in(child.text)), _actors(clip)
+    text, changes, actors = print_model(clip), len(child.changes), _actors(clip)
     lines = text.count("\n")
-    return Minimised(child, clip.name, text, changes=(changes, changes), actors=(actors, actors),
-                     clip_lines=(lines, lines), complete=False, note=note)  # fmt: skip
+    return Minimised(child, clip.name, text, changes=Reduced(changes, changes), actors=Reduced(actors, actors),
+                     clip_lines=Reduced(lines, lines), complete=False, note=note)  # fmt: skip
 
 
 def _actors(clip: Clip) -> int:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -110,15 +110,24 @@ def calling(call: Call) -> Iterator[None]:
         CALL.reset(token)
 
 
-def print_json(data: dict[str, Any]) -> None:
+SCHEMA_NUMBERS = {"verify": 2}
+"""The numbers of documents' schemas, where they are not 1."""
+
+
+def print_json(data: object, name: str = "") -> None:
     """Print one JSON document, or write it to the file of `--output`."""
-    give(json_document(data))
+    give(json_document(data, name))
 
 
-def json_document(data: dict[str, Any]) -> str:
-    """Return a JSON document as text: its schema's number first, then its name (`docs/schemas/NAME-NUMBER.json`)."""
-    named = {"schema": data.get("schema", 1), "document": data.get("document", CALL.get().command)}
-    return json.dumps({**named, **data}, indent=2) + "\n"
+def json_document(data: object, name: str = "") -> str:
+    """Return a record or keys with their values as JSON (`foresee_dsl.documents.plain`), as text.
+
+    Its schema's number comes first, then its name (`docs/schemas/NAME-NUMBER.json`), by default the command's.
+    """
+    from foresee_dsl.documents import plain
+
+    name = name or CALL.get().command
+    return json.dumps({"schema": SCHEMA_NUMBERS.get(name, 1), "document": name, **plain(data)}, indent=2) + "\n"
 
 
 def give(text: str) -> None:

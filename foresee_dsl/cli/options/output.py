@@ -78,7 +78,7 @@ def for_tools(command: Callable[..., None], name: str) -> Callable[..., None]:
             except (ForeseeError, OSError) as error:
                 if not asked:
                     raise
-                common.print_json(_error_document(error))
+                common.print_json(_error_document(error), "error")
                 raise typer.Exit(common.FAILED) from error
 
     option = inspect.Parameter("output", inspect.Parameter.KEYWORD_ONLY, annotation=_OutputOption, default=None)
@@ -170,11 +170,7 @@ def _rendered(
 
 def _error_document(error: ForeseeError | OSError) -> dict[str, Any]:
     """A mistake in what was given, in the shape of `check --json`: `ok` is false, and why."""
-    if isinstance(error, InputError):
-        from foresee_dsl.language.messages.diagnostics import to_json
-
-        return {"schema": 1, "document": "error", "ok": False, "message": str(error),
-                "diagnostics": [to_json(found) for found in error.diagnostics]}  # fmt: skip
     place = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
     message = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
-    return {"schema": 1, "document": "error", "ok": False, "message": f"{place}{message}", "diagnostics": []}
+    diagnostics = error.diagnostics if isinstance(error, InputError) else ()
+    return {"ok": False, "message": f"{place}{message}", "diagnostics": diagnostics}

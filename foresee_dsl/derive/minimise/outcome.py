@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ class Boundary:
     passes: float
     tried: tuple[Tried, ...]
 
+    shown = "* sharp sentence"
+
     @property
     def sharp(self) -> bool:
         """Whether the two values are one step apart."""
@@ -68,10 +70,6 @@ class Boundary:
         """Return it in words: `runner.timing fails at 1.12, passes at 1.11`."""
         other = f" (in another way from {self.text(self.also_fails)} on)" if self.also_fails != self.fails else ""
         return f"{self.change} fails at {self.text(self.fails)}{other}, passes at {self.text(self.passes)}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {**asdict(self), "sharp": self.sharp, "sentence": self.sentence}
 
     def text(self, value: float) -> str:
         """Return a value as files write it."""

@@ -66,6 +66,8 @@ class Preventability:
     braked_s: float | None = None
     braked_impact_mps: float | None = None
 
+    shown = "*:3"
+
 
 def contact(result: RunResult) -> Impact | None:
     """Return the contact that a run ended with, None where it ended otherwise."""

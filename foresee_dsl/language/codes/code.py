@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
+from typing import Literal
 
 from foresee_dsl.files import data_folder
+
+PIN = "sha256:5ef2c6120a41"
+"""What stands for a parent's pin in an example."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +33,19 @@ class Code:
     wrong: str = ""
     right: str = ""
     frame: str = "scenario"
-    severity: str = "error"
+    severity: Literal["error", "warning"] = "error"
+
+    shown = "code severity title explanation within=frame wrong=wrong_example right=right_example"
+
+    @property
+    def wrong_example(self) -> str:
+        """The wrong example with a parent's pin."""
+        return self.wrong.replace("PIN", PIN)
+
+    @property
+    def right_example(self) -> str:
+        """The right one, likewise."""
+        return self.right.replace("PIN", PIN)
 
     @property
     def within(self) -> str:

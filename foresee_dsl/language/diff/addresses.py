@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.diff.compare import diff_models
-from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of, to_dict
-from foresee_dsl.language.diff.plain import texts
+from foresee_dsl.language.diff.parts import GROUPS, Difference, Edit, kind_of
+from foresee_dsl.language.diff.plain import TextChange, texts
 from foresee_dsl.language.meaning import models_named
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, absolute, is_file, mistake, parse_address, shown
 from foresee_dsl.language.project.catalogues import entries
@@ -27,24 +26,19 @@ _RUNS = (m.Scenario, m.Extension, m.Clip, m.Mutant)
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two addresses and what differs between them: `changes` in meaning; `texts` without: label, as it was, as it is
-    now."""
+    """Two addresses and what differs between them: `changes` in meaning, `texts` without."""
 
     old: str
     new: str
     changes: tuple[Difference, ...]
-    texts: tuple[tuple[str, str | None, str | None], ...] = ()
+    texts: tuple[TextChange, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return what `foresee diff --format json` prints."""
-        return {
-            "schema": 1,
-            "old": self.old,
-            "new": self.new,
-            "groups": [group for group in GROUPS if any(change.group == group for change in self.changes)],
-            "changes": [to_dict(change) for change in self.changes],
-            "texts": [dict(zip(("path", "was", "now"), found, strict=True)) for found in self.texts],
-        }
+    shown = "old new groups changes texts"
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """What the changes touch, in the order in which it is shown."""
+        return tuple(group for group in GROUPS if any(change.group == group for change in self.changes))
 
 
 def compare_addresses(old: str, new: str, *, allow_outside: bool = True) -> Comparison:

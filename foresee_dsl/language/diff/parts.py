@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, cast, get_args, get_origin
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from foresee_dsl.language import model as m
 
@@ -97,30 +97,6 @@ def once(path: str, statement: str | None) -> str:
     return statement if path in statement else f"{path}: {statement}"
 
 
-def to_dict(change: Difference) -> dict[str, Any]:
-    """Return a difference as plain data, for `--format json`."""
-    fields = ("group", "path", "kind", "was", "now", "note")
-    return {name: getattr(change, name) for name in fields} | {"edit": edit_to_dict(change.edit)}
-
-
-def edit_to_dict(edit: Edit) -> dict[str, Any]:
-    """Return an edit as plain data; `edit_from_dict` takes it back."""
-    return {"op": edit.op, "at": list(edit.at), "value": _plain(edit.value), "rank": edit.rank}
-
-
-def edit_from_dict(data: Mapping[str, Any]) -> Edit:
-    """Return the edit of `edit_to_dict`; its values become items when it is applied."""
-    return Edit(cast(Op, data["op"]), tuple(data["at"]), data["value"], data["rank"])
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, m.Item):
-        return value.model_dump(mode="json")
-    if isinstance(value, tuple):
-        return [_plain(part) for part in value]
-    return value
-
-
 _T = TypeVar("_T", bound=m.Item)
 
 
@@ -128,7 +104,7 @@ def apply(model: _T, changes: Iterable[Difference | Edit]) -> _T:
     """Return a model with differences made: `apply(a, diff_models(a, b))` means what `b` means.
 
     The model may also be another one with statements in the same places. `changes`: all or some, in any order; or their
-    edits (`edit_from_dict`).
+    edits.
 
     Raises:
         ValueError: an edit's place is not in the model, or what comes out is no model (pydantic's `ValidationError`).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
-from typing import Any, TypeVar, cast, get_args
+from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, label, text
@@ -30,15 +30,23 @@ def plain_text(model: m.Definition, *, people: bool = False) -> str:
     return print_model(_plain(model, people))
 
 
-def texts(a: m.Item, b: m.Item) -> tuple[tuple[str, str | None, str | None], ...]:
-    """Return what differs between two definitions without a change of meaning: label, as it was, as it is now."""
+class TextChange(NamedTuple):
+    """A difference that means nothing: of a `doc`, of tags, of an origin. `path`: its label."""
+
+    path: str
+    was: str | None
+    now: str | None
+
+
+def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
+    """Return what differs between two definitions without a change of meaning."""
     before, after = (
         {label(item): item for item in getattr(model, "body", ()) if isinstance(item, NO_MEANING)} for model in (a, b)
     )
     labels = [*before, *(words for words in after if words not in before)]
     found = [(words, before.get(words), after.get(words)) for words in labels]
     return tuple(
-        (words, text(was) if was else None, text(now) if now else None)
+        TextChange(words, text(was) if was else None, text(now) if now else None)
         for words, was, now in found
         if was is None or now is None or not same_value((was,), (now,)) or was != now
     )

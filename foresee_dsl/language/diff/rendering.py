@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 from foresee_dsl.language.diff.parts import GROUPS, Difference, Group, once
+from foresee_dsl.language.diff.plain import TextChange
 
 _WIDTH = 80
 _MARKS = {"changed": "~", "added": "+", "removed": "-", "renamed": "=", "moved": "^"}
@@ -16,10 +17,8 @@ _BOLD = "1"
 _LONG_LIST = 12
 """From so many differences on, a group of a pull request's comment is folded (ours: more than a screen shows)."""
 
-_Texts = Sequence[tuple[str, str | None, str | None]]
 
-
-def render_groups(changes: Sequence[Difference], texts: _Texts = (), *, colour: bool = False) -> str:
+def render_groups(changes: Sequence[Difference], texts: Sequence[TextChange] = (), *, colour: bool = False) -> str:
     """Return the differences grouped by what they touch, in 80 columns; `texts` are those of `plain.texts`."""
     blocks = []
     for group, found in _grouped(changes):
@@ -34,7 +33,9 @@ def render_groups(changes: Sequence[Difference], texts: _Texts = (), *, colour: 
     return "\n\n".join(blocks) + "\n"
 
 
-def render_markdown(changes: Sequence[Difference], texts: _Texts = (), *, old: str = "", new: str = "") -> str:
+def render_markdown(
+    changes: Sequence[Difference], texts: Sequence[TextChange] = (), *, old: str = "", new: str = ""
+) -> str:
     """Return the differences for a pull request's comment: a heading a group, a table, long parts folded."""
     parts = [f"**`{old}`** → **`{new}`**"] if old else []
     for group, found in _grouped(changes):

@@ -1,10 +1,9 @@
-"""Diagnostics as text for people and as data for tools."""
+"""Diagnostics as text for people."""
 
 from __future__ import annotations
 
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import asdict
 
 from foresee_dsl.errors import Diagnostic, Span
 
@@ -39,19 +38,6 @@ def render_concise(diagnostic: Diagnostic) -> str:
     """Return a diagnostic on one line, as editors and `grep` like it."""
     text = f"{_place(diagnostic)}: {diagnostic.severity} {diagnostic.code}: {_plain(diagnostic.message)}"
     return f"{text} ({_plain(diagnostic.help)})" if diagnostic.help else text
-
-
-def to_json(diagnostic: Diagnostic) -> dict[str, object]:
-    """Return a diagnostic as plain data; `span` is null where the whole file is meant."""
-    span = diagnostic.span
-    return {
-        "code": diagnostic.code,
-        "severity": diagnostic.severity,
-        "message": diagnostic.message,
-        "help": diagnostic.help,
-        "path": diagnostic.path,
-        "span": asdict(span) if span is not None else None,
-    }
 
 
 def _place(diagnostic: Diagnostic) -> str:

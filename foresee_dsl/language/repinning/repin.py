@@ -8,14 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes.names import STALE_PIN, WRONG_KIND
 from foresee_dsl.language.diff.addresses import diff_cases
-from foresee_dsl.language.diff.parts import Difference, to_dict
+from foresee_dsl.language.diff.parts import Difference
 from foresee_dsl.language.diff.rendering import render_groups
 from foresee_dsl.language.meaning import clip_pin, pin_of
 from foresee_dsl.language.messages.diagnostics import render_all
@@ -74,25 +73,12 @@ class Child:
     new: TestCase | None = field(default=None, compare=False, repr=False)
     document: Document | None = field(default=None, compare=False, repr=False)
 
+    shown = "file state parent pin new_pin follows commit reaching overridden mistakes"
+
     @property
     def known(self) -> bool:
         """Whether the version of the parent that is pinned was found."""
         return self.follows or bool(self.commit)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what `foresee repin --json` prints about it."""
-        return {
-            "file": str(self.file),
-            "state": self.state.value,
-            "parent": self.parent,
-            "pin": self.pin,
-            "new_pin": self.new_pin,
-            "follows": self.follows,
-            "commit": self.commit,
-            "reaching": [to_dict(change) for change in self.reaching],
-            "overridden": [to_dict(change) for change in self.overridden],
-            "mistakes": [{"code": d.code, "message": d.message, "help": d.help} for d in self.mistakes],
-        }
 
 
 def plan(paths: Iterable[str | Path], validate: Validate | None = None) -> tuple[Child, ...]:

@@ -41,6 +41,8 @@ class Contents:
     overview: tuple[Table, ...] = ()
     numbers: tuple[Table, ...] = ()
 
+    shown = "headline notes findings"
+
 
 def contents_of(folders: Sequence[Path], reader: Reader) -> Contents:
     """Read finished campaigns.

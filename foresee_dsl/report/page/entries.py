@@ -44,6 +44,8 @@ class Found:
     more: tuple[str, ...] = ()
     """Names of further runs, which are only named."""
 
+    shown = "name sentence=title class=class_ verdict family driver preventability test_case runs more"
+
     @property
     def count(self) -> int:
         """How many failing runs tell it; one that was made smaller is not counted again."""

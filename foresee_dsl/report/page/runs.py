@@ -86,6 +86,16 @@ class Run:
     commands: tuple[tuple[str, str], ...] = ()
     missing: tuple[str, ...] = ()
 
+    shown = (
+        "name=outcome.name file=outcome.address verdict=outcome.verdict reason=outcome.reason sentence=title moments "
+        "changes unreduced why=outcome.preventability.why commands=command_lines missing"
+    )
+
+    @property
+    def command_lines(self) -> tuple[str, ...]:
+        """The commands alone."""
+        return tuple(command for _, command in self.commands)
+
 
 @dataclass
 class Reader:

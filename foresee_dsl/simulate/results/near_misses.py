@@ -64,6 +64,8 @@ class NearMiss:
     time_s: float
     actor: str
 
+    shown = "value?:3 time_s:2 with=actor"
+
 
 @dataclass(frozen=True)
 class NearMisses:
@@ -78,17 +80,6 @@ class NearMisses:
     ttc_s: NearMiss | None
     pet_s: NearMiss | None
     drac_mps2: NearMiss | None
-
-    def as_dict(self) -> dict[str, dict[str, float | str | None] | None]:
-        """Return it for JSON: by measure the value (null where it is infinite), the time and the other's id."""
-        return {name: _as_dict(found) for name, found in vars(self).items()}
-
-
-def _as_dict(found: NearMiss | None) -> dict[str, float | str | None] | None:
-    if found is None:
-        return None
-    value = round(found.value, 3) if math.isfinite(found.value) else None
-    return {"value": value, "time_s": round(found.time_s, 2), "with": found.actor}
 
 
 def near_misses(trace: Trace) -> NearMisses:

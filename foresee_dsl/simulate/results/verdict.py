@@ -107,21 +107,15 @@ class Impact:
     ego_mps: float
     other_mps: float
 
-    def as_dict(self) -> dict[str, float | str]:
-        """Return it for JSON; angles in degrees."""
-        return {
-            "with": self.with_,
-            "side": self.side,
-            "other_side": self.other_side,
-            "ahead_m": round(self.ahead_m, 3),
-            "left_m": round(self.left_m, 3),
-            "turned_deg": round(math.degrees(self.turned_rad), 1),
-            "struck_by": self.struck_by,
-            "relative_mps": round(self.relative_mps, 3),
-            "closing_mps": round(self.closing_mps, 3),
-            "ego_mps": round(self.ego_mps, 3),
-            "other_mps": round(self.other_mps, 3),
-        }
+    shown = (
+        "with=with_ side other_side ahead_m:3 left_m:3 turned_deg:1 struck_by relative_mps:3 closing_mps:3 ego_mps:3 "
+        "other_mps:3"
+    )
+
+    @property
+    def turned_deg(self) -> float:
+        """`turned_rad` in degrees."""
+        return math.degrees(self.turned_rad)
 
     @property
     def struck(self) -> str:
@@ -154,11 +148,6 @@ class DriverNotes:
     output: str = ""
     traceback: str = ""
     hang: Hang | None = None
-
-    def as_dict(self) -> dict[str, object]:
-        """Return it for JSON."""
-        hang = {"call": self.hang.call, "limit_s": self.hang.limit_s} if self.hang else None
-        return {"output": self.output, "traceback": self.traceback, "hang": hang}
 
 
 NO_NOTES = DriverNotes()

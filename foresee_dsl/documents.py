@@ -1,0 +1,146 @@
+"""Records as JSON: a dataclass says which of its values a document shows, and both data and schema follow from that.
+
+Without a word every field is shown under its own name. A class attribute `shown` names fields, properties and methods
+without arguments, with spaces between, in the order of the document:
+
+    shown = "name class=story.contact time_s:2 opponent?"
+
+`key=path` gives another key, and may go through other records; None on the way is null. A key `files/first` is `first`
+of an object `files`. `:2` rounds numbers to two
+digits behind the point. `?` stands for a value that is null where it is empty (floats: not finite). `*` is every field,
+`*:3` with its numbers rounded.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+import types
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from pathlib import PurePath
+from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel
+from typing_extensions import TypedDict  # pydantic brings it along, and takes no other before Python 3.12
+
+_WORD = re.compile(r"(?:(\w[\w./-]*)=)?([\w.]+|\*)(\?)?(?::(\d))?")
+
+
+class _Key(NamedTuple):
+    """A key of a document: the way to it, the attributes that lead to its value, how that is rounded, whether it is
+    null when it is empty."""
+
+    name: tuple[str, ...]
+    path: tuple[str, ...]
+    digits: int | None
+    empty: bool
+
+
+def plain(value: Any, digits: int | None = None) -> Any:  # noqa: ANN401, PLR0911 - data of any kind
+    """Return a value as JSON has it: records as dictionaries, enums by their values, paths as texts."""
+    match value:
+        case float():
+            return value if digits is None else round(value, digits)
+        case Enum():
+            return value.value
+        case str() | int() | None:
+            return value
+        case PurePath():
+            return str(value)
+        case BaseModel():
+            return value.model_dump(mode="json")
+        case Mapping():
+            return {plain(key): plain(part, digits) for key, part in value.items()}
+    if is_dataclass(value) or hasattr(value, "_asdict"):
+        return _nested((key.name, _value(value, key)) for key in _keys(value.__class__))
+    return [plain(part, digits) for part in value]
+
+
+def _nested(found: Iterable[tuple[tuple[str, ...], Any]]) -> dict[str, Any]:
+    made: dict[str, Any] = {}
+    for (*above, last), value in found:
+        inner = made
+        for part in above:
+            inner = inner.setdefault(part, {})
+        inner[last] = value
+    return made
+
+
+def _value(value: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
+    for step in key.path:
+        value = getattr(value, step) if value is not None else None
+        value = value() if isinstance(value, types.MethodType) else value
+    if key.empty and (not math.isfinite(value) if isinstance(value, float) else not value and value != 0):
+        return None
+    return plain(value, key.digits)
+
+
+def shape(kind: Any, name: str = "") -> Any:  # noqa: ANN401, PLR0911 - types of any kind
+    """Return the type of what `plain` makes of a value of a type.
+
+    Beside types it takes a mapping of keys to types, a list of one type, and a tuple of which each is possible.
+    """
+    origin, parts = get_origin(kind), [part for part in get_args(kind) if part is not Ellipsis]
+    match kind:
+        case Mapping():
+            made = {key: shape(part, f"{name}{key.title()}") for key, part in kind.items()}
+            return TypedDict(name, made)  # type: ignore[operator]
+        case [part]:
+            return list[shape(part, f"{name}Part")]  # type: ignore[misc]
+        case tuple():
+            return Union[tuple(shape(part, f"{name}{k}") for k, part in enumerate(kind))]  # noqa: UP007
+        case type() if issubclass(kind, PurePath):
+            return str
+        case type() if is_dataclass(kind) or hasattr(kind, "_fields"):
+            return _shape_of_record(kind)
+    if origin in (Union, types.UnionType):
+        return Union[tuple(shape(part) for part in parts)]  # noqa: UP007 - of as many as there are
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return dict[shape(parts[0]), shape([*parts, int][1])]  # type: ignore[misc]  # a Counter's values
+    if isinstance(origin, type) and issubclass(origin, Sequence):
+        return list[shape(parts[0])]  # type: ignore[misc]
+    return kind
+
+
+@cache
+def _shape_of_record(kind: type) -> Any:  # noqa: ANN401 - as above
+    made = shape(_nested((key.name, _type_of(kind, key)) for key in _keys(kind)), kind.__name__)
+    made.__doc__ = (kind.__doc__ or "").partition("\n\n")[0]
+    return made
+
+
+def _type_of(kind: Any, key: _Key) -> Any:  # noqa: ANN401 - as above
+    null = key.empty
+    for step in key.path:
+        given = [part for part in get_args(kind) if part is not types.NoneType]
+        if isinstance(kind, types.UnionType):
+            null, kind = null or len(given) < len(get_args(kind)), given[0]
+        own = getattr(kind, step, None)
+        call = getattr(own, "fget", None) or getattr(own, "func", None) or own
+        if callable(call):
+            kind = get_type_hints(call, include_extras=True)["return"]
+        else:  # of this field alone: other ones may have types that only a type checker knows
+            holder = types.SimpleNamespace(__annotations__={step: kind.__annotations__[step]})
+            kind = get_type_hints(holder, vars(sys.modules[kind.__module__]), include_extras=True)[step]
+    return shape(kind | None if null and kind is not Any else kind)
+
+
+@cache
+def _keys(kind: Any) -> tuple[_Key, ...]:  # noqa: ANN401 - as above
+    names = [field.name for field in fields(kind)] if is_dataclass(kind) else list(getattr(kind, "_fields", ()))
+    return tuple(_read(getattr(kind, "shown", "*"), names))
+
+
+def _read(shown: str, names: Sequence[str]) -> Iterator[_Key]:
+    for word in shown.split():
+        found = _WORD.fullmatch(word)
+        if found is None:
+            raise ValueError(f"{word!r} says no key of a document")
+        name, path, empty, digits = found.groups()
+        for one in names if path == "*" else [path]:
+            steps = tuple(one.split("."))
+            yield _Key(tuple((name or steps[-1]).split("/")), steps, int(digits) if digits else None, bool(empty))
