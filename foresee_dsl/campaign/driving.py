@@ -10,9 +10,9 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
-from foresee_dsl.drivers.registry import find_driver, load_driver
+from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address
 from foresee_dsl.errors import DriverError
-from foresee_dsl.language.model import End, Quantity
+from foresee_dsl.language.model import End, Origin, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
@@ -58,6 +58,12 @@ class _NotMade:
 def notes_of(result: RunResult) -> DriverNotes | None:
     """Return what is stored of a run's notes: none of a run that passed."""
     return result.notes if result.verdict is not Verdict.PASS and result.notes != DriverNotes() else None
+
+
+def recorded_run(origin: Origin | None) -> tuple[str, int]:
+    """Return the driver and the seed that a mutant's file records of its run; by default `pdm` and 0."""
+    driver = recorded_address((origin.driver if origin else None) or "pdm")
+    return driver, int(origin.seed.value) if origin and origin.seed else 0
 
 
 def case_name(case: TestCase) -> str:

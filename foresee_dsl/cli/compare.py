@@ -117,14 +117,11 @@ def _git_diff(path: str, old: Path, new: Path) -> str:
 def _text_diff(path: str, old: Path, new: Path) -> str:
     import difflib
 
-    before, after = (_lines(file) for file in (old, new))
+    texts = (file.read_text(encoding="utf-8", errors="replace") if file.is_file() else "" for file in (old, new))
+    before, after = (text.splitlines() for text in texts)
     names = (f"a/{path}" if old.is_file() else "/dev/null", f"b/{path}" if new.is_file() else "/dev/null")
     lines = [f"foresee diff {path}", *difflib.unified_diff(before, after, *names, lineterm="")]
     return "\n".join(lines) + "\n"
-
-
-def _lines(file: Path) -> list[str]:
-    return file.read_text(encoding="utf-8", errors="replace").splitlines() if file.is_file() else []
 
 
 def _colour() -> bool:

@@ -132,7 +132,7 @@ def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Befo
         if kind == "road":
             yield Suggestion(f"{name}_back", "name", "the same road, the other way")
     if kind == "word":
-        turns_or_sides = {"turn": (m.Leg, "turn"), "side": (m.ChangesLane, "side")}
+        turns_or_sides: dict[str, tuple[type[m.Item], str]] = {"turn": (m.Leg, "turn"), "side": (m.ChangesLane, "side")}
         where = turns_or_sides.get(_type_of_word(files, path, slot))
         if where is not None:
             yield from (Suggestion(word, "constant") for word in form_of(*where).words)

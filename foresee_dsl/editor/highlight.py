@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pygments.token import _TokenType
     from rich.text import Text
 
 _STYLES = MappingProxyType(
@@ -37,7 +36,7 @@ def highlighted(text: str) -> Text:
 
     result = Text()
     for _, token, value in ForeseeLexer().get_tokens_unprocessed(text):
-        result.append(value, _style(token))
+        result.append(value, next((_STYLES[str(part)] for part in reversed(token.split()) if str(part) in _STYLES), ""))
     return result
 
 
@@ -54,7 +53,3 @@ def show(text: str) -> None:
     from rich.console import Console
 
     Console(highlight=False, soft_wrap=True).print(highlighted(text), end="")
-
-
-def _style(token: _TokenType) -> str:
-    return next((_STYLES[str(part)] for part in reversed(token.split()) if str(part) in _STYLES), "")

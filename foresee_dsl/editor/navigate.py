@@ -45,7 +45,8 @@ class Renaming:
 
 def at(files: Files, path: Path, line: int, column: int) -> Occurrence | None:
     """Return the name at a place (1-based), the innermost where several overlap."""
-    found = [o for o in files.names(path) if _holds(o.span, line, column)]
+    spans = ((o, o.span) for o in files.names(path))
+    found = [o for o, s in spans if (s.line, s.column) <= (line, column) <= (s.end_line, s.end_column)]
     return min(found, key=lambda o: (o.span.end_line - o.span.line, o.span.end_column - o.span.column), default=None)
 
 
@@ -174,10 +175,6 @@ def _of_base(use: Occurrence, suffix: str) -> Span:
     quoted = span.end_column - span.column - len(use.name) == 2
     start = span.column + quoted
     return Span(span.line, start, span.line, start + len(use.name) - len(suffix))
-
-
-def _holds(span: Span, line: int, column: int) -> bool:
-    return (span.line, span.column) <= (line, column) <= (span.end_line, span.end_column)
 
 
 def _order(span: Span) -> tuple[int, int]:

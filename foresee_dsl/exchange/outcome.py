@@ -57,6 +57,8 @@ class Imported:
     notes: tuple[str, ...] = ()
     lost: Counter[str] = field(default_factory=Counter)
 
+    shown = "files cases taken left_out lost notes"
+
 
 def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]:
     """Have files written to a temporary folder, then move them into place.

@@ -13,7 +13,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
-from foresee_dsl.language.model import Catalogue, Definition, Item, Network
+from foresee_dsl.language.model import Catalogue, Definition, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
@@ -88,26 +88,22 @@ def load(path: Path, shown_as: str | None = None) -> Document:
     place = disk_cache.entry("documents", (name, text, pydantic.VERSION))
     known = disk_cache.load(place)
     if known is not None:
-        return _with_spans(*known)
+        stored: tuple[Document, Iterable[tuple[object, str, _Numbers]]] = known
+        document, spans = stored  # which are keyed by the items' identity
+        return replace(document, spans={(id(item), field): Span(*numbers) for item, field, numbers in spans})
     document = parse(text, name)
     if isinstance(document.model, (Network, Catalogue)):  # many files use them, and they are seldom edited
         items = {id(item): item for item in walk(document.model)}
-        spans = [(items[key], field, _numbers(at)) for (key, field), at in document.spans.items()]
+        # Spans as tuples: unpickling a frozen dataclass takes four times as long.
+        spans = [
+            (items[key], field, (at.line, at.column, at.end_line, at.end_column))
+            for (key, field), at in document.spans.items()
+        ]
         disk_cache.store(place, (replace(document, spans={}), spans))
     return document
 
 
 _Numbers = tuple[int, int, int, int]
-
-
-def _with_spans(document: Document, spans: Iterable[tuple[Item, str, _Numbers]]) -> Document:
-    """Give a stored document its spans back, which are keyed by the items' identity."""
-    return replace(document, spans={(id(item), field): Span(*numbers) for item, field, numbers in spans})
-
-
-def _numbers(span: Span) -> _Numbers:
-    """Return a span as it is stored: unpickling a frozen dataclass takes four times as long."""
-    return span.line, span.column, span.end_line, span.end_column
 
 
 def read_text(path: Path, name: str) -> str:

@@ -198,7 +198,8 @@ def _print_nearest(console: Console, result: CampaignResult, out: Path) -> None:
     paths = sorted({seed.id.partition("::")[0] for seed in result.seeds})
     if not paths:
         return
-    named = shlex.join(paths) if len(paths) <= 3 else shlex.quote(_common(paths))
+    folder = os.path.commonpath([Path(path).parent for path in paths]) or "."
+    named = shlex.join(paths) if len(paths) <= 3 else shlex.quote(folder)
     chosen = "".join(
         f" --{field.name.removesuffix('_s').replace('_', '-')} {getattr(settings, field.name):g}"
         for field in fields(settings)
@@ -227,11 +228,6 @@ def _nearest(near: NearMisses) -> tuple[float, str]:
         return math.inf, ""
     told = f"{gap.value:.2f} m from {safe(gap.actor)} at {gap.time_s:.2f} s"
     return gap.value, told + (f", time to collision {ttc.value:.2f} s" if ttc is not None else "")
-
-
-def _common(paths: list[str]) -> str:
-    """Return the folder that all files are in."""
-    return os.path.commonpath([Path(path).parent for path in paths]) or "."
 
 
 def _passed(seed: SeedOutcome) -> bool:

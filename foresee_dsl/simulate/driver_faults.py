@@ -94,7 +94,8 @@ def traceback_of(err: BaseException) -> str:
 
 def place_in_dump(dump: str) -> str:
     """Return the place in the driver's code in what `faulthandler` wrote, innermost frame first; "" where none is."""
-    frames = [(Path(found["file"]), found["line"], found["name"]) for found in _DUMPED.finditer(_current(dump))]
+    main = re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]  # the last; it runs drivers
+    frames = [(Path(found["file"]), found["line"], found["name"]) for found in _DUMPED.finditer(main)]
     theirs = []
     for file, line, name in frames:
         if _is_ours(file):
@@ -105,11 +106,6 @@ def place_in_dump(dump: str) -> str:
     outermost = theirs[-1][0]
     file, line, name = next(frame for frame in theirs if frame[0] == outermost)
     return f"{file.name}:{line} ({name})"
-
-
-def _current(dump: str) -> str:
-    """Of all threads the main one, which runs drivers: the last that is written."""
-    return re.split(r"^(?:Thread|Current thread) 0x", dump, flags=re.M)[-1]
 
 
 def _own(trace: TracebackType | None) -> list[TracebackType]:

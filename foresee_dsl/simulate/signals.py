@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import ModuleType
 
 from foresee_dsl.compile.bundle import Signal, SumoBundle
 from foresee_dsl.drivers.protocol import SignalColour
 
-_COLOURS: dict[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
+COLOURS: Mapping[str, SignalColour] = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
 
 
 def colour_shown(state: str, link: int) -> SignalColour:
     """Return what a signal with this state string shows to one of its links."""
-    return _COLOURS.get(state[link], "off")
+    return COLOURS.get(state[link], "off")
 
 
 class Signals:

@@ -195,9 +195,5 @@ def _way(facts: Facts, movement: Movement, frame: int) -> str:
     return f"{turn}, on {colour}" if colour else turn
 
 
-def _at(frame: int) -> float:
-    return round(frame * STEP_S, 6)
-
-
 def _moment(frame: int, kind: str, text: str) -> Moment:
-    return Moment(_at(frame), "ego", kind, text)
+    return Moment(round(frame * STEP_S, 6), "ego", kind, text)

@@ -21,10 +21,9 @@ from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, impact
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
+from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
-COLOURS = {"r": "red", "s": "red", "u": "amber", "y": "amber", "g": "green", "G": "green"}
-"""What SUMO's letters mean; as in `simulate.signals`."""
 NEAR_M = 10.0
 """An actor that a passed run came no nearer to is no opponent. Ours: two cars' lengths."""
 _BY_FRAME = ("time_s", "states", "lanes", "along", "stages", "elapsed")

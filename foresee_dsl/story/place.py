@@ -11,7 +11,7 @@ import networkx as nx
 
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, distance_to, inside
-from foresee_dsl.compile.roads.topology import Crossing, Junction, Movement
+from foresee_dsl.compile.roads.topology import Crossing, Movement
 from foresee_dsl.story.facts import Facts
 
 NEAR_JUNCTION_M = 20.0
@@ -65,7 +65,8 @@ def place_of(facts: Facts, at: XY, frame: int) -> Place:
     for junction in network.junctions.values():
         if len(junction.polygon) < 3 or layout.arms[junction.id] < 3:
             continue
-        if math.hypot(junction.x - at[0], junction.y - at[1]) < _reach(junction) and inside(at, junction.polygon):
+        reach_m = max(math.hypot(x - junction.x, y - junction.y) for x, y in junction.polygon)
+        if math.hypot(junction.x - at[0], junction.y - at[1]) < reach_m and inside(at, junction.polygon):
             return _in_junction(network, junction.id)
     return _on_road(facts, frame)
 
@@ -167,8 +168,3 @@ def _rings(network: RoadNetwork) -> frozenset[str]:
             if max(math.hypot(j.x - x, j.y - y) for j in places) <= ROUNDABOUT_M:
                 found |= ring
     return frozenset(found)
-
-
-def _reach(junction: Junction) -> float:
-    """How far a junction's outline reaches from its middle."""
-    return max(math.hypot(x - junction.x, y - junction.y) for x, y in junction.polygon)

@@ -17,17 +17,19 @@ JSON = "campaign.json"
 
 @dataclass(frozen=True)
 class Asked:
-    """A failing mutant as it was found.
+    """A failure as it was found.
 
     Attributes:
-        name: the mutant's. file: its file, unreduced.
+        name: the mutant's or test case's. file: its file, unreduced; of a test case its address.
         campaign: the folder of the campaign that found it, None where there is none. data: what its JSON says.
+        child: whether it is a mutant (or a clip), and no test case that fails unmutated.
     """
 
     name: str
     file: Path
     campaign: Path | None = None
     data: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    child: bool = True
 
     @property
     def store(self) -> Path | None:
@@ -41,6 +43,28 @@ class Asked:
         all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
         own = (one for one in all_found if one["name"] == self.name)
         return next(own, next((one for one in all_found if self.name in one["siblings"]), None))
+
+    @property
+    def minimised(self) -> Path | None:
+        """The file of its minimised form, None where there is none."""
+        file = self.campaign / "findings" / self.name / self.file.name if self.campaign is not None else None
+        return file if file is not None and is_file(file) else None
+
+    @property
+    def sentence(self) -> str:
+        """What happens, "" where no campaign tells."""
+        return str((self._own.get("story") or {}).get("sentence") or "")
+
+    @property
+    def reason(self) -> str:
+        """How its run ended, "" where no campaign tells."""
+        return str(self._own.get("reason") or "")
+
+    @property
+    def _own(self) -> Mapping[str, Any]:
+        own = (run for run in _children(self.data) if self.child and run["mutant"] == self.name)
+        tests = (run for run in self.data.get("test_cases", ()) if run["test_case"] == str(self.file))
+        return next(own, next(tests, {}))
 
 
 def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
@@ -59,14 +83,16 @@ def asked(wanted: str, campaign: Path, *, tests: bool = False) -> Asked:
     known = {str(child["mutant"]): child for child in _children(data) if child.get("file")}
     if wanted in known:
         return Asked(wanted, campaign / str(known[wanted]["file"]), campaign, data)
-    if (test := next((one for one in data.get("findings", ()) if one["name"] == wanted), None)) is not None:
+    others = {name: file for one in data.get("findings", ()) for name, file in _files_of(one) if name not in known}
+    if wanted in others:
         if tests:
-            return Asked(wanted, Path(str(test["file"])), campaign, data)
+            return Asked(wanted, Path(others[wanted]), campaign, data, child=False)
         raise ForeseeError(f"{wanted} is a test case that fails as it is written: there is no mutation to minimise")
     if not data:
         raise ForeseeError(f"there is no file {wanted!r}, and no campaign in {campaign} that could have a finding of "
                            "that name (`--campaign OUT` says where it is)")  # fmt: skip
-    hint = did_you_mean(wanted, sorted(known)) if known else "that campaign found no failing mutant"
+    names = sorted({*known, *others})
+    hint = did_you_mean(wanted, names) if names else "that campaign found no failure"
     raise ForeseeError(f"there is no file {wanted!r}, and no finding of that name in {campaign}: {hint}")
 
 
@@ -89,6 +115,11 @@ def _by_file(path: Path) -> Asked:
 def _children(data: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     for clip in data.get("clip_runs", ()):
         yield from clip.get("children", ())
+
+
+def _files_of(finding: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield finding["name"], finding["file"]
+    yield from zip(finding["siblings"], finding["sibling_files"], strict=True)
 
 
 def _read(campaign: Path) -> dict[str, Any]:

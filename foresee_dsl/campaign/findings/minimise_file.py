@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from foresee_dsl.campaign.assembly import with_header
-from foresee_dsl.campaign.driving import relative_path, run_test_case
+from foresee_dsl.campaign.driving import recorded_run, relative_path, run_test_case
 from foresee_dsl.campaign.findings.asked import Asked
 from foresee_dsl.campaign.keys import driver_identity, key
 from foresee_dsl.campaign.records import Minimised, decode, encode
@@ -19,10 +19,9 @@ from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import CannotMinimiseError
 from foresee_dsl.drivers.consent import refuse_programs
-from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import cache_folder, write_whole
-from foresee_dsl.language.model import Clip, Mutant, Origin
+from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.addresses import absolute, relative_to
@@ -49,8 +48,9 @@ def minimise_file(
         StoreError: the store cannot be written.
     """
     case, clip, mutant = _loaded(wanted.file, allow_outside=allow_outside)
-    origin, settings = mutant.origin or Origin(), wanted.data.get("settings", {})
-    address, seed = driver or recorded_address(origin.driver or "pdm"), int(origin.seed.value) if origin.seed else 0
+    settings = wanted.data.get("settings", {})
+    recorded, seed = recorded_run(mutant.origin)
+    address = driver or recorded
     if not (driver or run_programs):
         refuse_programs([(address, Path(wanted.file))], "--run-programs starts it, --driver names another driver")
     folder = store_folder or wanted.store
@@ -62,7 +62,8 @@ def minimise_file(
     parent = _parent_of(wanted.file, clip, mutant, allow_outside=allow_outside)
     folder = folder or cache_folder("minimised")
     if (known := _known(folder, its)) is not None:
-        return _checked(_called(known, mutant, clip)), parent, 0
+        # It may be stored under the names that another campaign gave it.
+        return _checked(replace(known, clip=clip.name, child=replace(known.child, name=mutant.name))), parent, 0
     with Store(folder) as store:
         trace = run_test_case(parent, address, run_seed).trace
         subject = Subject(parent, clip, mutant, trace, absolute(wanted.file).parent)
@@ -120,11 +121,6 @@ def _checked(found: Minimised) -> Minimised:
             "stay, so nothing is minimised"
         )
     return found
-
-
-def _called(found: Minimised, mutant: Mutant, clip: Clip) -> Minimised:
-    """Return what was stored of the same meaning under other names with these."""
-    return replace(found, clip=clip.name, child=replace(found.child, name=mutant.name))
 
 
 def _known(folder: Path, its: str) -> Minimised | None:

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.driving import recorded_run, run_test_case
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.drivers.consent import refuse_programs
-from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.repinning.repin import Child
 
@@ -46,14 +45,7 @@ def drive(case: TestCase, driver: str, seed: int) -> str:
 def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
     """Return the child's two runs, each with driver and seed; without one whose foreign network is only in git."""
     return [
-        (when, (case, *_driver_and_seed(case)))
+        (when, (case, *recorded_run(case.mutant.origin if case.mutant else None)))
         for when, case in (("old", child.old), ("new", child.new))
         if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
     ]
-
-
-def _driver_and_seed(case: TestCase | None) -> tuple[str, int]:
-    """Return what a mutant's file records of its run; by default `pdm` and 0."""
-    origin = case.mutant.origin if case is not None and case.mutant else None
-    driver = recorded_address((origin.driver if origin else None) or "pdm")
-    return driver, int(origin.seed.value) if origin and origin.seed else 0

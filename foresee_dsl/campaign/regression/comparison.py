@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -202,15 +202,12 @@ class Comparison:
     def rows(self) -> tuple[Row, ...]:
         """The figures of all pairs, of each family, and of each kind of failure that occurs."""
         families = sorted({pair.new.family for pair in self.pairs}, key=lambda f: (not f.isdigit(), int(f or 0), f))
-        kinds = [v for v in Verdict if v is not Verdict.PASS and any(v in _verdicts(pair) for pair in self.pairs)]
-        rows = [_row("all", self.pairs, _failed)]
-        if len(families) > 1:
-            rows += [
-                _row(f"family {family or '-'}", [pair for pair in self.pairs if pair.new.family == family], _failed)
-                for family in families
-            ]
-        rows += [_row(kind.value, self.pairs, partial(_ended_as, kind), kind=True) for kind in kinds]
-        return tuple(rows)
+        ended = {ran.verdict for pair in self.pairs for ran in (pair.base, pair.new)}
+        kinds = [v for v in Verdict if v is not Verdict.PASS and v in ended]
+        rows = [_row("all", self.pairs)]
+        for family in families if len(families) > 1 else ():
+            rows.append(_row(f"family {family or '-'}", [pair for pair in self.pairs if pair.new.family == family]))
+        return (*rows, *(_row(kind.value, self.pairs, kind) for kind in kinds))
 
     @property
     def sentence(self) -> str:
@@ -252,24 +249,13 @@ def _by_key(side: Side) -> dict[str, Ran]:
     return found
 
 
-def _failed(ran: Ran) -> bool:
-    return ran.failed
-
-
-def _ended_as(kind: Verdict, ran: Ran) -> bool:
-    return ran.verdict is kind
-
-
-def _verdicts(pair: Pair) -> tuple[Verdict, Verdict]:
-    return pair.base.verdict, pair.new.verdict
-
-
-def _row(label: str, pairs: Iterable[Pair], counts: Callable[[Ran], bool], *, kind: bool = False) -> Row:
-    listed: Sequence[tuple[bool, bool]] = [(counts(pair.base), counts(pair.new)) for pair in pairs]
-    new = sum(now and not was for was, now in listed)
-    fixed = sum(was and not now for was, now in listed)
-    was_failing, now_failing = (sum(one[side] for one in listed) for side in (0, 1))
-    return Row(label, kind, len(listed), was_failing, now_failing, new, fixed, exact_p(new, fixed))
+def _row(label: str, pairs: Iterable[Pair], kind: Verdict | None = None) -> Row:
+    """Return the figures of some pairs; of a kind of failure those that ended so."""
+    counts = [[ran.failed if kind is None else ran.verdict is kind for ran in (pair.base, pair.new)] for pair in pairs]
+    new = sum(now and not was for was, now in counts)
+    fixed = sum(was and not now for was, now in counts)
+    was_failing, now_failing = (sum(one[side] for one in counts) for side in (0, 1))
+    return Row(label, kind is not None, len(counts), was_failing, now_failing, new, fixed, exact_p(new, fixed))
 
 
 def _nearer(name: str, base: Mapping[str, Any] | None, new: Mapping[str, Any] | None) -> Nearer | None:

@@ -52,15 +52,10 @@ def with_expected(text: str, new: m.Expected) -> str:
             return "".join(lines)
     elif reference.lstrip().startswith(print_item(after).split("\n")[0].split(" ")[0]):
         indent = reference[: len(reference) - len(reference.lstrip())]
-        gap = "" if stated or not _needs_gap(lines, at) else end
-        lines.insert(2 * at, f"{gap}{indent}{line}{end}" if gap else f"{indent}{line}{end}")
+        apart = len(lines) > 2 * at and not lines[2 * at].strip()  # groups are set apart in this file
+        lines.insert(2 * at, f"{end if apart and not stated else ''}{indent}{line}{end}")
         return "".join(lines)
     return _printed(document, new, after)
-
-
-def _needs_gap(lines: list[str], at: int) -> bool:
-    """Return whether a blank line follows the line `at`, so that groups are set apart in this file."""
-    return len(lines) > 2 * at and not lines[2 * at].strip()
 
 
 def _printed(document: Document, new: m.Expected, after: m.Item | None) -> str:

@@ -50,9 +50,8 @@ def rebased(condition: m.Condition, moment: Moment, runs: Runs | None = None, *,
             whether the trigger fires again.
     """
     # The first time that all parts of an `and` are true, all is known. Beside an `or`, a `for` may still be unknown.
-    again = held or (
-        held is not None and any(isinstance(part, m.Either | m.Not) and _lasts(part) for part in parts(condition))
-    )
+    unsure = (part for part in parts(condition) if isinstance(part, m.Either | m.Not))
+    again = held or (held is not None and any(isinstance(p, m.Sustained) for part in unsure for p in parts(part)))
     return _Rebase(moment, runs, again=again).part(condition, 0, positive=True)
 
 
@@ -81,7 +80,8 @@ class _Rebase:
 
     def _innermost(self, condition: m.Condition, *, positive: bool) -> Known:
         if isinstance(condition, m.Within):
-            point = self._moment.places.get(_place(condition))
+            place = "" if isinstance(condition.of, m.Named) else text_of(condition.of, frozenset())
+            point = self._moment.places.get(place)
             condition = condition if point is None else condition.model_copy(update={"of": point})
         if mentioned(condition) & self._moment.gone:
             if isinstance(condition, m.Predicate):
@@ -166,11 +166,3 @@ def _frames(time_s: float) -> int:
 def _frames_since(time_s: float, now_s: float) -> int:
     """Return how many frames there were from a time on and before now."""
     return math.floor((now_s - time_s) / STEP_S + 1e-6)
-
-
-def _lasts(condition: m.Condition) -> bool:
-    return any(isinstance(part, m.Sustained) for part in parts(condition))
-
-
-def _place(condition: m.Within) -> str:
-    return "" if condition.of.kind == "named" else text_of(condition.of, frozenset())

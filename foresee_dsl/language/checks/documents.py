@@ -167,7 +167,7 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
 
 # ---- campaigns -------------------------------------------------------------------------------------------------------
 
-_SEVERAL = (m.Doc, m.Seeds)
+_SEVERAL: tuple[type[m.Item], ...] = (m.Doc, m.Seeds)
 """What a campaign may have several of; every other statement stands once."""
 
 

@@ -11,7 +11,7 @@ from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
 
 
-class Leg(Phrase):
+class Leg(Phrase, kind=""):
     """`straight over j4`: one junction of a route."""
 
     pattern = "{turn} over {junction}"
@@ -35,7 +35,6 @@ class Route(Item):
     pattern = "route from {start} [{legs: }]"
     words = "route (statement): where an actor drives: a road and turns, or edges | route from south straight over j4"
 
-    kind: Literal["route"] = "route"
     start: v.RoadId
     legs: tuple[Leg, ...]
 
@@ -46,7 +45,6 @@ class EdgeRoute(Item):
 
     pattern = "route {edges}"
 
-    kind: Literal["edge_route"] = "edge_route"
     edges: tuple[v.RoadId, ...] = Field(min_length=1)
     shortest: bool = False
     """True when written with `...`: consecutive edges need not touch."""
@@ -65,7 +63,6 @@ class Path(Item):
     pattern = "path {points}"
     words = "path (statement): a line off the lanes that an actor follows | path [(90 m, 10 m), (90 m, 30 m)]"
 
-    kind: Literal["path"] = "path"
     points: tuple[v.Place, ...] = Field(min_length=2)
 
 
@@ -77,7 +74,6 @@ class StartAt(Item):
         start (statement): where an actor's front is at the beginning, or how fast it is | start at 20 m along ego.route
     """
 
-    kind: Literal["start_at"] = "start_at"
     place: v.Place
 
 
@@ -86,37 +82,33 @@ class StartSpeed(Item):
 
     pattern = "start speed {speed}"
 
-    kind: Literal["start_speed"] = "start_speed"
     speed: Annotated[v.Speed, Bounds(0.0)]
 
 
-class CruiseSpeed(Item):
+class CruiseSpeed(Item, kind="speed"):
     """`speed 50 km/h`: what it drives or walks where nothing hinders it (default: the limit, or a walking pace)."""
 
     pattern = "speed {speed}"
     words = "speed (statement): how fast: an actor where nothing hinders it, or a road's limit | speed 50 km/h"
 
-    kind: Literal["speed"] = "speed"
     speed: Annotated[v.Speed, Bounds(0.0)]
 
 
-class GoalAt(Item):
+class GoalAt(Item, kind="goal"):
     """`goal PLACE`: where the route ends for the ego (default: the end of the last edge)."""
 
     pattern = "goal {place}"
     words = "goal (statement): where the ego's route ends | goal 40 m past j4 on ego.route"
 
-    kind: Literal["goal"] = "goal"
     place: v.Place
 
 
-class IgnoresRule(Item):
+class IgnoresRule(Item, kind="ignores"):
     """`ignores signals at j4`, `ignores priority at j4`; everywhere when no junction is named."""
 
     pattern = "ignores {what} [at {junction}]"
     words = "ignores (statement): signals or priority, everywhere or at one junction | ignores signals at j4"
 
-    kind: Literal["ignores"] = "ignores"
     what: Literal["signals", "priority"]
     junction: v.JunctionId | None = None
 
@@ -130,7 +122,6 @@ class MeetsState(Item):
             or before | meets ego at j4 after 1.5 s
     """
 
-    kind: Literal["meets_state"] = "meets_state"
     other: v.ActorName
     junction: v.JunctionId
     gap: v.Time
@@ -143,7 +134,6 @@ class Walked(Item):
     pattern = "moving {along}"
     words = "moving (statement): how far along its path an actor is already | moving 2.60 m"
 
-    kind: Literal["walked"] = "walked"
     along: Annotated[v.Length, Bounds(0.0)]
 
 
@@ -154,7 +144,6 @@ class Steers(Item):
     pattern = "steers {value} [from {start}] [for {duration}]"
     words = "steers (statement): a steering offset, -1 (right) to 1 (left) | steers 0.12 from 1.00 s for 1.00 s"
 
-    kind: Literal["steers"] = "steers"
     value: Annotated[v.Ratio, Bounds(-1.0, 1.0)]
     start: v.Time | None = None
     duration: v.Time | None = None
@@ -172,7 +161,6 @@ class Timing(Item):
     pattern = "timing {factor}"
     words = "timing (statement): its speed along its own way, as a ratio | timing 0.90"
 
-    kind: Literal["timing"] = "timing"
     factor: Annotated[v.Ratio, Bounds(0.01, 10.0)]  # ours: the operator's own range is 0.6 to 1.4
 
 
@@ -182,7 +170,6 @@ class Delay(Item):
     pattern = "delay {time}"
     words = "delay (statement): an actor moves off that much later | delay 0.5 s"
 
-    kind: Literal["delay"] = "delay"
     time: Annotated[v.Time, Bounds(0.0)]
 
 
@@ -200,11 +187,10 @@ class Line(Item):
     pattern = "line {left}"
     words = "line (statement): how far an actor keeps to the left of its path or its lane's middle | line 0.60 m"
 
-    kind: Literal["line"] = "line"
     left: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
 
 
-class State(Phrase):
+class State(Phrase, kind=""):
     """`at (61.90 m, 101.55 m) heading 0.3 deg speed 17.22 m/s`: an exact state at the beginning.
 
     The position is the middle of the front bumper for anything with wheels, of the footprint for the rest; heading
@@ -237,7 +223,6 @@ class Recorded(Item):
             then its driver | recorded 0.10 s at (1.20 m, 0 m) heading 0 deg speed 12 m/s
     """
 
-    kind: Literal["recorded"] = "recorded"
     time: Annotated[v.Time, Bounds(0.05, 10.0)]  # one step of the simulation, to a whole clip
     state: State
 
@@ -268,7 +253,6 @@ class Ego(Item):
     pattern = "ego: {model} [{state}] [{ ...body }]"
     words = "ego (statement): the vehicle of the driver under test | ego: car.sedan { ... }"
 
-    kind: Literal["ego"] = "ego"
     model: v.ModelName | v.Ref
     state: State | None = None
     body: tuple[ActorItem, ...] = ()
@@ -317,7 +301,6 @@ class Traffic(Item):
         seed (statement): where the draw begins; the same seed draws the same | seed 7
     """
 
-    kind: Literal["traffic"] = "traffic"
     name: Annotated[v.Name, Names("actor", defines=True)]
     count: Annotated[v.Count, Bounds(0, 500)]  # ours: more is a traffic study, not a test case
     models: tuple[v.ModelName, ...] = Field(min_length=1)
@@ -336,7 +319,6 @@ class Meets(Item):
 
     pattern = "{actor} meets {other} at {junction} {order} {gap}"
 
-    kind: Literal["meets"] = "meets"
     actor: v.ActorName
     other: v.ActorName
     junction: v.JunctionId
@@ -344,12 +326,11 @@ class Meets(Item):
     order: Literal["after", "before"] = "after"
 
 
-class Ignores(Item):
+class Ignores(Item, kind="does_ignore"):
     """`runner ignores signals at j4`, `runner ignores priority at j4`."""
 
     pattern = "{actor} ignores {what} [at {junction}]"
 
-    kind: Literal["does_ignore"] = "does_ignore"
     actor: v.ActorName
     what: Literal["signals", "priority"]
     junction: v.JunctionId | None = None
@@ -361,7 +342,6 @@ class Starts(Item):
     pattern = "{actor} starts"
     words = "starts (action): an actor that waited moves off | walker starts"
 
-    kind: Literal["starts"] = "starts"
     actor: v.ActorName
 
 
@@ -371,7 +351,6 @@ class ChangesSpeed(Item):
     pattern = "{actor} changes speed to {to} [over {over}]"
     words = "changes (action): its speed or its lane | lead changes speed to 3 m/s over 2 s"
 
-    kind: Literal["changes_speed"] = "changes_speed"
     actor: v.ActorName
     to: v.Speed
     over: v.Time | None = None
@@ -383,7 +362,6 @@ class ChangesLane(Item):
     pattern = "{actor} changes lane {side}"
     words = "lane (action): to the left or right neighbour | cutter changes lane left"
 
-    kind: Literal["changes_lane"] = "changes_lane"
     actor: v.ActorName
     side: Literal["left", "right"] | v.Ref
 
@@ -394,7 +372,6 @@ class Stops(Item):
     pattern = "{actor} stops [for {duration}]"
     words = "stops (action): brakes and stands, for good or for a time | lead stops for 4 s"
 
-    kind: Literal["stops"] = "stops"
     actor: v.ActorName
     duration: v.Time | None = None
 
@@ -405,7 +382,6 @@ class Wait(Item):
     pattern = "wait {duration}"
     words = "wait (action): nothing happens for that time | wait 2 s"
 
-    kind: Literal["wait"] = "wait"
     duration: v.Time
 
 
@@ -421,7 +397,6 @@ class Then(Item):
     pattern = "then [when {condition}] { ...actions }"
     words = "then (action): what comes once every action before it is complete | then { walker starts }"
 
-    kind: Literal["then"] = "then"
     condition: Condition | None = None
     actions: tuple[Action, ...] = Field(min_length=1)
 
@@ -450,7 +425,6 @@ class When(Item):
         next (condition): as `every`, but not before the condition has been false once | when next ttc(ego, lead) < 2 s
     """
 
-    kind: Literal["when"] = "when"
     repeat: Literal["once", "every", "next"] | None = None
     name: Annotated[v.Name, Names("label", defines=True)] | None = None
     condition: Condition

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 
@@ -23,7 +23,6 @@ class Seeds(Item):
     pattern = "seeds {path}"
     words = 'seeds (statement): test cases of a campaign: a file, folder, pattern or address | seeds "scenarios/**"'
 
-    kind: Literal["seeds"] = "seeds"
     path: FilePath
 
 
@@ -33,7 +32,6 @@ class Drivers(Item):
     pattern = "drivers {names}"
     words = "drivers (statement): the drivers that a campaign tests | drivers [pdm, idm]"
 
-    kind: Literal["drivers"] = "drivers"
     names: tuple[Id, ...] = Field(min_length=1)
 
 
@@ -43,7 +41,6 @@ class Rankers(Item):
     pattern = "rankers {names}"
     words = "rankers (statement): what picks the risky points of a campaign | rankers [foresee]"
 
-    kind: Literal["rankers"] = "rankers"
     names: tuple[Id, ...] = Field(min_length=1)
 
 
@@ -53,7 +50,6 @@ class Preset(Item):
     pattern = "preset {name}"
     words = "preset (setting): how the clip was mutated | preset focused"
 
-    kind: Literal["preset"] = "preset"
     name: Name
 
 
@@ -62,7 +58,6 @@ class ClipAround(Item):
 
     pattern = "clip before {before} after {after}"
 
-    kind: Literal["clip_around"] = "clip_around"
     before: _Around
     after: _Around
 
@@ -73,7 +68,6 @@ class RiskyPoints(Item):
     pattern = "risky_points {count}"
     words = "risky_points (statement): how many risky points of a run are clipped, at most | risky_points 4"
 
-    kind: Literal["risky_points"] = "risky_points"
     count: Annotated[_Count, Bounds(1, 1000)]
 
 
@@ -83,7 +77,6 @@ class Children(Item):
     pattern = "children {count}"
     words = "children (statement): how many mutants a clip gets | children 4"
 
-    kind: Literal["children"] = "children"
     count: Annotated[_Count, Bounds(0, 1000)]
 
 
@@ -93,7 +86,6 @@ class Repeat(Item):
     pattern = "repeat {times}"
     words = "repeat (statement): how often clips are mutated, each time with the next seed | repeat 3"
 
-    kind: Literal["repeat"] = "repeat"
     times: Annotated[_Count, Bounds(1, 100_000)]  # ours: beyond the study's size (34,416 runs) by far
 
 
@@ -102,7 +94,6 @@ class FirstSeed(Item):
 
     pattern = "seed {seed}"
 
-    kind: Literal["first_seed"] = "first_seed"
     seed: Annotated[_Count, Bounds(0, 2**31 - 1)]
 
 
@@ -112,7 +103,6 @@ class Budget(Item):
     pattern = "budget {time}"
     words = "budget (statement): no new run of a campaign begins later than that | budget 30 min"
 
-    kind: Literal["budget"] = "budget"
     time: Annotated[_Time, Bounds(1.0)]
 
 
@@ -127,6 +117,5 @@ class Campaign(Item):
     pattern = "campaign {name} { ...body }"
     words = "campaign (definition): which test cases are run, clipped and mutated, and how | campaign nightly { ... }"
 
-    kind: Literal["campaign"] = "campaign"
     name: Name
     body: tuple[CampaignItem, ...]

@@ -50,7 +50,6 @@ class Measure(Phrase):
         eta (constant): seconds until an actor enters a junction | ego.eta(j4) < 4 s
     """
 
-    kind: Literal["measure"] = "measure"
     what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
     actor: v.ActorName | None = None
     other: Annotated[v.Id | v.Ref, Names("thing")] | None = None
@@ -74,7 +73,6 @@ class Comparison(Phrase):
 
     pattern = "{left} {op} {right}"
 
-    kind: Literal["comparison"] = "comparison"
     left: Measure | v.Ref
     op: Literal["<", "<=", ">", ">="]
     right: v.Value
@@ -86,7 +84,6 @@ class Equals(Phrase):
     pattern = "{left} is {right}"
     words = "is (condition): a parameter has that value, or a signal shows that | ego.signal(j4) is red"
 
-    kind: Literal["equals"] = "equals"
     left: Annotated[v.Ref, Names("parameter")]
     right: v.Word
 
@@ -100,7 +97,6 @@ class Predicate(Phrase):
         arrived (condition): the actor has reached its goal | expect eventually arrived(ego)
     """
 
-    kind: Literal["predicate"] = "predicate"
     what: Literal["collision", "arrived"]
     actor: v.ActorName
 
@@ -111,7 +107,6 @@ class InJunction(Phrase):
     pattern = "{actor} in junction [{junction}]"
     never_bare = ("and", "or", "for")
 
-    kind: Literal["in_junction"] = "in_junction"
     actor: v.ActorName
     junction: v.JunctionId | None = None
 
@@ -121,7 +116,6 @@ class Named(Phrase):
 
     pattern = "{name}"
 
-    kind: Literal["named"] = "named"
     name: Annotated[v.Id | v.Ref, Names("thing")]
 
 
@@ -131,7 +125,6 @@ class Within(Phrase):
 
     pattern = "{actor} within {distance} of {of}"
 
-    kind: Literal["within"] = "within"
     actor: v.ActorName
     distance: v.Length
     of: Annotated[Named | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction, ONE_OF]
@@ -147,13 +140,12 @@ class Shows(Phrase):
         red (constant): what a signal shows | ego.signal(j4) is red
     """
 
-    kind: Literal["shows"] = "shows"
     actor: v.ActorName | None = None
     junction: v.JunctionId
     state: v.StageId
 
 
-class Sustained(Phrase):
+class Sustained(Phrase, kind="for"):
     """`CONDITION for 2 s`: it has held at every frame of that time, without a break. Binds stronger than `not`.
 
     `CONDITION for 2 s since -1.30 s`: before the run it held since that time and not just before that; then the `for`
@@ -169,7 +161,6 @@ class Sustained(Phrase):
             | when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }
     """
 
-    kind: Literal["for"] = "for"
     condition: Condition
     duration: v.Time
     since: Annotated[v.Time, Bounds(-1e9, 0.0)] | None = None
@@ -183,29 +174,26 @@ class Not(Phrase):
     in_brackets = ("and", "or")
     words = "not (condition): it does not hold | not ego.speed < 3 m/s"
 
-    kind: Literal["not"] = "not"
     condition: Condition
 
 
-class Both(Phrase):
+class Both(Phrase, kind="and"):
     """`A and B and C`."""
 
     pattern = "{conditions: and }"
     in_brackets = ("and", "or")
     words = "and (condition): both hold; binds stronger than `or` | time > 1 s and ego.speed < 3 m/s"
 
-    kind: Literal["and"] = "and"
     conditions: tuple[Condition, ...] = Field(min_length=2)
 
 
-class Either(Phrase):
+class Either(Phrase, kind="or"):
     """`A or B or C`; binds weaker than `and`, brackets as usual."""
 
     pattern = "{conditions: or }"
     in_brackets = ("or",)
     words = "or (condition): one of them holds | time > 9 s or ego.speed < 3 m/s"
 
-    kind: Literal["or"] = "or"
     conditions: tuple[Condition, ...] = Field(min_length=2)
 
 

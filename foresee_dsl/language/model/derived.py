@@ -128,7 +128,6 @@ class Change(Item):
             | change runner.timing: 1.00 => 0.80
     """
 
-    kind: Literal["change"] = "change"
     actor: ActorName
     """The actor, or one of `weather`, `expect`, `param` and `end`."""
     property: Name
@@ -163,7 +162,6 @@ class Add(Item):
     pattern = "add {item}"
     words = "add (statement): one statement more than in the extended scenario | add weather rain 0.3"
 
-    kind: Literal["add"] = "add"
     item: Statement
 
 
@@ -176,7 +174,6 @@ class Replace(Item):
 
     pattern = "change {item}"
 
-    kind: Literal["replace"] = "replace"
     item: Statement
 
 
@@ -186,7 +183,6 @@ class Drop(Item):
     pattern = "drop {what} [{name}]"
     words = "drop (statement): a statement of the extended scenario that is not in this one | drop vehicle runner"
 
-    kind: Literal["drop"] = "drop"
     what: Droppable
     name: Id | None = None
 
@@ -203,7 +199,6 @@ class Extension(Item):
     pattern = "scenario {name} extends {parent} { ...body }"
     words = 'extends (link): the scenario is another one, with the differences that follow | wet extends "dry.foresee"'
 
-    kind: Literal["extension"] = "extension"
     name: Name
     parent: FilePath
     body: tuple[ExtensionItem, ...]
@@ -221,7 +216,6 @@ class Window(Item):
     pattern = "window {start}..{end}"
     words = "window (statement): the seconds of the parent's run that a clip holds | window 12.40 s..22.40 s"
 
-    kind: Literal["window"] = "window"
     start: Time
     end: Time
 
@@ -235,7 +229,6 @@ class Risk(Item):
         with (link): which actor the risk is about | risk "..." at 17.40 s with runner
     """
 
-    kind: Literal["risk"] = "risk"
     text: Text
     at: Time | None = None
     """The risky point in the parent's time: `risk "..." at 17.40 s`."""
@@ -243,13 +236,12 @@ class Risk(Item):
     """`risk "..." at 17.40 s with runner`."""
 
 
-class Goal(Item):
+class Goal(Item, kind="clip_goal"):
     """`goal (118.30 m, 40.10 m)`: the waypoint of the ego's route nearest to where the parent's ego was at the
     window's end."""
 
     pattern = "goal {at}"
 
-    kind: Literal["clip_goal"] = "clip_goal"
     at: Point
 
 
@@ -266,7 +258,6 @@ class Fidelity(Item):
             | fidelity 0.00 m ego 0.12 m
     """
 
-    kind: Literal["fidelity"] = "fidelity"
     deviation: Length
     ego: Length | None = None
 
@@ -287,7 +278,6 @@ class Clip(Item):
         pin (link): the hash of what the parent means | pin sha256:5ef2c6120a41
     """
 
-    kind: Literal["clip"] = "clip"
     name: Name
     parent: FilePath
     case: Annotated[Name, Names("case")] | None = None
@@ -323,7 +313,6 @@ class Origin(Item):
         unknown (constant): of `preventable` | preventable unknown
     """
 
-    kind: Literal["origin"] = "origin"
     operator: tuple[Name, ...] = ()
     preset: Name | None = None
     seed: Quantity | None = None
@@ -346,7 +335,6 @@ class Mutant(Item):
             | mutant runner_p1_m3 of "runner_p1.foresee" pin sha256:c347e6a70b92 { ... }
     """
 
-    kind: Literal["mutant"] = "mutant"
     name: Name
     parent: FilePath
     pin: Pin

@@ -32,7 +32,6 @@ class Expected(Item):
         timeout (constant): a failure: it does not arrive in time | expected pdm fails timeout
     """
 
-    kind: Literal["expected"] = "expected"
     driver: Id
     case: Annotated[Name, Names("case")] | None = None
     """Of a scenario with cases: the one that is meant; without it, each of them."""

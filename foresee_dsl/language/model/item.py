@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, SerializationInfo, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
@@ -52,6 +53,8 @@ class Item(BaseModel):
     A class is made by the grammar's rule of the same name in small letters (`StartAt` by `start_at`).
 
     Attributes:
+        kind: its tag in data and hashes: by default the name of its rule. `class Both(Phrase, kind="and")` says another
+            one; `kind=""`: it has none.
         pattern: how it is written (`model.pattern` explains the notation): nodes, printed text, and the dimensions
             that messages name derive from it.
         words: the words of the language that this class brings in, as `word (group): meaning | example of a line`
@@ -64,10 +67,21 @@ class Item(BaseModel):
     # A class's validator is built at its first use: a file uses a third of the classes.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
+    if TYPE_CHECKING:
+        kind: str = ""
+
     pattern: ClassVar[str] = ""
     words: ClassVar[str] = ""
     in_brackets: ClassVar[tuple[str, ...]] = ()
     never_bare: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, kind: str | None = None, **_: Any) -> None:  # noqa: ANN401 - pydantic's, for itself
+        """Give the class its `kind`, before pydantic collects its fields."""
+        tag = rule_of(cls) if kind is None else kind
+        own = inspect.get_annotations(cls)
+        if tag and "kind" not in own:
+            cls.__annotations__ = {"kind": Literal[tag], **own}
+            cls.kind = tag
 
     def own_pattern(self) -> str:
         """Return the pattern of this one item, in classes that are written in several ways."""
@@ -79,7 +93,7 @@ class Item(BaseModel):
         return False
 
 
-class Phrase(Item):
+class Phrase(Item, kind=""):
     """Base of the parts of statements: values, places, conditions."""
 
 

@@ -16,7 +16,6 @@ class Doc(Item):
     pattern = "doc {text}"
     words = 'doc (statement): a sentence for people | doc "One sentence."'
 
-    kind: Literal["doc"] = "doc"
     text: v.Text
 
 
@@ -31,7 +30,6 @@ class Stage(Item):
         green (link): the roads that have green in a stage; what a signal shows | green [north, south]
     """
 
-    kind: Literal["stage"] = "stage"
     name: Annotated[v.Name, Names("stage", defines=True)]
     green: tuple[Annotated[v.Name, Names("road")], ...] = Field(min_length=1)
     duration: Annotated[v.Time, Bounds(0.1)]
@@ -56,7 +54,6 @@ class Junction(Item):
         stop (constant): a junction's control: all-way stop | junction j4 at (0 m, 0 m) stop
     """
 
-    kind: Literal["junction"] = "junction"
     name: Annotated[v.Name, Names("junction", defines=True)]
     at: v.Point
     control: Literal["signals", "priority", "right_before_left", "stop"] = "priority"
@@ -91,7 +88,6 @@ class Road(Item):
         median (setting): room between a road's two directions | median 1.5 m
     """
 
-    kind: Literal["road"] = "road"
     name: Annotated[v.Name, Names("road", defines=True)]
     start: Annotated[v.Name, Names("junction")]
     end: Annotated[v.Name, Names("junction")]
@@ -116,7 +112,6 @@ class Building(Item):
     pattern = "building {name} {outline}"
     words = "building (statement): hides what is behind it | building bank [(10 m, 20 m), (30 m, 20 m), (30 m, 40 m)]"
 
-    kind: Literal["building"] = "building"
     name: v.Name
     outline: tuple[v.Point, ...] = Field(min_length=3)
 
@@ -131,7 +126,6 @@ class Network(Item):
     pattern = "network {name} { ...body }"
     words = "network (definition): junctions and roads | network town { ... }"
 
-    kind: Literal["network"] = "network"
     name: v.Name
     body: tuple[NetworkItem, ...]
 
@@ -140,7 +134,7 @@ _Size = Annotated[v.Length, Bounds(0.01, 100.0)]
 _Overhang = Annotated[v.Length, Bounds(0.0, 100.0)]
 
 
-class VehicleModel(Item):
+class VehicleModel(Item, kind="model"):
     """`model car.compact { ... }`: one entry of a catalogue. What is absent takes the class's default
     (`compile.catalogue`); for obstacles only the size matters, pedestrians have no wheels.
 
@@ -171,7 +165,6 @@ class VehicleModel(Item):
         source (setting): where the numbers come from | source "data sheet of 2024"
     """
 
-    kind: Literal["model"] = "model"
     name: Annotated[v.ModelName, Names("model", defines=True)]
     length: _Size
     width: _Size
@@ -190,12 +183,11 @@ class VehicleModel(Item):
     source: v.Text | None = None
 
 
-class Catalogue(Item):
+class Catalogue(Item, kind="models"):
     """`models standard { model car.compact { ... } ... }`."""
 
     pattern = "models {name} { ...body }"
     words = "models (definition): sizes and abilities; in traffic: which models take part | models more { ... }"
 
-    kind: Literal["models"] = "models"
     name: v.Name
     body: tuple[Annotated[Doc | VehicleModel, ONE_OF], ...]

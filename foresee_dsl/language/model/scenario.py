@@ -41,7 +41,6 @@ class Tags(Item):
             | tags [scenario7, junction]
     """
 
-    kind: Literal["tags"] = "tags"
     names: tuple[Name, ...]
 
 
@@ -51,7 +50,6 @@ class UseNetwork(Item):
     pattern = "use network {path}"
     words = 'use (statement): a network, or models, from another file | use network "networks/town.foresee"'
 
-    kind: Literal["use_network"] = "use_network"
     path: FilePath
 
 
@@ -60,11 +58,10 @@ class UseModels(Item):
 
     pattern = "use models {path}"
 
-    kind: Literal["use_models"] = "use_models"
     path: FilePath
 
 
-class Range(Phrase):
+class Range(Phrase, kind=""):
     """`0 s..4 s step 0.1 s`."""
 
     pattern = "{low}..{high} [step {step}]"
@@ -81,8 +78,6 @@ class Uniform(Phrase):
     pattern = "uniform"
     words = "uniform (link): every value of the range is as likely | as uniform"
 
-    kind: Literal["uniform"] = "uniform"
-
 
 class Normal(Phrase):
     """`as normal(1.5 s, 0.4 s)`: mean and standard deviation, cut off at the ends of the range."""
@@ -90,7 +85,6 @@ class Normal(Phrase):
     pattern = "normal({mean}, {deviation})"
     words = "normal (link): mean and standard deviation, cut off at the range's ends | as normal(1.5 s, 0.4 s)"
 
-    kind: Literal["normal"] = "normal"
     mean: Quantity
     deviation: Quantity
 
@@ -101,7 +95,6 @@ class Choice(Phrase):
     pattern = "choice({weights:, })"
     words = "choice (link): how often each option is drawn, relative to the others | as choice(3, 1)"
 
-    kind: Literal["choice"] = "choice"
     weights: tuple[Quantity, ...] = Field(min_length=1)
 
 
@@ -111,8 +104,6 @@ class Grid(Phrase):
 
     pattern = "grid"
     words = "grid (link): values are taken in turn, every combination once | as grid"
-
-    kind: Literal["grid"] = "grid"
 
 
 Distribution = Annotated[Uniform | Normal | Choice | Grid, ONE_OF]
@@ -135,7 +126,6 @@ class Param(Item):
         side (type): a parameter's type: left or right | param evades: side = left
     """
 
-    kind: Literal["param"] = "param"
     name: Annotated[Name, Names("parameter", defines=True)]
     type: ParamType
     default: ParamValue
@@ -151,7 +141,6 @@ class Require(Item):
     pattern = "require {condition}"
     words = "require (statement): what the values of a case must satisfy | require gap < 2 s"
 
-    kind: Literal["require"] = "require"
     condition: Condition
 
 
@@ -161,7 +150,6 @@ class Cases(Item):
     pattern = "cases {count} from seed {seed}"
     words = "cases (statement): cases with drawn values | cases 20 from seed 7"
 
-    kind: Literal["cases"] = "cases"
     count: Quantity
     seed: Quantity
 
@@ -181,7 +169,6 @@ class Weather(Item):
         sun (setting): 0 to 1; for sensors | weather sun 0.5
     """
 
-    kind: Literal["weather"] = "weather"
     rain: _Share | None = None
     fog: _Share | None = None
     wetness: _Share | None = None
@@ -205,7 +192,6 @@ class Expect(Item):
         eventually (condition): it holds at one frame | expect eventually within 60 s arrived(ego)
     """
 
-    kind: Literal["expect"] = "expect"
     name: Annotated[Name, Names("label", defines=True)] | None = None
     """What `extends`, mutants and messages call it by: `expect safe: always ttc(ego, lead) > 1 s`."""
     mode: Literal["never", "always", "eventually"]
@@ -219,11 +205,10 @@ class End(Item):
     pattern = "end after {after}"
     words = "end (statement): the run's limit; 60 s when absent | end after 60 s"
 
-    kind: Literal["end"] = "end"
     after: Annotated[Time, Bounds(0.05)]  # one step of the simulation
 
 
-class Assignment(Item):
+class Assignment(Item, kind=""):
     """`gap = 1.2 s` inside a case."""
 
     pattern = "{name} = {value}"
@@ -238,7 +223,6 @@ class Case(Item):
     pattern = "case {name} [{ ...values }]"
     words = "case (statement): values for parameters: one test case | case r01 { gap = 1.2 s }"
 
-    kind: Literal["case"] = "case"
     name: Annotated[Name, Names("case", defines=True)]
     values: tuple[Assignment, ...] = ()
 
@@ -247,7 +231,7 @@ class Case(Item):
         return lines <= MOST_INLINE
 
 
-class SignalState(Item):
+class SignalState(Item, kind="signal"):
     """`signal j4 stage ns_go elapsed 11.35 s`: what a junction's signal shows at the beginning.
 
     For a signal that the language wrote, and of an OpenDRIVE map, the stage's name, and time since its green began
@@ -262,7 +246,6 @@ class SignalState(Item):
         elapsed (link): time since the stage began | signal j4 stage ns_go elapsed 11.35 s
     """
 
-    kind: Literal["signal"] = "signal"
     junction: JunctionId
     stage: StageId
     elapsed: Time
@@ -301,7 +284,6 @@ class Scenario(Item):
         scenario (definition): a situation, with parameters and cases or without | scenario red_light_runner { ... }
     """
 
-    kind: Literal["scenario"] = "scenario"
     name: Name
     body: tuple[ScenarioItem, ...]
 

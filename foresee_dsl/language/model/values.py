@@ -37,7 +37,7 @@ def _known_unit(word: str) -> str:
     return word
 
 
-class Quantity(Phrase):
+class Quantity(Phrase, kind=""):
     """A number and its unit as the author wrote them: `50 km/h`, `1.50 s`, `0.31`.
 
     `value` is decimal, so that the author's digits come back when it is printed. `unit` is a word of
@@ -66,7 +66,7 @@ class Quantity(Phrase):
         return cls(value=abs(rounded) if rounded == 0 else rounded, unit=word)
 
 
-class Ref(Phrase):
+class Ref(Phrase, kind=""):
     """The name of a parameter where a value may stand; gone once the scenario is concrete."""
 
     pattern = "{name}"
@@ -118,7 +118,6 @@ class Point(Phrase):
 
     pattern = "({x}, {y})"
 
-    kind: Literal["point"] = "point"
     x: Length
     y: Length
 
@@ -135,7 +134,6 @@ class AlongEdge(Phrase):
         offset (link): to the side, left positive | 30 m along west offset 1 m
     """
 
-    kind: Literal["along_edge"] = "along_edge"
     edge: RoadId
     at: Length
     offset: Length | None = None
@@ -149,7 +147,6 @@ class AlongRoute(Phrase):
 
     pattern = "{at} along {actor}.route [offset {offset}]"
 
-    kind: Literal["along_route"] = "along_route"
     actor: ActorName
     at: Length
     offset: Length | None = None
@@ -165,7 +162,6 @@ class PastJunction(Phrase):
         on (link): on whose route | 12 m past j4 on ego.route
     """
 
-    kind: Literal["past_junction"] = "past_junction"
     actor: ActorName
     junction: JunctionId
     side: Literal["past", "before"]

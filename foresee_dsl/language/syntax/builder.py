@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -49,7 +50,7 @@ class Builder:
                 values[name] = raw
         return self._construct(node, values, failed)
 
-    def _construct(self, node: Node, values: dict[str, object], failed: set[str]) -> m.Item | None:
+    def _construct(self, node: Node, values: dict[str, Any], failed: set[str]) -> m.Item | None:
         try:
             item = node.kind(**values)
         except ValidationError as error:
@@ -123,17 +124,13 @@ def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError
     found = _NEEDS.search(detail["msg"])
     if found is None:
         return TextError("FS010", detail["msg"].removeprefix("Value error, "), "", place)
-    needed = _dimension(found[1])
+    needed: Dimension = next((d for d in NOUNS if d == found[1]), "count")
     value = detail["input"]
     help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}`"
     if isinstance(value, m.Quantity) and not value.unit:
         return TextError("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
     is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
     return TextError("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
-
-
-def _dimension(word: str) -> Dimension:
-    return next((d for d in NOUNS if d == word), "count")
 
 
 def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:

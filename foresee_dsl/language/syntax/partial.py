@@ -51,14 +51,11 @@ def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str
         for d in check_document(Document(path, text, model, builder.spans))
         if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
     ]
-    found = _without_uses(found, {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))})
+    # Errors at or right behind names that are words of the language go with the name.
+    taken = {name[1] for d in more if d.code == _TAKEN and (name := _QUOTED.search(d.message))}
+    found = tuple(d for d in found if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
     first = Span(0, 0, 0, 0)
     return tuple(sorted((*found, *more), key=lambda d: ((d.span or first).line, (d.span or first).column)))
-
-
-def _without_uses(found: tuple[Diagnostic, ...], taken: set[str]) -> tuple[Diagnostic, ...]:
-    """Leave out the errors at or right behind names that are words of the language: they go with the name."""
-    return tuple(d for d in found if d.code == _TAKEN or not any(_is_at(d, name) for name in taken))
 
 
 def _is_at(found: Diagnostic, name: str) -> bool:
@@ -98,7 +95,8 @@ def _around(found: Diagnostic, statements: Sequence[Raw], lines: Lines) -> Raw |
     if found.span is None:
         return None
     at = lines.offset(found.span.line, found.span.column)
-    return max((raw for raw in statements if raw.start <= at <= _end(raw)), key=lambda raw: raw.start, default=None)
+    around = (raw for raw in statements if raw.start <= at <= (raw.end if raw.block is None else raw.close))
+    return max(around, key=lambda raw: raw.start, default=None)
 
 
 def _definable(raw: Raw, text: str) -> Iterator[str]:
@@ -124,7 +122,3 @@ def _flat(found: Iterable[Raw]) -> Iterator[Raw]:
         raw = waiting.pop()
         yield raw
         waiting += (raw.block or [])[::-1]
-
-
-def _end(raw: Raw) -> int:
-    return raw.close if raw.block is not None else raw.end

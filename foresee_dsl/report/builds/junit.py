@@ -49,15 +49,12 @@ def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[t
     suites = [_Suite(suite, _class_name(suite), tuple(found))
               for suite, found in groupby(by_suite, key=lambda one: one.suite)]  # fmt: skip
     total = _Suite("", "", tuple(results))
-    return _clean(rendered("junit.xml", name=name, suites=suites, properties=properties, total=total))
+    text = rendered("junit.xml", name=name, suites=suites, properties=properties, total=total)
+    # What XML cannot hold is written out, such as the escape character of a terminal's colours.
+    return _NO_XML.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
 
 
 def _class_name(suite: str) -> str:
     """A file as a dotted name: servers make folders of the dots."""
     parts = [part for part in PurePath(suite).with_suffix("").parts if part not in ("/", "..", ".")]
     return ".".join(part.replace(".", "_") for part in parts) or "foresee"
-
-
-def _clean(text: str) -> str:
-    """Return a text with what XML cannot hold written out, such as the escape character of a terminal's colours."""
-    return _NO_XML.sub(lambda found: f"\\x{ord(found.group()):02x}", text)

@@ -70,12 +70,8 @@ def rendered(contents: Contents, reader: Reader) -> str:
 @cache
 def _templates() -> Environment:
     """Return the templates of reports, in which nothing that is inserted hides or turns the text around it."""
-    return environment().overlay(finalize=_shown)
-
-
-def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts
-    """Make text of others safe; what a template has marked as markup stays as it is."""
-    return safe(value, LONGEST) if type(value) is str else value
+    # What a template has marked as markup stays as it is.
+    return environment().overlay(finalize=lambda value: safe(value, LONGEST) if type(value) is str else value)
 
 
 def _data(value: dict[str, Any]) -> Markup:

@@ -12,7 +12,7 @@ from urllib.parse import quote
 from foresee_dsl.files import write_whole
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import Found
-from foresee_dsl.report.page.runs import Reader, Run
+from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.templates import environment
 
@@ -85,14 +85,10 @@ def _rendered(contents: Contents, sections: Sequence[tuple[Found, Marked]], coun
             block=block,
             mark=Marked,
             code_free=escaped,
-            commands=_commands,
+            commands=lambda run: "\n".join(run.command_lines),
         )
     )
     return re.sub(r"\n{3,}", "\n\n", text)
-
-
-def _commands(run: Run) -> str:
-    return "\n".join(command for _, command in run.commands)
 
 
 @cache

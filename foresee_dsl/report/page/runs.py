@@ -140,7 +140,7 @@ class Reader:
             id=made,
             title=story.sentence if story else outcome.reason,
             moments=story.moments if story else (),
-            label=_label(outcome.verdict),
+            label=next((v.label for v in Verdict if v.value == outcome.verdict), outcome.verdict),
             class_=story.contact.value if story else "",
             forecast=risk.text if risk is not None else "",
             changes=small,
@@ -272,8 +272,3 @@ def _statements(mutant: Mutant) -> tuple[str, ...]:
 def _commands(outcome: Outcome) -> tuple[tuple[str, str], ...]:
     options = ("--driver", outcome.driver, "--seed", str(outcome.seed))
     return (("run it", shlex.join(("foresee", "run", outcome.address, *options))),)
-
-
-def _label(verdict: str) -> str:
-    """Return a verdict in a few words; one of another version as it is."""
-    return next((known.label for known in Verdict if known.value == verdict), verdict)

@@ -61,7 +61,7 @@ def ground_of(network: RoadNetwork, bounds: Bounds) -> Ground:
         Layer.PARKING: shapely.union_all([_band(lane) for lane in lanes if lane.parking]),
         Layer.MARKING: shapely.union_all([shapely.LineString(line) for line in _between(streets)]),  # each once
         Layer.CROSSING: shapely.union_all([_band(lane) for lane in lanes if lane.id in crossing_ids]),
-        Layer.STOP_LINE: _lines(_stop_line(lane) for lane in streets if lane.id in signalled),
+        Layer.STOP_LINE: shapely.MultiLineString([_stop_line(lane) for lane in streets if lane.id in signalled]),
         Layer.BUILDING: shapely.union_all([_polygon(b) for b in network.buildings if _near(b, bounds)]),
     }
 
@@ -87,10 +87,6 @@ def _stop_line(lane: Lane) -> FloatArray:
     x, y, heading = lane.line.at(lane.line.length_m)
     aside_x, aside_y = -math.sin(heading) * lane.width_m / 2, math.cos(heading) * lane.width_m / 2
     return np.array(((x + aside_x, y + aside_y), (x - aside_x, y - aside_y)))
-
-
-def _lines(lines: Iterable[FloatArray]) -> BaseGeometry:
-    return shapely.MultiLineString(list(lines))
 
 
 def _band(lane: Lane) -> BaseGeometry:

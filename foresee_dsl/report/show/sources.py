@@ -8,11 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
 from foresee_dsl.campaign.findings.asked import asked
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.addresses import is_file, parse_address
@@ -170,19 +169,16 @@ def _of_this_version(meta: dict[str, Any], driver: str) -> bool:
 
 
 def _driver_and_seed(case: TestCase, wish: Wish) -> tuple[str, int]:
-    origin = case.mutant.origin if case.mutant is not None else None
-    recorded = recorded_address((origin.driver if origin else None) or "pdm")
+    recorded, seed = recorded_run(case.mutant.origin if case.mutant is not None else None)
     if ":" in recorded and not wish.driver:
         raise DriverError(f"{case.id} was recorded with a program as its driver: {recorded}. `--driver` starts one")
-    seed = int(origin.seed.value) if origin and origin.seed else 0
     return wish.driver or recorded, seed if wish.seed is None else wish.seed
 
 
 def _file_of_finding(name: str, wish: Wish) -> str:
     """Return the address of what a campaign calls `name`: a finding (minimised where it is), or another failure."""
-    found = asked(name, wish.campaign, tests=True).file
-    small = wish.campaign / "findings" / name / f"{name}.foresee"
-    return (found if wish.full or not is_file(small) else small).as_posix()
+    found = asked(name, wish.campaign, tests=True)
+    return ((not wish.full and found.minimised) or found.file).as_posix()
 
 
 def _relative(address: str) -> str:
