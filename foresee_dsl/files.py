@@ -1,11 +1,16 @@
-"""Where the package's own files and its cache are, and files that are written whole or not at all."""
+"""Where the package's own files, templates and cache are, and files that are written whole or not at all."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -17,6 +22,27 @@ def data_folder(name: str) -> Path:
     """
     packaged = _PACKAGE / "_data" / name
     return packaged if packaged.is_dir() else _PACKAGE.parent / name
+
+
+@cache
+def templates(folder: str, *, markup: bool = True) -> Environment:
+    """Return the templates of `templates/FOLDER`, autoescaped as XML and HTML; a name that is not given is an error."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where something is rendered
+
+    return Environment(
+        loader=FileSystemLoader(data_folder("templates") / folder),
+        undefined=StrictUndefined,
+        autoescape=markup,  # noqa: S701 - plain text is no markup
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+def rendered(template: str, **values: object) -> str:
+    """Return the text that `templates/<template>.j2` (`report/junit.xml`) gives with all the values that it names."""
+    folder, _, name = template.rpartition("/")
+    return templates(folder).get_template(f"{name}.j2").render(**values)
 
 
 def cache_folder(name: str) -> Path:

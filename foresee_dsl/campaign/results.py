@@ -168,7 +168,7 @@ class CampaignResult:
         """The figures of all families."""
         return self.row()
 
-    @property
+    @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Failures that tell the same story as one, with what minimising gave."""
         small = {one.child.name: one for one in self.minimised}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from enum import StrEnum
-from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +14,7 @@ import typer
 from foresee_dsl.cli.options.common import DriverOption
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
+    pass
 
 _FILES = (
     ("networks/crossroads.foresee", "networks/crossroads.foresee"),
@@ -61,7 +60,7 @@ def init(
     """  # fmt: skip
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.errors import ForeseeError
-    from foresee_dsl.files import write_whole
+    from foresee_dsl.files import templates, write_whole
 
     load_driver(driver)  # an unknown name is reported before anything is written
     ci_file = _CI_FILES[ci]
@@ -77,7 +76,7 @@ def init(
         "ci_file": ci_file,
         "install": install or _installed_from(),
     }
-    texts = [(file, _environment().get_template(f"{template}.j2").render(values) if template else "")
+    texts = [(file, templates("init", markup=False).get_template(f"{template}.j2").render(values) if template else "")
              for file, template in files]  # fmt: skip
     for file, text in texts:
         write_whole(file, text)
@@ -100,17 +99,3 @@ def _installed_from() -> str:
     if vcs := url.get("vcs_info"):
         return f"'foresee-dsl @ {vcs['vcs']}+{url['url']}@{vcs['commit_id']}'"
     return "wheels/foresee_dsl-*.whl  # put its wheel there, or name its repository: git+https://..."
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    from foresee_dsl.files import data_folder
-
-    return Environment(
-        loader=FileSystemLoader(data_folder("templates") / "init"),
-        undefined=StrictUndefined,
-        autoescape=False,  # noqa: S701 - plain text, of which nobody but its user is the source
-        keep_trailing_newline=True,
-    )

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.files import data_folder
+from foresee_dsl.files import data_folder, templates
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -44,16 +44,7 @@ def polyline(points: Iterable[tuple[float, float]]) -> str:
 
 @cache
 def environment(folder: str, *, xml: bool = True) -> Environment:
-    """Return the templates of a folder in `templates/`, for XML or for plain text."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only where a network is new
-
-    made = Environment(
-        loader=FileSystemLoader(data_folder("templates") / folder),
-        undefined=StrictUndefined,
-        autoescape=xml,  # noqa: S701 - plain text is no markup, and is parsed before it is written
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    """Return the templates of a folder in `templates/`, for XML or for plain text, with our numbers and polylines."""
+    made = templates(folder, markup=xml)
     made.filters |= {"number": number, "polyline": polyline}
     return made

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from foresee_dsl.campaign.findings.grouping import Finding, findings_of
+from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
 from foresee_dsl.derive.preventability import Preventability, Preventable
@@ -50,13 +50,13 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
 
     A path is a line of its own, which is never broken.
     """
-    findings = sorted(findings_of(result), key=_triage)
+    findings = sorted(result.findings, key=_triage)
     console.print()
     for line in _headline(result, findings):
         console.print(line)
     for number, finding in enumerate(findings[:SHOWN], start=1):
         console.print()
-        _print_finding(console, number, finding, result, out)
+        _print_finding(console, number, finding, out)
     if len(findings) > SHOWN:
         console.print(
             f"\n... and {counted(len(findings) - SHOWN, 'more finding')}: campaign.json and the page have all"
@@ -111,7 +111,7 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
     )
 
 
-def _print_finding(console: Console, number: int, finding: Finding, result: CampaignResult, out: Path) -> None:
+def _print_finding(console: Console, number: int, finding: Finding, out: Path) -> None:
     siblings = f"; {counted(len(finding.siblings), 'sibling')}" if finding.siblings else ""
     console.print(_indented(Text(safe(finding.story.sentence, WHOLE), style="bold"), f"{number:>3} "))
     console.print(_indented(Text.assemble(
@@ -119,37 +119,30 @@ def _print_finding(console: Console, number: int, finding: Finding, result: Camp
         *((f"; {finding.preventability.verdict.value}", "bold") if finding.preventability else "",),
         f": {safe(finding.preventability.why, WHOLE)}" if finding.preventability else "",
     )))  # fmt: skip
-    _print_path(console, "    ", file_of(finding, result, out))
+    _print_path(console, "    ", file_of(finding, out))
 
 
-def file_of(finding: Finding, result: CampaignResult, out: Path) -> Path | str:
+def file_of(finding: Finding, out: Path) -> Path | str:
     """Return what to open of a finding: its minimised file, else its own; of a test case the address."""
     if isinstance(finding.representative, SeedOutcome):
         return finding.file
-    small = next((one for one in result.minimised if one.child.name == finding.name), None)
-    return out / (f"{small.folder}/{small.child.name}.foresee" if small is not None else finding.file)
+    return out / (finding.minimised or finding).file
 
 
 def _print_others(console: Console, result: CampaignResult, findings: list[Finding], out: Path) -> None:
     """Print failures that have no story, which only older results have."""
     told = {name for finding in findings for name in (finding.name, *finding.siblings)}
-    others = [child for child in result.to_open_first(SHOWN) if child.name not in told]
-    for child in others:
+    children = (child for child in result.to_open_first(SHOWN) if child.name not in told)
+    others: list[tuple[str, Preventability | None, Path | str]] = [
+        *((child.reason, child.preventability, out / child.file) for child in children),
+        *((s.reason, s.preventability, s.id) for s in result.seeds if s.verdict.is_failure and s.story is None),
+    ]
+    for reason, found, path in others:
         console.print()
-        console.print(_indented(Text(safe(child.reason, WHOLE))))
-        _print_why(console, child.preventability)
-        _print_path(console, "    ", out / child.file)
-    seeds = [seed for seed in result.seeds if seed.verdict.is_failure and seed.story is None]
-    for seed in seeds:
-        console.print()
-        console.print(_indented(Text(safe(seed.reason, WHOLE))))
-        _print_why(console, seed.preventability)
-        _print_path(console, "    ", seed.id)
-
-
-def _print_why(console: Console, found: Preventability | None) -> None:
-    if found is not None:
-        console.print(_indented(Text(f"{found.verdict.value}: {safe(found.why, WHOLE)}")))
+        console.print(_indented(Text(safe(reason, WHOLE))))
+        if found is not None:
+            console.print(_indented(Text(f"{found.verdict.value}: {safe(found.why, WHOLE)}")))
+        _print_path(console, "    ", path)
 
 
 def _print_broken(console: Console, result: CampaignResult) -> None:

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.text import Text
 
 from foresee_dsl.campaign.regression.comparison import MEASURES, Change, Comparison, Nearer, Pair, Row
+from foresee_dsl.files import rendered
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.templates import rendered
 from foresee_dsl.report.terminal import plain_table
 
 SHOWN = 20
@@ -60,7 +60,7 @@ def to_markdown(found: Comparison) -> str:
     parts = [(title, [(pair.new.name, endings(pair)) for pair in found.of(change)]) for change, title, _ in _TITLES]
     parts.append(("Near misses that came nearer", [(pair.new.name, (nearer(pair.nearer),)) for pair in found.nearer]))
     return rendered(
-        "comparison.md",
+        "report/comparison.md",
         found=found,
         paired=paired(found),
         parts=[(title, cases[:SHOWN_IN_MARKDOWN], len(cases)) for title, cases in parts if cases],

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.templates import number
+from foresee_dsl.files import rendered
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.drawing import GRASS, NAMES, STYLES, Drawn, drawing
 from foresee_dsl.report.show.measures import FloatArray, measure
 from foresee_dsl.report.show.moments import MOST, snapshots
 from foresee_dsl.report.show.panels import Panel, Role, Strip, Up, strip_panels, windows_around
-from foresee_dsl.report.templates import rendered
 from foresee_dsl.simulate.results.near_misses import near_misses
 from foresee_dsl.simulate.trace import Trace
 
@@ -110,7 +110,7 @@ def svg_of(strips: Sequence[Strip], label: str, *, per_row: int = 3) -> str:
     most = max((len(row["cells"]) for row in rows), default=1)
     wide = max(most * (SIDE_PX + _GAP_PX) - _GAP_PX, int(legend[-1]["end"]) if legend else 0)
     return rendered(
-        "strip.svg",
+        "report/strip.svg",
         width=2 * _MARGIN_PX + wide,
         height=int(y) + _LEGEND_PX,
         margin=_MARGIN_PX,

@@ -14,9 +14,9 @@ WHOLE = 100_000
 """Characters of a line that is shown whole: a path, a line that a driver printed."""
 
 
-def counted(number: int, noun: str) -> str:
+def counted(number: int, noun: str, many: str = "") -> str:
     """Return `1 file` or `3 files`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    return f"{number} {noun if number == 1 else many or f'{noun}s'}"
 
 
 def verdicts_line(verdicts: Sequence[Verdict], reasons: Sequence[str], noun: str = "test case") -> Text:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -108,6 +108,12 @@ class Trace:
 
     _ARRAYS = ("time_s", "states", "lanes", "along", "stages", "elapsed", "waypoints")
 
+    def part(self, first: int, beyond: int | None = None) -> Trace:
+        """Return the run from one frame to before another, by default its end; its time begins at 0."""
+        names = ("time_s", "states", "lanes", "along", "stages", "elapsed")
+        cut = {name: getattr(self, name)[first:beyond] for name in names}
+        return replace(self, **cut | {"time_s": cut["time_s"] - cut["time_s"][:1]})
+
     @property
     def frames(self) -> int:
         """The number of frames, T."""
@@ -117,6 +123,12 @@ class Trace:
     def duration_s(self) -> float:
         """Time of the last frame."""
         return float(self.time_s[-1]) if self.frames else 0.0
+
+    def boxes(self, actor: int) -> NDArray[np.float64]:
+        """Return [T, 5] the footprints of an actor: x, y, heading, length, width."""
+        info = self.actors[actor]
+        size = np.broadcast_to((info.length_m, info.width_m), (self.frames, 2))
+        return np.column_stack([self.states[:, actor][:, [X, Y, HEADING]], size])
 
     def index(self, actor: str) -> int:
         """Return the column of an actor's id; a `KeyError` for none."""

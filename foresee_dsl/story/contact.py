@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foresee_dsl.compile.roads.polyline import XY, wrap
+from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
@@ -74,13 +74,6 @@ def side_of(change: Change) -> float:
     """Return over 0 where a change moves its actor to its left, under 0 to its right."""
     now, was = (value.si if isinstance(value, Quantity) else 0.0 for value in (change.now, change.was))
     return now - was
-
-
-def contact_point(facts: Facts, found: Impact) -> XY:
-    """Return where the two touched, m."""
-    (x, y), heading = facts.xy(0, facts.last), facts.heading(0, facts.last)
-    cos, sin = math.cos(heading), math.sin(heading)
-    return x + found.ahead_m * cos - found.left_m * sin, y + found.ahead_m * sin + found.left_m * cos
 
 
 def _left_of(facts: Facts, actor: int) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,17 +16,16 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, wrap
 from foresee_dsl.compile.roads.topology import Movement
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.kernels.boxes import Box, Mover, gaps
+from foresee_dsl.kernels.boxes import Box, gaps
 from foresee_dsl.language.model import Change
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, impact
+from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS, contact_of
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.signals import COLOURS
 from foresee_dsl.simulate.trace import HEADING, SPEED, STEP_S, ActorInfo, Trace, X, Y
 
 NEAR_M = 10.0
 """An actor that a passed run came no nearer to is no opponent. Ours: two cars' lengths."""
-_BY_FRAME = ("time_s", "states", "lanes", "along", "stages", "elapsed")
 MOVED_M = 0.05
 """Who moves less between two frames that are compared has no direction (ours: 0.1 m/s over half a second)."""
 
@@ -73,11 +72,7 @@ class Facts:
     @cached_property
     def impact(self) -> Impact | None:
         """The contact that the run ended with, as its judge saw it; None where it ended otherwise."""
-        hit = next((e for e in reversed(self.trace.events) if e.what == "collision"), None)
-        name = str(hit.detail.get("with", "")) if hit is not None else ""
-        if name not in {info.id for info in self.trace.actors}:
-            return None
-        return impact(self._mover(0), self._mover(self.trace.index(name)), name)
+        return contact_of(self.trace)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
@@ -112,8 +107,7 @@ class Facts:
         if np.isnan(gaps_m).all():
             return self
         end = int(np.nanargmin(gaps_m)) + 1
-        arrays = {name: getattr(self.trace, name)[:end] for name in _BY_FRAME}
-        return Facts(replace(self.trace, **arrays), self.case, self.bundle, self.opponent)
+        return Facts(self.trace.part(0, end), self.case, self.bundle, self.opponent)
 
     def _nearest(self) -> int | None:
         """The column of the moving actor that came nearest to the ego, None where none came near."""
@@ -221,11 +215,6 @@ class Facts:
     def _box(self, actor: int, frame: int) -> Box:
         info = self.info(actor)
         return Box(*self.xy(actor, frame), self.heading(actor, frame), info.length_m, info.width_m)
-
-    def _mover(self, actor: int) -> Mover:
-        row, info = self.trace.states[-1, actor], self.info(actor)
-        x, y, heading, speed = (float(row[k]) for k in (X, Y, HEADING, SPEED))
-        return Mover(x, y, heading, speed, info.length_m, info.width_m)
 
 
 def spans(mask: NDArray[np.bool_], least_s: float, bridged_s: float = 0.0) -> list[tuple[int, int]]:

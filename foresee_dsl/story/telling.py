@@ -5,18 +5,19 @@ from __future__ import annotations
 from typing import assert_never
 
 from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.language.model import Change, Quantity
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.story.contact import contact_class, contact_point
+from foresee_dsl.story.contact import contact_class
 from foresee_dsl.story.ego import Ego, ego_moments, ego_of
 from foresee_dsl.story.facts import Facts
-from foresee_dsl.story.mutation import changed
 from foresee_dsl.story.opponent import Opponent
 from foresee_dsl.story.place import Place, place_of
 from foresee_dsl.story.story import ContactClass, Moment, Story
 from foresee_dsl.story.waiting import waiting
-from foresee_dsl.story.wording import kmh, metres, name_of, with_side
+from foresee_dsl.story.wording import kmh, metres, name_of, short, with_side
 
 STOOD_S = 1.0
 """Who has stood for less has just stopped. Ours."""
@@ -33,7 +34,7 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
     whole = Facts.of(trace, case) if bundle is None else Facts(trace, case, bundle)
     facts = whole.at_nearest() if whole.verdict is Verdict.PASS else whole
     contact, found = contact_class(facts), facts.impact
-    at = contact_point(facts, found) if found else facts.xy(0, facts.last)
+    at = touched_at(facts.trace, found) if found else facts.xy(0, facts.last)
     place = place_of(facts, at, facts.last)
     ego = ego_of(facts, place)
     other = Opponent(facts, facts.opponent, place, contact) if facts.opponent else None
@@ -47,13 +48,13 @@ def tell(trace: Trace, case: TestCase, bundle: SumoBundle | None = None) -> Stor
         opponent_manoeuvre=other.manoeuvre if other else "",
         place=place.name,
         touch=_touch(contact, found),
-        mutation="; ".join(changed(change) for change in facts.changes),
+        mutation="; ".join(_changed(change) for change in facts.changes),
     )
 
 
 def _moments(facts: Facts, ego: tuple[Moment, ...], other: Opponent | None, found: Impact | None) -> tuple[Moment, ...]:
     moments = [*ego, *(other.moments() if other else ())]
-    moments += [Moment(0.0, change.actor, "mutation", changed(change)) for change in facts.changes]
+    moments += [Moment(0.0, change.actor, "mutation", _changed(change)) for change in facts.changes]
     if found is not None:
         text = f"contact, {with_side(found.side)}, {found.relative_mps:.1f} m/s: {found.struck}"
         moments.append(Moment(facts.end_s, "ego", "contact", text))
@@ -144,3 +145,29 @@ def _alone(facts: Facts, ego: Ego, place: Place) -> str:
             return f"the ego{going} leaves the road at {kmh(ego.fastest_mps)} {place.text}".rstrip()
         case _:
             return str(facts.trace.meta.get("reason", "")) or f"the ego{going} {ego.state}"
+
+
+def _changed(change: Change) -> str:
+    """Return a change as what it does: `walker is 1.38 times as fast`."""
+    who = short(change.actor)
+    if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
+        return f"{who} is {_written(change.now)} instead of {_written(change.was)}"
+    now, was = change.now.si, change.was.si
+    more, amount, side = now > was, abs(now - was), "left" if now > was else "right"
+    start = f" from {change.start.si:.2f} s" if isinstance(change.start, Quantity) else ""
+    words = {
+        "timing": f"is {now / was if was else 0:.2f} times as fast",
+        "steer": f"is steered to the {side}{start}",
+        "line": f"keeps {amount:.2f} m farther {side}",
+        "delay": f"starts {amount:.2f} s {'later' if more else 'earlier'}",
+        "moving": f"begins {amount:.1f} m {'farther on' if more else 'farther back'}",
+        "speed": f"drives {now * 3.6:.0f} instead of {was * 3.6:.0f} km/h",
+    }
+    if change.property in words:
+        return f"{who} {words[change.property]}"
+    return f"{who}.{change.property} is {_written(change.now)} instead of {_written(change.was)}"
+
+
+def _written(value: Quantity | str) -> str:
+    """A model's name (`car.suv`) or anything else as it is written."""
+    return short(str(value)) if isinstance(value, str) else f"{value.si:g}"

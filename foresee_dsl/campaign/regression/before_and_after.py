@@ -45,7 +45,12 @@ def drive(case: TestCase, driver: str, seed: int) -> str:
 def _runs_of(child: Child) -> list[tuple[str, tuple[TestCase, str, int]]]:
     """Return the child's two runs, each with driver and seed; without one whose foreign network is only in git."""
     return [
-        (when, (case, *recorded_run(case.mutant.origin if case.mutant else None)))
+        (when, (case, *_driver_and_seed(case)))
         for when, case in (("old", child.old), ("new", child.new))
         if case is not None and (not isinstance(case.network, Path) or case.network.is_file())
     ]
+
+
+def _driver_and_seed(case: TestCase | None) -> tuple[str, int]:
+    """Return what a mutant's file records of its run; by default `pdm` and 0."""
+    return recorded_run(case.mutant.origin if case is not None and case.mutant else None)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,14 +12,13 @@ from foresee_dsl.campaign.regression.edits import sentence_in
 from foresee_dsl.campaign.regression.expectations import in_words, recorded_in
 from foresee_dsl.campaign.regression.layout import BEGIN, END, INDEX
 from foresee_dsl.campaign.regression.suite import stated_in
-from foresee_dsl.files import data_folder, write_whole
+from foresee_dsl.files import templates, write_whole
 from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import Document
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
     from markupsafe import Markup
 
 _TITLE = "# Regression suite\n\n"
@@ -47,7 +45,9 @@ def write_index(folder: Path, tests: Iterable[Path]) -> bool:
     """
     file = folder / INDEX
     rows = [_row(folder, test) for test in tests]
-    part = f"{BEGIN}\n{_environment().get_template('README.md.j2').render(tests=rows).strip()}\n{END}\n"
+    made = templates("regression").overlay()
+    made.filters = {**made.filters, "cell": _cell, "code": _code}
+    part = f"{BEGIN}\n{made.get_template('README.md.j2').render(tests=rows).strip()}\n{END}\n"
     old = file.read_bytes().decode("utf-8") if file.is_file() else ""
     before, begin, rest = old.partition(BEGIN)
     _, end, after = rest.partition(END)
@@ -84,21 +84,6 @@ def _sentence(document: Document) -> str:
     risk = model.risk if isinstance(model, m.Clip) else None
     found = (origin.found or "") if origin is not None and recorded_in(origin) else ""
     return sentence_in(document) or found or (risk.text if risk else "")
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    made = Environment(
-        loader=FileSystemLoader(data_folder("templates") / "regression"),
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    made.filters |= {"cell": _cell, "code": _code}
-    return made
 
 
 def _cell(text: str) -> Markup:

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.findings.failures import explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
-from foresee_dsl.campaign.steps.clip_text import clip_case
+from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.derive.preventability import Preventability
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Change, Mutant, Origin
-from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import Comments, TestCase
 from foresee_dsl.language.project.expand import expand_mutant
@@ -59,10 +58,7 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         """Run the mutant; the traces of failures are stored."""
         parent = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
         file = work.folder / f"{self.name}.foresee"
-        mutant = parse(self.mutant.text, "a mutant of this campaign").model
-        if not isinstance(mutant, Mutant):
-            raise TypeError(f"{mutant.name} was printed from a mutant and is now a {mutant.kind}")
-        mutant = mutant.model_copy(update={"name": self.name})
+        mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name})
         outcome, result = run_child(
             mutant, parent, file, driver=work.settings.driver, seed=self.seed, deadlines=work.deadlines
         )

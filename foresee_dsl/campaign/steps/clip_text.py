@@ -1,16 +1,19 @@
-"""A clip's text in a worker, and the test case that it makes."""
+"""The texts of clips and mutants in a worker, and the test case that a clip makes."""
 
 from __future__ import annotations
 
 import hashlib
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 from foresee_dsl.campaign.steps.inputs import CaseRef, load_case
-from foresee_dsl.language.model import Clip
+from foresee_dsl.language.model import Clip, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
+
+_T = TypeVar("_T", Clip, Mutant)
 
 
 @lru_cache(maxsize=16)
@@ -27,7 +30,16 @@ def risk_hash(clip: Clip) -> str:
 
 def clip_of(text: str) -> Clip:
     """Return the model of a clip's text."""
-    model = parse(text, "a clip of this campaign").model
-    if not isinstance(model, Clip):
-        raise TypeError(f"{model.name} was printed from a clip and is now a {model.kind}")
+    return _printed(text, Clip)
+
+
+def mutant_of(text: str) -> Mutant:
+    """Return the model of a mutant's text."""
+    return _printed(text, Mutant)
+
+
+def _printed(text: str, kind: type[_T]) -> _T:
+    model = parse(text, f"a {kind.__name__.lower()} of this campaign").model
+    if not isinstance(model, kind):
+        raise TypeError(f"{model.name} was printed from a {kind.__name__.lower()} and is now a {model.kind}")
     return model

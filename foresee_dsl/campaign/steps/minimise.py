@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Self
 from foresee_dsl.campaign.driving import relative_path, run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, Reduced
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
-from foresee_dsl.campaign.steps.clip_text import clip_of
+from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import Judge
 from foresee_dsl.derive.preventability import assess
 from foresee_dsl.language.model import Actor, Clip, Mutant
-from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip
@@ -148,14 +147,6 @@ def judge_of(driver: str, seed: int) -> Judge:
         sign=sign,
         avoided=lambda case, result: assess(case, result).verdict.value,
     )
-
-
-def mutant_of(text: str) -> Mutant:
-    """Return the model of a mutant's text."""
-    model = parse(text, "a mutant of this campaign").model
-    if not isinstance(model, Mutant):
-        raise TypeError(f"{model.name} was printed from a mutant and is now a {model.kind}")
-    return model
 
 
 def _run(subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int) -> tuple[ChildOutcome, RunResult]:

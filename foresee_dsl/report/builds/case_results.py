@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language.codes.code import Code
@@ -83,23 +83,28 @@ def outcome_of(verdict: Verdict) -> Outcome:
     return Outcome.ERROR if verdict in (Verdict.CRASH, Verdict.INVALID) else Outcome.FAILED
 
 
+def _of(address: str, name: str, verdict: Verdict, reason: str, place: Place, **more: Any) -> CaseResult:  # noqa: ANN401
+    """Return the result of a run of a test case or child."""
+    suite = address.partition("::")[0]
+    return CaseResult(suite, name, outcome_of(verdict), verdict.value, reason or verdict.label, place, **more)
+
+
+def _name_in(address: str) -> str:
+    """Return what a test case is called in its file's suite."""
+    suite, _, name = address.partition("::")
+    return name or Path(suite).stem
+
+
 def of_run(address: str, driver: str, seed: int, result: RunResult, attachments: Sequence[str] = ()) -> CaseResult:
     """Return the result of one run; an expectation that does not hold fails it."""
     broken = tuple(expectation for expectation in result.expectations if not expectation.held)
-    outcome = outcome_of(result.verdict)
-    suite, _, name = address.partition("::")
-    return CaseResult(
-        suite=suite,
-        name=name or Path(suite).stem,
-        outcome=Outcome.FAILED if outcome is Outcome.PASSED and broken else outcome,
-        rule="expectation" if outcome is Outcome.PASSED and broken else result.verdict.value,
-        message=result.reason or result.verdict.label,
-        place=place_of(address),
-        details=tuple(map(_broken_line, broken)),
-        reproduce=reproduce(address, driver, seed),
-        attachments=tuple(attachments),
-        time_s=result.duration_s,
-    )
+    found = _of(
+        address, _name_in(address), result.verdict, result.reason, place_of(address),
+        details=tuple(map(_broken_line, broken)), reproduce=reproduce(address, driver, seed),
+        attachments=tuple(attachments), time_s=result.duration_s,
+    )  # fmt: skip
+    fails = broken and found.outcome is Outcome.PASSED
+    return replace(found, outcome=Outcome.FAILED, rule="expectation") if fails else found
 
 
 def of_case_run(one: CaseRun, driver: str, seed: int, trace: Path | None = None) -> CaseResult:
@@ -108,9 +113,8 @@ def of_case_run(one: CaseRun, driver: str, seed: int, trace: Path | None = None)
     if one.result is not None:
         found = of_run(address, driver, seed, one.result, (str(trace),) if trace else ())
         return replace(found, details=(*found.details, *noted))
-    suite, _, name = address.partition("::")
-    return CaseResult(suite, name or Path(suite).stem, outcome_of(one.verdict), one.verdict.value, one.reason,
-                      place_of(address), noted, reproduce(address, driver, seed))  # fmt: skip
+    return _of(address, _name_in(address), one.verdict, one.reason, place_of(address), details=noted,
+               reproduce=reproduce(address, driver, seed))  # fmt: skip
 
 
 def _notes(notes: DriverNotes) -> tuple[str, ...]:
@@ -122,21 +126,12 @@ def of_assessment(runs: Iterable[DriverRun], seed: int) -> tuple[CaseResult, ...
     """Return a result for each run of `foresee assess`."""
     listed = tuple(runs)
     several = len({one.driver for one in listed}) > 1
-    found = [
-        CaseResult(
-            suite=one.case.partition("::")[0],
-            name=(one.case.partition("::")[2] or Path(one.case).stem) + (f" [{one.driver}]" if several else ""),
-            outcome=outcome_of(one.verdict),
-            rule=one.verdict.value,
-            message=one.reason or one.verdict.label,
-            place=place_of(one.case),
-            details=_notes(one.notes),
-            reproduce=reproduce(one.case, one.driver, seed),
-            time_s=one.duration_s,
-        )
+    return tuple(
+        _of(one.case, _name_in(one.case) + (f" [{one.driver}]" if several else ""), one.verdict, one.reason,
+            place_of(one.case), details=_notes(one.notes), reproduce=reproduce(one.case, one.driver, seed),
+            time_s=one.duration_s)
         for one in listed
-    ]
-    return tuple(found)
+    )  # fmt: skip
 
 
 def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
@@ -144,43 +139,22 @@ def of_campaign(result: CampaignResult, out: Path) -> tuple[CaseResult, ...]:
 
     Findings come before their siblings: code hosts show ten annotations of a step.
     """
-    from foresee_dsl.campaign.findings.grouping import findings_of
-
-    findings = findings_of(result)
-    ranks = {finding.name: rank for rank, finding in enumerate(findings)}
-    siblings = {name: finding.name for finding in findings for name in finding.siblings}
-    settings = result.settings
+    ranks = {finding.name: rank for rank, finding in enumerate(result.findings)}
+    siblings = {name: finding.name for finding in result.findings for name in finding.siblings}
+    driver, seed = result.settings.driver, result.settings.seed
     seeds = [
-        CaseResult(
-            suite=one.id.partition("::")[0],
-            name=one.id.partition("::")[2] or one.scenario,
-            outcome=outcome_of(one.verdict),
-            rule=one.verdict.value,
-            message=one.reason or one.verdict.label,
-            place=place_of(one.id),
-            details=_told(one),
-            reproduce=reproduce(one.id, settings.driver, settings.seed),
-            attachments=(str(out / one.trace),) if one.trace else (),
-            time_s=one.duration_s,
-        )
+        _of(one.id, one.id.partition("::")[2] or one.scenario, one.verdict, one.reason, place_of(one.id),
+            details=_told(one), reproduce=reproduce(one.id, driver, seed),
+            attachments=(str(out / one.trace),) if one.trace else (), time_s=one.duration_s)
         for one in result.seeds
-    ]
+    ]  # fmt: skip
     children = [
-        CaseResult(
-            suite=clip.seed.partition("::")[0],
-            name=child.name,
-            outcome=outcome_of(child.verdict),
-            rule=child.verdict.value,
-            message=child.reason or child.verdict.label,
-            place=place_of(str(out / child.file), child.text),
-            details=_told(child),
-            sibling_of=siblings.get(child.name, ""),
-            reproduce=reproduce(str(out / child.file), settings.driver, settings.seed),
-            time_s=child.duration_s,
-        )
+        _of(clip.seed, child.name, child.verdict, child.reason, place_of(str(out / child.file), child.text),
+            details=_told(child), sibling_of=siblings.get(child.name, ""),
+            reproduce=reproduce(str(out / child.file), driver, seed), time_s=child.duration_s)
         for clip in result.clips
         for child in clip.children
-    ]
+    ]  # fmt: skip
     children.sort(key=lambda one: (ranks.get(one.name, len(ranks)), one.name))
     return (*seeds, *children, *map(_could_not_run, result.broken))
 

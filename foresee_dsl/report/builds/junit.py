@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import PurePath
 
+from foresee_dsl.files import rendered
 from foresee_dsl.report.builds.case_results import CaseResult, Outcome
-from foresee_dsl.report.templates import rendered
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 """The characters that XML 1.0 does not allow (section 2.2), not even escaped."""
@@ -49,7 +49,7 @@ def to_junit(name: str, results: Sequence[CaseResult], *, properties: Sequence[t
     suites = [_Suite(suite, _class_name(suite), tuple(found))
               for suite, found in groupby(by_suite, key=lambda one: one.suite)]  # fmt: skip
     total = _Suite("", "", tuple(results))
-    text = rendered("junit.xml", name=name, suites=suites, properties=properties, total=total)
+    text = rendered("report/junit.xml", name=name, suites=suites, properties=properties, total=total)
     # What XML cannot hold is written out, such as the escape character of a terminal's colours.
     return _NO_XML.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
 

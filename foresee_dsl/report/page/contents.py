@@ -9,10 +9,11 @@ from pathlib import Path
 
 from foresee_dsl.campaign.findings.grouping import case_file_name
 from foresee_dsl.derive.preventability import Preventable
-from foresee_dsl.report.page.entries import Found, Source, counted
+from foresee_dsl.report.page.entries import Found, Source
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Child, ClipRun, Finding, read_campaign_folder
 from foresee_dsl.report.page.runs import Outcome, Reader
 from foresee_dsl.report.page.tables import Table, numbers, overview
+from foresee_dsl.report.verdicts import counted
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 MOST_RUNS = 25

@@ -83,8 +83,3 @@ def family_title(family: str) -> str:
 def options_of(findings: Iterable[Found], key: Callable[[Found], str]) -> tuple[str, ...]:
     """Return the values that a filter offers."""
     return tuple(sorted({key(found) for found in findings} - {""}))
-
-
-def counted(number: int, one: str, many: str = "") -> str:
-    """Return `1 run` or `3 runs`."""
-    return f"{number} {one if number == 1 else many or f'{one}s'}"

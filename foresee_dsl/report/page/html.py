@@ -9,12 +9,11 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.files import data_folder, write_whole
+from foresee_dsl.files import data_folder, templates, write_whole
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import family_title, options_of
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.templates import environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -71,7 +70,7 @@ def rendered(contents: Contents, reader: Reader) -> str:
 def _templates() -> Environment:
     """Return the templates of reports, in which nothing that is inserted hides or turns the text around it."""
     # What a template has marked as markup stays as it is.
-    return environment().overlay(finalize=lambda value: safe(value, LONGEST) if type(value) is str else value)
+    return templates("report").overlay(finalize=lambda value: safe(value, LONGEST) if type(value) is str else value)
 
 
 def _data(value: dict[str, Any]) -> Markup:

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from foresee_dsl.files import write_whole
+from foresee_dsl.files import templates, write_whole
 from foresee_dsl.report.page.contents import Contents, contents_of
 from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.runs import Reader
 from foresee_dsl.report.safe_text import safe
-from foresee_dsl.report.templates import environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -94,7 +93,7 @@ def _rendered(contents: Contents, sections: Sequence[tuple[Found, Marked]], coun
 @cache
 def _templates() -> Environment:
     """Return the templates of reports, with Markdown's escapes in the place of HTML's."""
-    return environment().overlay(autoescape=False, finalize=_shown)
+    return templates("report").overlay(autoescape=False, finalize=_shown)
 
 
 def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template inserts

@@ -144,14 +144,8 @@ def _gap(trace: Trace, frames: IntArray, opponent: str) -> list[int]:
     other = next((k for k, info in enumerate(trace.actors) if info.id == opponent and k), None)
     if other is None:
         return []
-    away = pairwise_box_distance(_boxes(trace, frames, 0), _boxes(trace, frames, other))
+    away = pairwise_box_distance(trace.boxes(0)[frames], trace.boxes(other)[frames])
     return [-1 if np.isnan(value) else round(float(value) * CM) for value in away]
-
-
-def _boxes(trace: Trace, frames: IntArray, actor: int) -> FloatArray:
-    info = trace.actors[actor]
-    poses = trace.states[frames, actor][:, [X, Y, HEADING]]
-    return np.column_stack([poses, np.full((len(poses), 2), (info.length_m, info.width_m))])
 
 
 def _ghosts(trace: Trace, frames: IntArray, shown: list[int], parent: Parent, opponent: str) -> dict[str, Any]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from typing import Any
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.errors import ForeseeError, InputError
-from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.language.model import Doc, Mutant, Origin, Quantity
 from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_item
@@ -24,9 +22,9 @@ from foresee_dsl.report.page.playback import Marks, Parent, playback
 from foresee_dsl.report.page.recorded import Minimised, Preventability
 from foresee_dsl.report.page.roads import Roads
 from foresee_dsl.report.strip import strip_svg
-from foresee_dsl.simulate.results.outcome import impact
-from foresee_dsl.simulate.results.verdict import Impact, Verdict
-from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
+from foresee_dsl.simulate.results.outcome import contact_of, touched_at
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.trace import Trace, X, Y
 from foresee_dsl.story import Moment, Story, tell
 
 _CACHED_PARENTS = 4
@@ -166,7 +164,7 @@ class Reader:
         if case is None or trace is None or self._bundle(case, trace, missing) is None:
             return ""
         parent = self._parent(outcome, case, missing)
-        ghost = _from(parent) if parent is not None else None
+        ghost = parent.trace.part(parent.trace.frame_at(parent.start_s)) if parent is not None else None
         return strip_svg(trace, case, tell(trace, case), ghost=ghost)
 
     def _case(self, outcome: Outcome, missing: list[str]) -> TestCase | None:
@@ -207,14 +205,6 @@ class Reader:
         return Parent(trace, case.clip.start_s) if trace is not None else None
 
 
-def _from(parent: Parent) -> Trace:
-    """Return the part of a parent's run that a child began at."""
-    trace, first = parent.trace, parent.trace.frame_at(parent.start_s)
-    names = ("states", "lanes", "along", "stages", "elapsed")
-    cut = {name: getattr(trace, name)[first:] for name in names}
-    return replace(trace, time_s=trace.time_s[first:] - trace.time_s[first], **cut)
-
-
 def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:
     touched = contact_of(trace)
     risk = case.clip.risk if case.clip is not None else None
@@ -224,31 +214,10 @@ def _marks(trace: Trace, case: TestCase, opponent: str) -> Marks:
     return Marks(
         opponent=opponent or (risk.actor or "" if risk is not None else ""),
         contact_s=trace.duration_s if touched else None,
-        contact=_contact_place(trace, touched) if touched else None,
+        contact=touched_at(trace, touched) if touched else None,
         forecast_s=forecast_s,
         forecast_with=risk.actor or "" if risk is not None else "",
     )
-
-
-def contact_of(trace: Trace) -> Impact | None:
-    """Return the contact that a run ended with, None where it ended otherwise."""
-    hit = next((event for event in reversed(trace.events) if event.what == "collision"), None)
-    name = str(hit.detail.get("with", "")) if hit is not None else ""
-    columns = [k for k, info in enumerate(trace.actors) if info.id == name and k]
-    return impact(_mover(trace, 0), _mover(trace, columns[0]), name) if columns else None
-
-
-def _mover(trace: Trace, actor: int) -> Mover:
-    x, y, heading, speed = (float(trace.states[-1, actor, k]) for k in (X, Y, HEADING, SPEED))
-    return Mover(x, y, heading, speed, trace.actors[actor].length_m, trace.actors[actor].width_m)
-
-
-def _contact_place(trace: Trace, touched: Impact) -> tuple[float, float]:
-    """Return where on the ego's outline the two touched, m, where the ego is at the last frame."""
-    x, y, heading = (float(trace.states[-1, 0, k]) for k in (X, Y, HEADING))
-    cos, sin = math.cos(heading), math.sin(heading)
-    ahead, left = touched.ahead_m, touched.left_m
-    return x + cos * ahead - sin * left, y + sin * ahead + cos * left
 
 
 def _changes(outcome: Outcome, case: TestCase | None) -> tuple[tuple[str, ...], tuple[str, ...], str]:

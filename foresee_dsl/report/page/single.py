@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from foresee_dsl.campaign.driving import case_name, run_test_case
+from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
 from foresee_dsl.derive.preventability import Preventable
-from foresee_dsl.drivers.registry import recorded_address
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.diff.addresses import parent_address
@@ -87,8 +86,7 @@ def _trace(file: Path) -> Trace:
 
 def _recorded_driver(case: TestCase) -> str:
     """Return the driver that a mutant's file records; a program is not started for a look at a file."""
-    origin = case.mutant.origin if case.mutant is not None else None
-    driver = recorded_address((origin.driver if origin is not None else None) or "pdm")
+    driver = recorded_run(case.mutant.origin if case.mutant is not None else None)[0]
     if ":" in driver:
         raise DriverError(f"{case.id} records a program as its driver ({driver}): `--driver '{driver}'` starts it")
     return driver

@@ -65,7 +65,7 @@ def measure(trace: Trace, bundle: SumoBundle, opponent: str) -> Measures:
         other_mps=states[:, k, SPEED],
         ego_mps2=ego[2],
         other_mps2=states[:, k, ACCELERATION],
-        gap_m=pairwise_box_distance(boxes(trace, 0), boxes(trace, k)),
+        gap_m=pairwise_box_distance(trace.boxes(0), trace.boxes(k)),
         ttc_s=times_to_collision(trace, k),
         ego_sees=_sees(trace, bundle, 0, k),
         other_sees=_sees(trace, bundle, k, 0),
@@ -86,13 +86,6 @@ def signal_ahead(trace: Trace, case: TestCase) -> list[str]:
         passage = next(ahead, None)
         found.append(facts.colour(passage.movement, frame) if passage is not None else "")
     return found
-
-
-def boxes(trace: Trace, actor: int) -> FloatArray:
-    """Return [T, 5] the footprints of an actor: x, y, heading, length, width."""
-    info = trace.actors[actor]
-    size = np.broadcast_to((info.length_m, info.width_m), (trace.frames, 2))
-    return np.column_stack([trace.states[:, actor][:, [X, Y, HEADING]], size])
 
 
 def _sees(trace: Trace, bundle: SumoBundle, observer: int, seen: int) -> BoolArray:

@@ -14,7 +14,7 @@ import shapely
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.boxes import corners
 from foresee_dsl.report.show.ground import Bounds, FloatArray, Ground, Layer, ground_of
-from foresee_dsl.report.show.measures import Measures, boxes
+from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.report.show.moments import Snapshot
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
@@ -256,7 +256,7 @@ def _footprint(trace: Trace, actor: int, frame: int, window: Window, role: Role)
     if np.isnan(row[X]):
         return None
     info = trace.actors[actor]
-    outline = window.points(corners(boxes(trace, actor)[frame]))
+    outline = window.points(corners(trace.boxes(actor)[frame]))
     if np.abs(outline).min(axis=0).max() > window.side_m / 2:
         return None
     turned = float(row[HEADING]) + window.turn_rad

@@ -26,7 +26,9 @@ from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Mover, corner_points, hits
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.actors.target_selection import half_extent
 from foresee_dsl.simulate.results.verdict import Impact, Side, Striker, Verdict
+from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
 
 STUCK_SPEED_MPS = 0.1
 """Slower than this is standing. Ours: the same as SUMO's threshold for a halting vehicle."""
@@ -73,6 +75,26 @@ def classify(ego: Mover, other: Mover, kind: ActorKind) -> Verdict:
     if turned <= FACING_RAD and {mine, theirs} == {"front", "rear"}:
         return Verdict.F5
     return Verdict.F4
+
+
+def contact_of(trace: Trace) -> Impact | None:
+    """Return the contact that a run ended with, as its judge saw it; None where it ended otherwise."""
+    hit = next((event for event in reversed(trace.events) if event.what == "collision"), None)
+    name = str(hit.detail.get("with", "")) if hit is not None else ""
+    columns = [k for k, info in enumerate(trace.actors) if info.id == name and k]
+    return impact(_mover(trace, 0), _mover(trace, columns[0]), name) if columns else None
+
+
+def _mover(trace: Trace, actor: int) -> Mover:
+    x, y, heading, speed = (float(trace.states[-1, actor, k]) for k in (X, Y, HEADING, SPEED))
+    return Mover(x, y, heading, speed, trace.actors[actor].length_m, trace.actors[actor].width_m)
+
+
+def touched_at(trace: Trace, found: Impact) -> tuple[float, float]:
+    """Return where on the ego's outline it touched the other, m, where the ego is at the last frame."""
+    x, y, heading = (float(trace.states[-1, 0, k]) for k in (X, Y, HEADING))
+    ahead, left = found.ahead_m, found.left_m
+    return x + ahead * cos(heading) - left * sin(heading), y + ahead * sin(heading) + left * cos(heading)
 
 
 def impact(ego: Mover, other: Mover, name: str) -> Impact:
@@ -137,7 +159,7 @@ def _first_touch(a: Mover, b: Mover) -> tuple[float, float]:
     least, shallowest = inf, 0.0
     for angle in (a.heading, a.heading + pi / 2, b.heading, b.heading + pi / 2):
         nx, ny = cos(angle), sin(angle)
-        reach = (_extent(a, angle) + _extent(b, angle)) / 2
+        reach = half_extent(a, angle) + half_extent(b, angle)
         apart, speed = dx * nx + dy * ny, -(vx * nx + vy * ny)
         depth = reach - abs(apart)
         if depth < least:
@@ -166,7 +188,7 @@ def _touched_at(ego: Mover, other: Mover, normal: float) -> tuple[float, float]:
     )
     # The middle of the overlap; where the speeds do not separate the bodies there may be none: then the nearer end.
     across = min(max((max(low, theirs_low) + min(high, theirs_high)) / 2, low), high)
-    out = _extent(ego, normal) / 2 + ego.x * nx + ego.y * ny
+    out = half_extent(ego, normal) + ego.x * nx + ego.y * ny
     dx, dy = out * nx - across * ny - ego.x, out * ny + across * nx - ego.y
     c, s = cos(ego.heading), sin(ego.heading)
     return dx * c + dy * s, dy * c - dx * s
@@ -303,12 +325,6 @@ class Judge:
         if self._must_arrive:
             return Decision(Verdict.TIMEOUT, time_s, "", f"timeout: did not arrive within {time_s:.2f} s")
         return Decision(Verdict.PASS, time_s, "", f"drove to the end at {time_s:.2f} s")
-
-
-def _extent(body: Mover, angle: float) -> float:
-    """Length of the body's shadow on a line in direction `angle`."""
-    turned = angle - body.heading
-    return body.length * abs(cos(turned)) + body.width * abs(sin(turned))
 
 
 def _side(angle: float) -> Side:
