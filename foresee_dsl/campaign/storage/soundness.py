@@ -107,4 +107,6 @@ def _claimed(file: Path) -> int:
 
 
 def _opened(file: Path) -> sqlite3.Connection:
-    return sqlite3.connect(file.resolve().as_uri() + "?mode=rw", uri=True, timeout=1.0)
+    database = sqlite3.connect(file.resolve().as_uri() + "?mode=rw", uri=True, timeout=1.0)
+    database.text_factory = lambda data: data.decode("utf-8", "replace")
+    return database
