@@ -11,6 +11,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)
+"""What reading a damaged database raises; the second where the name of a table is damaged, which the message holds."""
 _SIDES = ("", "-wal", "-shm")
 """The files of a database in SQLite's write-ahead mode."""
 
@@ -51,8 +53,8 @@ def is_whole(file: Path) -> bool:
     try:
         with closing(_opened(file)) as database:
             return bool(database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
-    except sqlite3.DatabaseError as err:
-        return "malformed" not in str(err)
+    except UNREADABLE as err:
+        return not isinstance(err, UnicodeDecodeError) and "malformed" not in str(err)
 
 
 def rescue(file: Path, columns: Sequence[str], insert: str, setup: Sequence[str]) -> int:
@@ -90,7 +92,7 @@ def _readable(file: Path, columns: Sequence[str]) -> Iterator[tuple[Any, ...]]:
                 asked = f"SELECT {', '.join(columns)}, {total} FROM runs ORDER BY rowid {order}"  # noqa: S608 - our names
                 for row in database.execute(asked):
                     yield tuple(_read(value, name) for value, name in zip(row, [*columns, "sum"], strict=True))
-        except sqlite3.DatabaseError:
+        except UNREADABLE:
             continue
 
 
@@ -102,7 +104,7 @@ def _claimed(file: Path) -> int:
     try:
         with closing(_opened(file)) as database:
             return int(database.execute("SELECT count(*) FROM runs").fetchone()[0])
-    except sqlite3.DatabaseError:
+    except UNREADABLE:
         return 0
 
 

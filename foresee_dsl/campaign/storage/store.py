@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl import __version__
-from foresee_dsl.campaign.storage.soundness import has_sums, is_sound, is_whole, rescue, sum_of
+from foresee_dsl.campaign.storage.soundness import UNREADABLE, has_sums, is_sound, is_whole, rescue, sum_of
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.errors import ForeseeError
 
@@ -244,7 +244,7 @@ class Store:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except (sqlite3.DatabaseError, OSError) as err:
+        except (*UNREADABLE, OSError) as err:
             raise StoreError(_explained(self.folder, err)) from err
 
 
@@ -271,7 +271,7 @@ def _check_schema(schema: int, folder: Path) -> None:
 def _explained(folder: Path, err: Exception) -> str:
     cause = str(getattr(err, "strerror", None) or err)
     rest = "what was finished before is kept, and the same command continues from there"
-    if "not a database" in cause or "malformed" in cause:
+    if isinstance(err, UnicodeDecodeError) or "not a database" in cause or "malformed" in cause:
         return f"the store {folder} is damaged ({cause}): move the folder away, or name another with --store"
     if "readonly" in cause or "read-only" in cause.lower() or "unable to open" in cause:
         return f"the store {folder} cannot be written ({cause}): name another folder with --store; {rest}"
