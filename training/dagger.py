@@ -48,8 +48,9 @@ def main() -> None:
         given.hours, seed_of(given.round, given.driver), given.out / f"work_{name}", carla=carla, bursts=_BURSTS,
         focus=given.focus, chunk=_CHUNK,
     )  # fmt: skip
+    bundled = bundled_meanings()
     jobs = [
-        Job(items, given.out / f"{name}_{k:03d}.npz", bundled_meanings(), partial(load_driver, given.driver),
+        Job(items, given.out / f"{name}_{k:03d}.npz", bundled, partial(load_driver, given.driver),
             given.share)
         for k, items in enumerate(pieces)
     ]  # fmt: skip
