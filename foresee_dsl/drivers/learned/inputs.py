@@ -60,6 +60,11 @@ _ROWS, _COLUMNS = BIRDS_EYE_SHAPE[1:]
 _DRAWN = len(DRAWN_CHANNELS)
 _LEAST_PX = 2.0
 """As in `simulate.rasters.birdseye`: sides are drawn at least so long."""
+_ROUTE = CHANNELS.index("route")
+_ROUTE_M = 1.5
+"""How wide the route is in the view from above."""
+_REACH_M = math.hypot(AHEAD_M, SIDE_M) + 2.0
+"""Farther off, no step of the route is in the picture."""
 _BACK_M, _ON_M = 10.0, 25.0
 """The ego is searched on its route from so far behind its last place, and so far ahead of it and of what it can have
 driven since."""
@@ -88,7 +93,7 @@ class InputMaker:
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:  # noqa: ARG002  room for what it can do
         """Begin at the mission's start, with no past."""
-        self._route = _Route(mission)
+        self._route, self._line = _Route(mission), _boxes_along(mission)
         self._seen: deque[tuple[float, tuple[SeenActor, ...]]] = deque()
 
     @property
@@ -121,9 +126,13 @@ class InputMaker:
         birds_eye = np.zeros(BIRDS_EYE_SHAPE, np.uint8)
         birds_eye[:_DRAWN] = views.birds_eye()[:_DRAWN, _TOP : _TOP + _ROWS, _LEFT : _LEFT + _COLUMNS]
         pose = (ego.x, ego.y, ego.heading_rad)
+        near = np.hypot(self._line[:, 0] - ego.x, self._line[:, 1] - ego.y) <= _REACH_M
+        birds_eye[_ROUTE] = 0
+        birds_eye[_ROUTE].reshape(-1)[_covered(pose, self._line[near])] = 255
         for channel, actors in enumerate(past, start=_DRAWN):
             if actors:
-                birds_eye[channel].reshape(-1)[_occupied(pose, actors)] = 255
+                boxes = np.array([(a.x, a.y, a.heading_rad, a.length_m, a.width_m) for a in actors])
+                birds_eye[channel].reshape(-1)[_covered(pose, boxes)] = 255
         vector = self._route.vector(observation.time_s, ego)
         return LearnedInputs(birds_eye, views.forward(), vector)
 
@@ -135,9 +144,24 @@ class InputMaker:
         return ()
 
 
-def _occupied(pose: Place, actors: Sequence[SeenActor]) -> IntArray:
-    """Return the flat indices of the pixels that any of some actors covers, as seen from the ego's present place."""
-    boxes = np.array([(a.x, a.y, a.heading_rad, a.length_m, a.width_m) for a in actors])
+def _boxes_along(mission: Mission) -> FloatArray:
+    """Return the mission's line, a box for each step: [N, 5] x, y, heading, length, width.
+
+    The view from above ends the route at the goal. A clip's goal is where its window ends, in the middle of its
+    parent's route: drawn to the end of the mission's line, the route looks the same in both.
+    """
+    points = np.asarray(mission.centreline, dtype=np.float64)
+    step = np.diff(points, axis=0)
+    length = np.hypot(step[:, 0], step[:, 1])
+    middle, heading = (points[1:] + points[:-1]) / 2, np.arctan2(step[:, 1], step[:, 0])
+    return np.column_stack([middle, heading, length, np.full(len(step), _ROUTE_M)])
+
+
+def _covered(pose: Place, boxes: FloatArray) -> IntArray:
+    """Return the flat indices of the pixels that any of some boxes covers, as seen from the ego's present place.
+
+    `boxes`: [N, 5] x, y, heading, length, width.
+    """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = boxes[:, 0] - pose[0], boxes[:, 1] - pose[1]
     turned = boxes[:, 2] - pose[2]
