@@ -1,10 +1,15 @@
 """SelfOracle on one real run: what the camera saw, the segments, the alarms, the messages where weights are missing."""
 
+import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from foresee_dsl.campaign.keys import ranker_identity
+from foresee_dsl.cli import app
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import ForeseeError
@@ -12,6 +17,7 @@ from foresee_dsl.forecast.protocol import Learned, NeedsSurroundings, Surroundin
 from foresee_dsl.forecast.registry import load_ranker, ranker_within
 from foresee_dsl.forecast.selforacle.pictures import CLASSES, PALETTE, classes_seen, looked_at, pictures_of, signals_at
 from foresee_dsl.forecast.selforacle.segments import segments_of, waypoints_passed
+from foresee_dsl.forecast.selforacle.watcher import watcher_of
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.rasters import FORWARD_CHANNELS
 from foresee_dsl.simulate.runner import run
@@ -112,3 +118,66 @@ def test_only_a_ranker_that_needs_the_surroundings_has_its_test_case_compiled():
     assert ranker_within("foresee", compiled) == load_ranker("foresee")
     with pytest.raises(AssertionError, match="not needed"):
         ranker_within("selforacle", compiled)
+
+
+@pytest.fixture(scope="module")
+def surroundings(ridden):
+    return Surroundings.of(ridden[0])
+
+
+@pytest.mark.parametrize("name", ["selforacle", "selforacle_conv"])
+def test_alarms_are_segments_over_the_threshold_the_worst_first(name, ridden, surroundings, monkeypatch, tmp_path):
+    trace = ridden[2]
+    usual = watcher_of(name, "pdm")
+    segments = load_ranker(name).within(surroundings).segments(trace)
+    assert segments == load_ranker(name).within(surroundings).segments(trace)  # to the last bit
+    # The same network with a threshold that half of this run's segments are over.
+    half = float(np.median([s.error for s in segments]))
+    (tmp_path / f"{name}_pdm.onnx").write_bytes(usual.weights.content())
+    (tmp_path / f"{name}_pdm.json").write_text(json.dumps({"threshold": half}))
+    monkeypatch.setenv("FORESEE_WEIGHTS", str(tmp_path))
+    assert watcher_of(name, "pdm").sha256 != usual.sha256
+    points = load_ranker(name).within(surroundings).rank(trace, before_s=4.0)
+    assert points and all(p.time_s >= 4.0 and p.actor == "" for p in points)
+    assert [p.rank for p in points] == list(range(1, len(points) + 1))
+    assert all(a.score >= b.score > 1 for a, b in pairwise(points))
+    assert min(b - a for a, b in pairwise(sorted(p.time_s for p in points))) >= 1.0 - 1e-9
+    late = [s for s in segments if s.middle >= 80]
+    assert points[0].frame == max(late, key=lambda s: s.error).middle
+    assert points[0].score == pytest.approx(max(s.error for s in late) / half, abs=1e-6)
+
+
+def test_a_strange_picture_is_redrawn_worse_than_a_nominal_one(ridden, surroundings):
+    trace = ridden[2]
+    watcher = watcher_of("selforacle", "pdm")
+    classes = classes_seen(trace, surroundings, looked_at(trace))
+    strange = classes.copy()
+    strange[:, 10:60, 20:140] = FORWARD_CHANNELS.index("obstacle")
+    usual = watcher.errors(pictures_of(classes))
+    assert (watcher.errors(pictures_of(strange)) > usual).all()
+    assert (watcher.errors(pictures_of(classes[:1])) == usual[:1]).all()  # a picture's error does not depend on others
+
+
+def test_keys_name_the_weights_that_watch_the_driver(monkeypatch, tmp_path):
+    assert ranker_identity("foresee", "pdm") == ranker_identity("foresee", "fusion")
+    usual = ranker_identity("selforacle", "pdm")
+    assert watcher_of("selforacle", "pdm").sha256 in usual
+    (tmp_path / "selforacle_pdm.onnx").write_bytes(watcher_of("selforacle", "pdm").weights.content())
+    (tmp_path / "selforacle_pdm.json").write_text('{"threshold": 1.0}')
+    monkeypatch.setenv("FORESEE_WEIGHTS", str(tmp_path))
+    assert ranker_identity("selforacle", "pdm") != usual
+    with pytest.raises(ForeseeError, match="no weights that watch the driver 'frenetix'"):
+        ranker_identity("selforacle", "frenetix")
+
+
+def test_a_recorded_run_is_ranked_with_its_test_case_as_it_was(ridden, scenarios, tmp_path):
+    trace = ridden[2]
+    address = str(scenarios / "scenario4.foresee") + "::r02"
+    meaning = load_test_case(address).meaning
+    for name, meta in (("same", meaning), ("edited", "other")):
+        replace(trace, meta={**trace.meta, "test_case": address, "meaning": meta}).save(tmp_path / f"{name}.npz")
+    ask = ["--ranker", "selforacle", "--before", "1", "--json"]
+    found = CliRunner().invoke(app, ["forecast", str(tmp_path / "same.npz"), *ask])
+    assert found.exit_code == 0 and json.loads(found.stdout)["ranker"] == "selforacle"
+    found = CliRunner().invoke(app, ["forecast", str(tmp_path / "edited.npz"), *ask])
+    assert found.exit_code == 1 and "was edited since this run" in found.output
