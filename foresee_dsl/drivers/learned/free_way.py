@@ -98,6 +98,10 @@ def _blocked_from(
     meets = dx * dx + dy * dy <= (most * most)[:, None, None]
     near = np.nonzero(meets)
     meets[near] = overlaps_of(ego[near[2]], boxes[near[0], near[1]])
+    # What touches the wider footprint where the ego is now, but lies beside it, is passed and not approached.
+    across = (abs(table[:, 3] * np.sin(table[:, 2])) + abs(table[:, 4] * np.cos(table[:, 2]))) / 2
+    beside = meets[:, 0, 0] & (abs(table[:, 1]) - across >= vehicle.width_m / 2 - cfg.BESIDE_M)
+    meets[beside] = False
     found: FloatArray = np.where(meets.any(axis=2), along[meets.argmax(axis=2)], np.inf)
     return found
 

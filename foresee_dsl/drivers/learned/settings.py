@@ -70,6 +70,9 @@ MARGIN_M = 2.0
 SIDE_MARGIN_M = 0.2
 """Ours: air on either side of the ego; InterFuser has 0.2 m more than half a car's width, and tolerates an overlap of
 4 %."""
+BESIDE_M = 0.4
+"""Ours: by how much what lies beside the ego may seem to be inside it, as sizes and places in the density map are off
+by that much. A barrier that it passed held it for good."""
 SAMPLE_M = 0.5
 """Ours: spacing of the ego's places along the waypoints that are looked at; InterFuser has 0.2 m."""
 STOP_PROBABILITY = 0.5

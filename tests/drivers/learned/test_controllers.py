@@ -88,6 +88,13 @@ def test_what_is_beside_the_way_or_behind_or_crosses_later_does_not_bind() -> No
         assert (way.first, np.isinf(way.free_m).all()) == (None, True)
 
 
+def test_what_the_ego_passes_does_not_hold_it_and_what_it_touches_does() -> None:
+    beside = Occupied(0.9, 1.0, -1.6, 4.0, 1.0, 0.0, 0.0)  # 0.3 m into the wider footprint
+    assert free_way(STRAIGHT, [beside], SEDAN).first is None
+    touched = Occupied(0.9, 4.0, -0.8, 4.0, 2.0, 0.0, 0.0)
+    assert free_way(STRAIGHT, [touched], SEDAN).free_m[0] == 0.0
+
+
 def test_a_leader_binds_less_from_step_to_step_and_one_that_crosses_soon_until_it_is_gone() -> None:
     leader = free_way(STRAIGHT, [standing(14.0, speed=6.0)], SEDAN).free_m
     assert np.diff(leader[:-1]).min() >= 0.0
