@@ -35,8 +35,8 @@ _PASTS = (10, 20)
 _BURST_ECHO_S = 3.0
 HELD_UP_S, HELPS_S = 6.0, 4.0
 """A pupil that stands for so long where the expert would go is helped: the expert drives for `HELPS_S`. Ours."""
-OUTSIDE_M, RESCUED = 0.5, 0.7
-"""In this share of the runs a pupil that is so far outside of its lanes is helped as well. Ours."""
+OUTSIDE_M, RESCUED = 0.1, 0.7
+"""In this share of the runs a pupil so far outside of its lanes is helped too. Ours: soon a kerb ends the run."""
 
 
 WRONG_STEER, WRONG_PEDALS = 0.08, 0.4

@@ -134,7 +134,7 @@ class Expert:
             float(np.interp(TARGET_S, TIMES_S, plan["speed"])),
             min(max(float(wall_s) - float(ego["front_s"]), 0.0), NO_STOP_M),
             self._next_signal(observation, float(ego["s"])),
-            self._outside_m(float(ego["s"]), float(ego["d"])),
+            self._outside_m(float(ego["s"]), float(ego["d"]), float(ego["heading_error"])),
         )
 
     def hold(self, observation: Observation, pose: tuple[float, float, float]) -> Control:
@@ -149,9 +149,11 @@ class Expert:
             EgoState(*pose, ego.speed_mps, ego.acceleration_mps2, ego.yaw_rate_rad_s, ego.steer_rad),
         )
 
-    def _outside_m(self, s: float, d: float) -> float:
+    def _outside_m(self, s: float, d: float, turned: float) -> float:
+        """Return how far the rear axle or the front bumper is beyond the ego's own lanes."""
         road, half = self._route.points[self._route.index(s)], float(self._egos["width"][0]) / 2
-        return max(d + half - float(road["left"]), half - d - float(road["right"]), 0.0)
+        front = d + float(self._egos["front"][0]) * math.sin(turned)
+        return max(max(d, front) + half - float(road["left"]), half - min(d, front) - float(road["right"]), 0.0)
 
     def _seen(self, pose: tuple[float, float, float], states: FloatArray) -> tuple[SeenActor, ...]:
         away = np.hypot(states[:, X] - pose[0], states[:, Y] - pose[1])
