@@ -11,11 +11,12 @@ from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.decisions import Decision, Decisions
 from foresee_dsl.drivers.learned.free_way import Basis, free_way
 from foresee_dsl.drivers.learned.inputs import LearnedInputs
+from foresee_dsl.drivers.learned.objects import Objects
 from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, SIGNALS, road_users
 from foresee_dsl.drivers.learned.pilot import lengths
 from foresee_dsl.drivers.learned.safe_speed import Speeds, fastest_safe_speed
-from foresee_dsl.drivers.learned.session import Answer
-from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, Observation, Reason
+from foresee_dsl.drivers.learned.session import Answer, Network
+from foresee_dsl.drivers.protocol import FloatArray, JunctionPassage, Mission, Observation, Reason, VehicleLimits
 
 _STOPS = SIGNALS.index("red"), SIGNALS.index("amber")
 
@@ -23,13 +24,18 @@ _STOPS = SIGNALS.index("red"), SIGNALS.index("amber")
 class FusionSafeState(Decisions):
     """What the driver knows since `reset`."""
 
-    _basis: Basis | None = None
+    def __init__(self, network: Network, mission: Mission, vehicle: VehicleLimits) -> None:
+        super().__init__(network, mission, vehicle)
+        self._objects = Objects()
+        self._basis: Basis | None = None
 
     def decide(self, observation: Observation, answer: Answer) -> Decision:
         """Drive as fast as the waypoints say, but no faster than is safe."""
         now_mps, waypoints = observation.ego.speed_mps, answer["waypoints"].astype(np.float64)
         planned_mps = planned_speed(waypoints)
-        way = free_way(waypoints, list(road_users(answer["density"][None], cfg.LEAST_OCCUPIED)), self.vehicle)
+        seen = list(road_users(answer["density"][None], cfg.LEAST_OCCUPIED))
+        others = self._objects.update(seen, observation.ego, observation.time_s)
+        way = free_way(waypoints, others, self.vehicle)
         stop = self._stop(answer)
         free_m = way.free_m if stop is None else np.minimum(way.free_m, stop[1])
         bounds = Speeds(cfg.STEP_S, cfg.MOST_MPS, self.vehicle.acceleration_mps2, cfg.BRAKING_MPS2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.free_way import free_way
 from foresee_dsl.drivers.learned.fusion_safe import planned_speed
+from foresee_dsl.drivers.learned.objects import Objects
 from foresee_dsl.drivers.learned.outputs import FUSION_SAFE_TIMES_S, FUSION_TIMES_S, Occupied
 from foresee_dsl.drivers.learned.pilot import Pilot, laid_down
 from foresee_dsl.drivers.protocol import EgoState, FloatArray
@@ -102,6 +104,22 @@ def test_a_leader_binds_less_from_step_to_step_and_one_that_crosses_soon_until_i
     crossing = free_way(STRAIGHT, [standing(14.0, -5.0, math.pi / 2, 6.0)], SEDAN).free_m
     assert np.isfinite(crossing[0])
     assert np.isinf(crossing[4:]).all()
+
+
+def test_an_object_that_is_lost_for_a_moment_is_remembered_where_it_has_come() -> None:
+    objects = Objects()
+    child = Occupied(0.9, 10.0, 2.0, 0.1, 0.1, -math.pi / 2, 1.0)
+    ego = EgoState(100.0, 50.0, 0.5, 8.0, 0.0, 0.0, 0.0)
+    (first,) = objects.update([child], ego, 5.0)
+    assert (first.length_m, first.width_m) == (cfg.LEAST_M, cfg.LEAST_M)
+    on = EgoState(100.0 + 1.6 * math.cos(0.5), 50.0 + 1.6 * math.sin(0.5), 0.5, 8.0, 0.0, 0.0, 0.0)
+    (lost,) = objects.update([], on, 5.2)
+    assert (lost.ahead_m, lost.left_m) == (pytest.approx(8.4), pytest.approx(1.8))
+    # Seen again it is one object, and after a while it is forgotten; so is one that was doubtful from the beginning.
+    assert objects.update([lost], on, 5.2) == [lost]
+    assert objects.update([], on, 5.8) == []
+    objects.update([replace(child, probability=0.5)], on, 6.0)
+    assert objects.update([], on, 6.1) == []
 
 
 def test_the_speed_of_waypoints() -> None:
