@@ -63,8 +63,8 @@ _LEAST_PX = 2.0
 _ROUTE = CHANNELS.index("route")
 _ROUTE_M = 1.5
 """How wide the route is in the view from above."""
-_REACH_M = math.hypot(AHEAD_M, SIDE_M) + 2.0
-"""Farther off, no step of the route is in the picture."""
+_EDGE_M = 2.0
+"""A step of the route with its middle so far outside the picture has no pixel in it."""
 _BACK_M, _ON_M = 10.0, 25.0
 """The ego is searched on its route from so far behind its last place, and so far ahead of it and of what it can have
 driven since."""
@@ -126,9 +126,8 @@ class InputMaker:
         birds_eye = np.zeros(BIRDS_EYE_SHAPE, np.uint8)
         birds_eye[:_DRAWN] = views.birds_eye()[:_DRAWN, _TOP : _TOP + _ROWS, _LEFT : _LEFT + _COLUMNS]
         pose = (ego.x, ego.y, ego.heading_rad)
-        near = np.hypot(self._line[:, 0] - ego.x, self._line[:, 1] - ego.y) <= _REACH_M
         birds_eye[_ROUTE] = 0
-        birds_eye[_ROUTE].reshape(-1)[_covered(pose, self._line[near])] = 255
+        birds_eye[_ROUTE].reshape(-1)[_covered(pose, self._line[_in_sight(pose, self._line)])] = 255
         for channel, actors in enumerate(past, start=_DRAWN):
             if actors:
                 boxes = np.array([(a.x, a.y, a.heading_rad, a.length_m, a.width_m) for a in actors])
@@ -155,6 +154,14 @@ def _boxes_along(mission: Mission) -> FloatArray:
     length = np.hypot(step[:, 0], step[:, 1])
     middle, heading = (points[1:] + points[:-1]) / 2, np.arctan2(step[:, 1], step[:, 0])
     return np.column_stack([middle, heading, length, np.full(len(step), _ROUTE_M)])
+
+
+def _in_sight(pose: Place, boxes: FloatArray) -> NDArray[np.bool_]:
+    """Return which of some boxes may be in the picture."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = boxes[:, 0] - pose[0], boxes[:, 1] - pose[1]
+    ahead: FloatArray = c * dx + s * dy
+    return (ahead > -BEHIND_M - _EDGE_M) & (ahead < AHEAD_M + _EDGE_M) & (abs(c * dy - s * dx) < SIDE_M + _EDGE_M)
 
 
 def _covered(pose: Place, boxes: FloatArray) -> IntArray:
