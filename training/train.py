@@ -189,7 +189,7 @@ def save(
     torch.save({"ema": weights, "step": step}, options.out / f"{stem}.pt")
     columns = list(dict.fromkeys(name for row in rows for name in row))
     with (options.out / f"{stem}.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, columns)
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in rows)
     settings = {name: str(value) if isinstance(value, Path) else value for name, value in vars(options).items()}
