@@ -25,6 +25,7 @@ from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Surroundings
 from foresee_dsl.forecast.selforacle.ranker import ConvolutionalRanker, SelfOracleRanker
@@ -99,8 +100,7 @@ def row(name: str, result: CampaignResult) -> str:
     """Return a ranker's line of the table."""
     total = result.row()
     failing = [clip for clip in result.clips if clip.failing]
-    avoidable = sum(child.preventable is not None and child.preventable.value == "yes"
-                    for clip in result.clips for child in clip.failing)  # fmt: skip
+    avoidable = sum(child.preventable is Preventable.YES for clip in result.clips for child in clip.failing)
     kinds = " ".join(f"{kind} {count}" for kind, count in total.failures.items() if count)
     return (
         f"{name:16} points {total.risky_points:4}, clips {total.clips:4}, children {total.children:4}, "
