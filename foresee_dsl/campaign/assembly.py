@@ -15,12 +15,13 @@ from foresee_dsl.campaign.records import (
     Minimised,
     Mutants,
     Record,
+    ReferenceRun,
     SeedOutcome,
     decode,
 )
 from foresee_dsl.campaign.results import sorted_outcomes
 from foresee_dsl.campaign.stages import Node, Stages
-from foresee_dsl.language.model import Clip, Mutant
+from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.simulate.trace import Trace
@@ -45,7 +46,7 @@ def assemble(stages: Stages, out: Path) -> Assembly:
     """Collect the results of all steps that have one; `out` is the campaign's folder, where its texts will be."""
     seeds: dict[Node, SeedOutcome] = {}
     clips: dict[Node, ClipOutcome] = {}
-    children: dict[Node, list[ChildOutcome]] = {}
+    children: dict[Node, dict[Node, ChildOutcome]] = {}
     traces: dict[str, tuple[str, str]] = {}
     minimised: list[Minimised] = []
     for node, row in ((node, row) for node, row in stages.walk() if row is not None):
@@ -63,14 +64,18 @@ def assemble(stages: Stages, out: Path) -> Assembly:
             case ClipOutcome():
                 clips[node] = replace(record, seed=case.id, family=case.family, name=node.step.name, file=node.file,
                                       rank=node.step.rank)  # fmt: skip
-                children[node] = []
+                children[node] = {}
             case Mutants():
                 pass  # their children are steps of their own
             case ChildOutcome():
                 if row.trace:
                     file = (out / node.file).as_posix()
                     traces[trace] = (row.trace, file if record.file != file else "")
-                children[node.over("clip")].append(replace(record, name=node.step.name, file=node.file))
+                children[node.over("clip")][node] = replace(record, name=node.step.name, file=node.file)
+            case ReferenceRun():
+                above = children[node.over("clip")]
+                child = node.over("child")
+                above[child] = replace(above[child], references=(*above[child].references, record))
             case Minimised():
                 small = _here(record, node, out)
                 minimised.append(small)
@@ -80,7 +85,8 @@ def assemble(stages: Stages, out: Path) -> Assembly:
                     traces[node.file.replace(".foresee", ".npz")] = (row.trace, renamed)
             case _:
                 assert_never(record)
-    named = (_with_headers(replace(clip, children=tuple(children[node])), node, out) for node, clip in clips.items())
+    whole = ((node, replace(clip, children=tuple(children[node].values()))) for node, clip in clips.items())
+    named = (_with_headers(clip, node, out) for node, clip in whole)
     return Assembly(
         *sorted_outcomes(seeds.values(), named), traces, tuple(sorted(minimised, key=lambda small: small.child.name))
     )
@@ -93,12 +99,24 @@ def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:
     parent = relative_path(node.case.source, out / node.folder)
     text = with_header(clip.text, "clip", node.step.name, parent, node.case.id.partition("::")[2])
     children = (
-        replace(child, text=with_header(child.text, "mutant", child.name, f"{node.step.name}.foresee"))
+        replace(
+            child, text=_with_avoided(with_header(child.text, "mutant", child.name, f"{node.step.name}.foresee"), child)
+        )
         if child.verdict.is_failure
         else child
         for child in clip.children
     )
     return replace(clip, text=text, children=tuple(children))
+
+
+def _with_avoided(text: str, child: ChildOutcome) -> str:
+    """Write into a mutant's origin which other drivers avoid its failure."""
+    if not child.avoided:
+        return text
+    document = parse(text, child.name)
+    told = {"avoided": "; ".join(run.told for run in child.avoided)}
+    body = tuple(item.model_copy(update=told) if isinstance(item, Origin) else item for item in document.model.body)
+    return print_model(document.model.model_copy(update={"body": body}), document.comments)
 
 
 def _here(small: Minimised, node: Node, out: Path) -> Minimised:

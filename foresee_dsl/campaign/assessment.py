@@ -11,7 +11,7 @@ from itertools import groupby
 
 import numpy as np
 
-from foresee_dsl.campaign.driving import longest_s, made
+from foresee_dsl.campaign.driving import longest_s, made, sensors_of
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.compile import compile_test_case, placement_mistakes
@@ -183,7 +183,8 @@ def _broken(case: TestCase, driver: str, broken: Broken) -> DriverRun:
 def run_one(address: str, driver: str, seed: int, *, deadlines: Deadlines = DEADLINES) -> DriverRun:
     """Run one case with one driver."""
     case, timed = load_test_case(address), _Timed(made(driver, deadlines))
-    result = run(compile_test_case(case), timed, seed=seed, meta={"driver": driver}, deadlines=deadlines)
+    result = run(compile_test_case(case), timed, seed=seed, meta={"driver": driver}, sensors=sensors_of(driver),
+                 deadlines=deadlines)  # fmt: skip
     return DriverRun(
         case=case.id,
         family=case.family,

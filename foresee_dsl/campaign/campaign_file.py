@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from foresee_dsl.derive.presets import PRESETS
-from foresee_dsl.drivers.registry import driver_names
+from foresee_dsl.drivers.registry import driver_names, name_in
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.forecast.registry import ranker_names
 from foresee_dsl.language import model as m
@@ -89,7 +89,7 @@ def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) 
         if isinstance(item, m.Drivers | m.Rankers):
             what, known = ("driver", driver_names()) if isinstance(item, m.Drivers) else ("ranker", ranker_names())
             for k, name in enumerate(item.names):
-                plain = name.partition(":")[0]
+                plain = name_in(name) if isinstance(item, m.Drivers) else name
                 if plain not in known:
                     message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, known)
                     yield document.diagnostic(item, f"names.{k}", NOT_INSTALLED, message, help_)

@@ -10,18 +10,25 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.placement.scene import DEFAULT_END_S
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.drivers.protocol import Control, Driver, Mission, Observation, OwnDeadline, VehicleLimits
-from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address
+from foresee_dsl.drivers.registry import find_driver, load_driver, recorded_address, sees_all
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.model import End, Origin, Quantity
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.sensing.settings import IDEAL, STANDARD, SensorSettings
 
 
 def run_test_case(case: TestCase, driver: str, seed: int, *, deadlines: Deadlines | None = DEADLINES) -> RunResult:
     """Compile a test case and simulate it with a fresh driver."""
     meta = {"test_case": case.id, "meaning": case.meaning, "tool": __version__, "seed": seed, "driver": driver}
-    return run(compile_test_case(case), made(driver, deadlines), seed=seed, meta=meta, deadlines=deadlines)
+    return run(compile_test_case(case), made(driver, deadlines), seed=seed, meta=meta, sensors=sensors_of(driver),
+               deadlines=deadlines)  # fmt: skip
+
+
+def sensors_of(driver: str) -> SensorSettings:
+    """Return what the sensors of a driver's address can do: `pdm+ideal` has ideal ones."""
+    return IDEAL if sees_all(driver) else STANDARD
 
 
 def made(driver: str, deadlines: Deadlines | None = DEADLINES) -> Driver:

@@ -21,7 +21,7 @@ from foresee_dsl import __version__
 from foresee_dsl.campaign.import_closure import DIGITS, code_of, imports_of
 from foresee_dsl.campaign.steps.step import Step
 from foresee_dsl.derive.operators import OPERATORS
-from foresee_dsl.drivers.registry import DRIVERS, load_driver
+from foresee_dsl.drivers.registry import DRIVERS, load_driver, name_in
 from foresee_dsl.files import data_folder
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import RANKERS, load_ranker
@@ -54,8 +54,8 @@ def driver_identity(address: str) -> str:
     """
     driver = load_driver(address)
     weights = str(getattr(driver, "weights_hash", "") or "")
-    name, _, argument = address.partition(":")
-    return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name), _files_named(argument)])
+    argument = address.partition(":")[2]
+    return json.dumps([address, driver.version, weights, _plugin(DRIVERS, name_in(address)), _files_named(argument)])
 
 
 def ranker_identity(name: str, driver: str) -> str:

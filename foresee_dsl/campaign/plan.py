@@ -114,14 +114,17 @@ def _name(node: Node) -> str:
 
 def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings) -> None:
     """Add what may follow from a step that has not been run: a node a stage, which stands for that many."""
-    above, count = _name(node), 1
-    for step in STEPS[STEPS.index(type(node.step)) + 1 :]:
+    above = {node.step.kind: (_name(node), 1)}
+    for step in STEPS:
+        if step.follows not in above:
+            continue
+        over, count = above[step.follows]
         count *= step.at_most(settings)
         if count:
             below = f"{step.kind} of {_name(node)}"
             graph.add_node(below, kind=step.kind, name="", key="", state="at_most", count=count)
-            graph.add_edge(above, below)
-            above = below
+            graph.add_edge(over, below)
+            above[step.kind] = below, count
 
 
 def _stage_plans(graph: nx.DiGraph[str], store: Store | None, settings: CampaignSettings) -> tuple[StagePlan, ...]:

@@ -87,6 +87,39 @@ class Mutants:
 
 
 @dataclass(frozen=True)
+class ReferenceRun:
+    """A failing child, driven by another driver.
+
+    Attributes:
+        driver: its address. verdict, reason, duration_s: of the child's run.
+        before: the verdict of the clip, unmutated, with the same driver; None where it was not run, as the child did
+            not pass.
+        how: what the driver does otherwise than the one that fails, in phrases.
+    """
+
+    driver: str
+    verdict: Verdict
+    reason: str
+    duration_s: float
+    before: Verdict | None = None
+    how: tuple[str, ...] = ()
+
+    @property
+    def avoids(self) -> bool:
+        """Whether the failure does not happen to this driver, nor another one."""
+        return self.verdict is Verdict.PASS
+
+    @property
+    def told(self) -> str:
+        """Who avoids it, how, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
+        text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
+        passed = self.before in (None, Verdict.PASS)
+        return text if passed else f"{text} (but fails before the mutation: {self.before})"
+
+    shown = "driver verdict reason before_mutation=before avoids how"
+
+
+@dataclass(frozen=True)
 class ChildOutcome:
     """One mutant as it was run; `text` already holds what was found. `preventability` and `story`: of a failure."""
 
@@ -107,11 +140,18 @@ class ChildOutcome:
     story: Story | None = None
     notes: DriverNotes | None = None
     """Of a run that did not pass, if there are any."""
+    references: tuple[ReferenceRun, ...] = ()
+    """Of a failure: its runs with other drivers."""
 
     shown = (
         "mutant=name meaning operators changes verdict with=with_ reason digest file=failed_file? impact "
-        "near_misses=near preventability story"
+        "near_misses=near preventability references story"
     )
+
+    @property
+    def avoided(self) -> tuple[ReferenceRun, ...]:
+        """Those of its runs with other drivers that pass, where these drivers pass the unmutated clip as well."""
+        return tuple(run for run in self.references if run.avoids and run.before is Verdict.PASS)
 
     @property
     def changes(self) -> list[str]:
@@ -224,7 +264,7 @@ class Minimised:
         return f"{self.folder}/{self.clip}.foresee"
 
 
-Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | Minimised
+Record = SeedOutcome | Forecast | ClipOutcome | Mutants | ChildOutcome | ReferenceRun | Minimised
 """A step's result. A new one is added here; `campaign.assembly` then fails the type check until it knows it."""
 
 

@@ -25,6 +25,7 @@ class CampaignSettings:
         handover_s: for so long at a clip's beginning the ego follows its recorded states while the driver watches. The
             command line takes what the driver asks for (`drivers.registry.handover_of`) where it is given none.
         repeat: clips are mutated so often, with `seed` and the seeds that follow it.
+        against: the reference drivers, which drive every failing child as well.
     """
 
     driver: str = "pdm"
@@ -38,6 +39,7 @@ class CampaignSettings:
     fidelity_limit_m: float = 0.75
     handover_s: float = 0.0
     repeat: int = 1
+    against: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

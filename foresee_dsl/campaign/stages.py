@@ -29,25 +29,28 @@ AnyStep = Step[Any, Any]
 
 
 def _steps() -> tuple[type[AnyStep], ...]:
-    """Find the classes in the modules of `campaign.steps`, in the order in which they follow from each other."""
+    """Find the classes in the modules of `campaign.steps`, each after the one that it follows from."""
     modules = [import_module(f"{steps.__name__}.{found.name}") for found in pkgutil.iter_modules(steps.__path__)]
-    classes = {
-        value.follows: value
+    classes = [
+        value
         for module in modules
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, Step) and value.__module__ == module.__name__
         if hasattr(value, "kind")
-    }
+    ]
     ordered: list[type[AnyStep]] = []
-    while len(ordered) < len(classes):
-        ordered.append(classes[ordered[-1].kind if ordered else ""])
+    above = [""]
+    while above:
+        following = sorted((c for c in classes if c.follows == above[0]), key=lambda c: (c.after_all, c.kind))
+        ordered += following
+        above = [*above[1:], *(step.kind for step in following)]
     return tuple(ordered)
 
 
 STEPS = _steps()
 """The classes of steps, each after the one that it follows from."""
-_NEXT = dict(zip((step.kind for step in STEPS), STEPS[1:], strict=False))
-"""The class that follows from each kind of step."""
+_NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
+"""The classes that follow from each kind of step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +108,7 @@ class Stages:
             driver_identity(settings.driver),
             ranker_identity(settings.ranker, settings.driver),
             operators_identity(),
+            tuple((driver, driver_identity(driver)) for driver in settings.against),
             key,
         )
         self._after: dict[Node, tuple[Node, ...]] = {}
@@ -130,13 +134,16 @@ class Stages:
 
     def after(self, node: Node, row: Row) -> tuple[Node, ...]:
         """Return the steps that follow from one with this result."""
-        found = _NEXT.get(node.step.kind)
-        if found is not None and not found.after_all and node not in self._after:
-            result = decode(row.record, node.step.record)
-            wanted = found.wanted(result, self.settings)
-            steps = found.following(node.step, result, self._campaign) if wanted else ()
-            self._after[node] = tuple(Node(step, node.case, node) for step in steps)
-        return self._after.get(node, ())
+        if node not in self._after:
+            found = [step for step in _NEXT[node.step.kind] if not step.after_all]
+            result = decode(row.record, node.step.record) if found else None
+            self._after[node] = tuple(
+                Node(step, node.case, node)
+                for kind in found
+                if kind.wanted(result, self.settings)
+                for step in kind.following(node.step, result, self._campaign)
+            )
+        return self._after[node]
 
     def choose(self, names: Container[str]) -> tuple[Node, ...]:
         """Return the steps that follow from the chosen ones of all that were looked at; `walk` then ends with them.
@@ -146,8 +153,10 @@ class Stages:
         found = []
         known = (node for nodes in (self.seeds, *self._after.values()) for node in nodes if node.step.name in names)
         for node in sorted(known, key=lambda node: node.step.name):
-            step, row = _NEXT.get(node.step.kind), self.row(node)
-            if step is not None and row is not None and self.may_be_chosen(node, row):
+            row = self.row(node)
+            if row is None:
+                continue
+            for step in self._chosen_after(node, row):
                 result = decode(row.record, node.step.record)
                 found += [Node(new, node.case, node) for new in step.following(node.step, result, self._campaign)]
         self.last = tuple(found)
@@ -155,10 +164,12 @@ class Stages:
 
     def may_be_chosen(self, node: Node, row: Row) -> bool:
         """Return whether steps follow from one with this result if `choose` names it."""
-        found = _NEXT.get(node.step.kind)
-        if found is None or not found.after_all:
-            return False
-        return found.wanted(decode(row.record, node.step.record), self.settings)
+        return bool(self._chosen_after(node, row))
+
+    def _chosen_after(self, node: Node, row: Row) -> tuple[type[AnyStep], ...]:
+        after_all = [step for step in _NEXT[node.step.kind] if step.after_all]
+        result = decode(row.record, node.step.record) if after_all else None
+        return tuple(step for step in after_all if step.wanted(result, self.settings))
 
     def walk(self) -> Iterator[tuple[Node, Row | None]]:
         """Yield every step that is known of, what it follows from before it, with its result if there is one."""
@@ -172,10 +183,8 @@ class Stages:
 
     def task_steps(self, node: Node) -> tuple[AnyStep, ...]:
         """Return the steps that the task of a step runs: itself, and what follows from it in the same process."""
-        found = _NEXT.get(node.step.kind)
-        if found is None or not found.same_task:
-            return (node.step,)
-        return node.step, *found.following(node.step, None, self._campaign)
+        same = (step for step in _NEXT[node.step.kind] if step.same_task)
+        return node.step, *(new for step in same for new in step.following(node.step, None, self._campaign))
 
     def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
         """Return what a worker has to do for a step whose result is missing."""

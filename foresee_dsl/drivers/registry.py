@@ -1,7 +1,7 @@
 """The installed drivers, found through the entry-point group `foresee_dsl.drivers`.
 
 A driver's address is its name (`pdm`); one that is made from a text has the text after a colon
-(`external:python3 my_driver.py`).
+(`external:python3 my_driver.py`). A name with `+ideal` (`pdm+ideal`) is the same driver with ideal sensors.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ from foresee_dsl.errors import DriverError, DriverUnavailableError
 from foresee_dsl.plugins import PluginGroup, package_of
 
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
-_ADDRESS = re.compile(r"(.*? via )?(?P<address>\w+:.*)", re.S)
+_ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
+_IDEAL = "+ideal"
+REFERENCES = ("idm", "frenetix", "pdm")
+"""Ours: the planners that come along."""
 _ESCAPES = (("%", "%25"), ('"', "%22"), ("\n", "%0A"), ("\r", "%0D"))
 """Characters that a text of the language cannot contain, and how they are written."""
 
@@ -43,9 +46,43 @@ class DriverInfo:
     shown = "name version about=doc package"
 
 
+def reference_drivers(address: str) -> tuple[str, ...]:
+    """Return the drivers that a driver's failures are driven with where nobody names others.
+
+    They are those of `REFERENCES` that are installed, but for the driver itself, which comes with ideal sensors: where
+    that one passes, perception failed, not decision.
+    """
+    others = (name for name in REFERENCES if name != name_in(address) and _can_be_made(name))
+    return (*others, *(() if sees_all(address) else (with_ideal_sensors(address),)))
+
+
+def _can_be_made(name: str) -> bool:
+    try:
+        load_driver(name)
+    except DriverError:
+        return False
+    return True
+
+
 def driver_names() -> tuple[str, ...]:
     """Return the names of all installed drivers, sorted; nothing is imported."""
     return DRIVERS.names()
+
+
+def name_in(address: str) -> str:
+    """Return the name of the driver that an address means."""
+    return address.partition(":")[0].removesuffix(_IDEAL)
+
+
+def sees_all(address: str) -> bool:
+    """Whether the driver of this address is given ideal sensors."""
+    return address.partition(":")[0].endswith(_IDEAL)
+
+
+def with_ideal_sensors(address: str) -> str:
+    """Return the address of the same driver with ideal sensors."""
+    _, colon, argument = address.partition(":")
+    return f"{name_in(address)}{_IDEAL}{colon}{argument}"
 
 
 def find_driver(address: str) -> None:
@@ -54,7 +91,7 @@ def find_driver(address: str) -> None:
     Raises:
         DriverError: there is none (the message has close names and the list).
     """
-    DRIVERS.find(address.partition(":")[0])
+    DRIVERS.find(name_in(address))
 
 
 def load_driver(address: str) -> Driver:
@@ -67,7 +104,8 @@ def load_driver(address: str) -> Driver:
         DriverError: no such driver (the message has close names and the list), its package is broken, or it wants a
             text and there is none (or the other way round).
     """
-    name, colon, argument = address.partition(":")
+    name = name_in(address)
+    _, colon, argument = address.partition(":")
     entry = DRIVERS.find(name)
     with DRIVERS.loading(entry):
         made = entry.load()

@@ -15,7 +15,7 @@ from foresee_dsl.campaign.regression.comparison import Ran, Side
 from foresee_dsl.campaign.regression.suite import SuiteTest, suite_of
 from foresee_dsl.documents import plain
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.registry import DRIVERS, recorded_driver
+from foresee_dsl.drivers.registry import find_driver, recorded_driver
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.addresses import is_folder, parse_address
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
@@ -92,7 +92,7 @@ def side_of_driver(tests: Sequence[SuiteTest], driver: str, *, jobs: int, deadli
     Raises:
         DriverError: there is no such driver; nothing was run.
     """
-    DRIVERS.find(driver.partition(":")[0])
+    find_driver(driver)
     numbers = {str(k): test for k, test in enumerate(tests)}
     found: dict[str, Ran] = {}
     broken: list[str] = []

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from foresee_dsl.campaign.regression.expectations import DRIVER
 from foresee_dsl.campaign.regression.layout import role_of
-from foresee_dsl.drivers.registry import driver_names, recorded_address
+from foresee_dsl.drivers.registry import driver_names, name_in, recorded_address
 from foresee_dsl.errors import InputError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.codes import names as c
@@ -46,7 +46,7 @@ class SuiteTest:
         if self.origin is not None and self.origin.driver:
             return recorded_address(self.origin.driver)
         known = (recorded_address(item.driver) for item in self.stated)
-        return next((name for name in known if name.partition(":")[0] in driver_names()), DRIVER)
+        return next((name for name in known if name_in(name) in driver_names()), DRIVER)
 
     @property
     def seed(self) -> int:

@@ -26,7 +26,7 @@ from foresee_dsl.campaign.regression.layout import suite_folder, tests_in
 from foresee_dsl.campaign.regression.suite import SuiteTest, stated_in, suite_of
 from foresee_dsl.drivers.consent import refuse_programs
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
-from foresee_dsl.drivers.registry import DRIVERS, recorded_address, recorded_driver
+from foresee_dsl.drivers.registry import find_driver, recorded_address, recorded_driver
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import write_whole
 from foresee_dsl.language.codes.names import STALE_PIN
@@ -97,7 +97,7 @@ def verify_files(
     """
     tests = suite_of(paths)
     if driver:
-        DRIVERS.find(driver.partition(":")[0])
+        find_driver(driver)
     elif not run_programs:
         refuse_programs(
             ((test.driver, test.file) for test in tests),

@@ -32,6 +32,7 @@ class Campaign:
 
     Attributes:
         driver, ranker, operators: what stands for each of them in a key (see `campaign.keys`).
+        references: each reference driver's address, and what stands for it in a key.
         key: returns the key of a step's class and the parts that its result depends on.
     """
 
@@ -39,6 +40,7 @@ class Campaign:
     driver: str
     ranker: str
     operators: str
+    references: tuple[tuple[str, str], ...]
     key: Callable[..., str]
 
 

@@ -50,6 +50,15 @@ class Flags:
     repeat: Annotated[
         int, typer.Option(min=1, max=10_000, help="How many times each clip is mutated, each time with another seed.")
     ] = 1
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DRIVERS",
+            help="Reference drivers, which drive every failure too, with commas: idm,pdm+ideal. Or none. "
+            "By default idm, frenetix, pdm, and the driver itself with ideal sensors.",
+            show_default=False,
+        ),
+    ] = None
     jobs: Jobs = CPUS
     seed: common.SeedOption = 0
     out: common.OutOption = Path("out")
@@ -161,10 +170,22 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
         found.weights_hash(driver)  # it raises where nothing watches this driver
     load_preset(values["preset"])
     by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
+    against = _references(values["against"], driver)
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}
     if chosen["handover_s"] is None:
         chosen["handover_s"] = asked_s
-    return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker})
+    return CampaignSettings(**{**chosen, "driver": driver, "ranker": ranker, "against": against})
+
+
+def _references(names: str | None, driver: str) -> tuple[str, ...]:
+    from foresee_dsl.drivers.registry import find_driver, reference_drivers
+
+    if names is None:
+        return reference_drivers(driver)
+    found = tuple(dict.fromkeys(name.strip() for name in names.split(",") if name.strip() not in ("", "none")))
+    for name in found:
+        find_driver(name)
+    return tuple(name for name in found if name != driver)
 
 
 def _make_once(driver: str) -> Driver:

@@ -299,11 +299,12 @@ class Clip(Item):
 class Origin(Item):
     """Where a mutant comes from; nothing in it changes what the mutant means."""
 
-    pattern = "origin { operator; preset; seed; tool; driver; found; minimised; preventable }"
+    pattern = "origin { operator; preset; seed; tool; driver; found; minimised; preventable; avoided }"
     words = """
         origin (statement): where a mutant comes from; means nothing to the run | origin { operator [steer]; seed 91 }
         operator (statement): what made the changes | operator [model_swap, steer]
-        preventable (setting): whether another driver would have prevented it | preventable yes
+        preventable (setting): whether a careful driver who brakes would have prevented it | preventable yes
+        avoided (setting): which other drivers avoid the failure, and how | avoided "idm brakes 0.8 s earlier"
         tool (setting): the version that wrote the mutant | tool "0.1.0"
         driver (setting): the driver that was under test | driver "pdm 2"
         found (setting): the failure that the mutant showed | found "F4 lateral collision with runner at 3.15 s"
@@ -321,6 +322,7 @@ class Origin(Item):
     found: Text | None = None
     minimised: Text | None = None
     preventable: Literal["yes", "no", "unknown"] | None = None
+    avoided: Text | None = None
 
 
 MutantItem = Annotated[Doc | Change | Expected | Origin, ONE_OF]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.text import Text
 
+from foresee_dsl.campaign.driving import sensors_of
 from foresee_dsl.drivers.protocol import (
     Closing,
     Control,
@@ -86,7 +87,7 @@ def watched(
 ) -> tuple[tuple[Step, ...], bool]:
     """Drive a run again; return its steps, and whether it went as the one that is shown."""
     driver = Watched(load_driver(shown.driver), from_s, to_s, every_s)
-    result = run(shown.bundle, driver, seed=shown.seed)
+    result = run(shown.bundle, driver, seed=shown.seed, sensors=sensors_of(shown.driver))
     return tuple(driver.steps), result.trace.digest == shown.trace.digest
 
 
