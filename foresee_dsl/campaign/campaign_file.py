@@ -22,6 +22,8 @@ from foresee_dsl.language.project.loading import Project
 
 NOT_INSTALLED, NOTHING_THERE = "FS058", "FS059"
 
+NOBODY = "none"
+"""What stands for no reference driver."""
 _PATTERN = frozenset("*?[")
 
 
@@ -86,11 +88,13 @@ def mistakes_of(document: Document, *, allow_outside: bool = False) -> tuple[Dia
 def _mistakes(document: Document, campaign: m.Campaign, *, allow_outside: bool) -> Iterator[Diagnostic]:
     folder = Path(document.path).parent
     for item in campaign.body:
-        if isinstance(item, m.Drivers | m.Rankers):
-            what, known = ("driver", driver_names()) if isinstance(item, m.Drivers) else ("ranker", ranker_names())
+        if isinstance(item, m.Drivers | m.Against | m.Rankers):
+            ranks = isinstance(item, m.Rankers)
+            what, known = ("ranker", ranker_names()) if ranks else ("driver", driver_names())
             for k, name in enumerate(item.names):
-                plain = name_in(name) if isinstance(item, m.Drivers) else name
-                if plain not in known:
+                plain = name if ranks else name_in(name)
+                nobody = isinstance(item, m.Against) and item.names == (NOBODY,)
+                if plain not in known and not nobody:
                     message, help_ = f"no {what} '{plain}' is installed", did_you_mean(plain, known)
                     yield document.diagnostic(item, f"names.{k}", NOT_INSTALLED, message, help_)
         elif isinstance(item, m.Preset) and item.name not in PRESETS:
@@ -156,6 +160,8 @@ def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:
     for item in campaign.body:
         if isinstance(item, m.Preset):
             yield "preset", item.name
+        elif isinstance(item, m.Against):
+            yield "against", ",".join(item.names)
         elif isinstance(item, m.ClipAround):
             yield "before", item.before.si
             yield "after", item.after.si

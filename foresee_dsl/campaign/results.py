@@ -189,7 +189,9 @@ def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
 
 
 def _avoidable(child: ChildOutcome) -> int:
-    """The order of triage: a careful driver would have avoided it, undecided, unavoidable."""
+    """The order of triage: another driver avoids it or a careful one would have, undecided, unavoidable."""
+    if child.avoided:
+        return 0
     return {Preventable.YES: 0, Preventable.NO: 2}.get(child.preventable or Preventable.UNKNOWN, 1)
 
 

@@ -75,9 +75,10 @@ def print_campaign(console: Console, result: CampaignResult, out: Path, *, raw: 
 
 
 def _triage(finding: Finding) -> tuple[int, int, str]:
-    """The order in which findings deserve a look: preventable, undecided, unavoidable; then those of many failures."""
+    """The order in which findings deserve a look: avoidable, undecided, unavoidable; then those of many failures."""
     answer = finding.preventability.verdict if finding.preventability else Preventable.UNKNOWN
-    return {Preventable.YES: 0, Preventable.NO: 2}.get(answer, 1), -finding.count, finding.name
+    order = 0 if finding.avoidable else 2 if answer is Preventable.NO else 1
+    return order, -finding.count, finding.name
 
 
 def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]:
@@ -88,9 +89,11 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         answers = [finding.preventability.verdict for finding in findings if finding.preventability]
         counts = ", ".join(f"{answers.count(answer)} {answer.value}" for answer in Preventable if answer in answers)
         text = Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}", style="bold red")
-        yield text.append(
-            f"; {counts} for a careful driver who brakes" if counts else "", "bold red" if bad else "bold"
-        )
+        text.append(f"; {counts} for a careful driver who brakes" if counts else "", "bold red" if bad else "bold")
+        asked = [finding.avoided for finding in findings if finding.avoided is not None]
+        if asked:
+            text.append(f"; {sum(map(bool, asked))} of {len(asked)} avoided by another driver", "bold")
+        yield text
     elif total.failed:
         yield Text(f"{counted(total.failed, 'failure')}", style="bold red")
     elif not result.failed:
@@ -119,7 +122,19 @@ def _print_finding(console: Console, number: int, finding: Finding, out: Path) -
         *((f"; {finding.preventability.verdict.value}", "bold") if finding.preventability else "",),
         f": {safe(finding.preventability.why, WHOLE)}" if finding.preventability else "",
     )))  # fmt: skip
+    if finding.avoided is not None:
+        console.print(_indented(Text(_who_avoids(finding))))
     _print_path(console, "    ", file_of(finding, out))
+
+
+def _who_avoids(finding: Finding) -> str:
+    """Say which other drivers avoid the representative's failure, and how."""
+    runs = finding.references
+    told = [run.told for run in runs if run.avoids]
+    if not told:
+        others = f"; {counted(finding.avoided, 'sibling')} avoided" if finding.avoided else ""
+        return f"fails with {', '.join(run.driver for run in runs)} too{others}"
+    return f"avoided: {'; '.join(told)}"
 
 
 def file_of(finding: Finding, out: Path) -> Path | str:

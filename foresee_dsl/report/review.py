@@ -49,6 +49,12 @@ def _lines(review: Review) -> Iterator[str]:
         yield from _others(review.others)
     if answer:
         yield from ("", "Would a careful driver have avoided it?", *_wrapped(f"{answer}: {finding['why']}", "  "))
+    if finding.get("references"):
+        yield from ("", "Do other drivers avoid it?")
+        for run in finding["references"]:
+            how = ", ".join(run["how"]) or "it drives nearly the same way"
+            answer = f"yes, {how}" if run["avoids"] else f"no, {run['reason']}"
+            yield from _wrapped(f"{run['driver']}: {answer}", "  ")
     yield from ("", "Files")
     yield from _files(review)
     yield from ("", "Commands")

@@ -6,8 +6,8 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Protocol
 
-from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
-from foresee_dsl.derive.preventability import Preventability
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, ReferenceRun, SeedOutcome
+from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -42,6 +42,8 @@ class Finding:
         file: the representative's: of a child relative to the campaign's folder, of a test case its address.
         clip: the file of the representative's clip, relative to the campaign's folder; "" of a test case.
         minimised: the representative made smaller, where that was done.
+        avoided: how many of the failures another driver avoids, who passes the unmutated clip too; None where no other
+            driver was asked.
     """
 
     name: str
@@ -54,12 +56,24 @@ class Finding:
     file: str
     clip: str = ""
     minimised: Minimised | None = None
+    avoided: int | None = None
 
     shown = (
         "name sentence=story.sentence class=story.contact verdict test_case family file clip? count siblings "
-        "sibling_files preventability=preventability.verdict why=preventability.why ego_manoeuvre=story.ego_manoeuvre "
+        "sibling_files preventability=preventability.verdict why=preventability.why avoided references ego_manoeuvre=story.ego_manoeuvre "
         "opponent_manoeuvre=story.opponent_manoeuvre? place=story.place mutation=story.mutation? minimised"
     )
+
+    @property
+    def references(self) -> tuple[ReferenceRun, ...]:
+        """The representative's runs with other drivers."""
+        return self.representative.references if isinstance(self.representative, ChildOutcome) else ()
+
+    @property
+    def avoidable(self) -> bool:
+        """Whether a careful driver who brakes, or another driver, would have avoided it."""
+        preventable = self.preventability is not None and self.preventability.verdict is Preventable.YES
+        return preventable or bool(self.avoided)
 
     @property
     def verdict(self) -> Verdict:
@@ -117,7 +131,13 @@ def _finding(group: list[_Told]) -> Finding:
         family=first.family,
         file=first.file,
         clip=first.clip,
+        avoided=_avoided([told.failure for told in group]),
     )
+
+
+def _avoided(failures: list[Failure]) -> int | None:
+    children = [failure for failure in failures if isinstance(failure, ChildOutcome) and failure.references]
+    return sum(bool(child.avoided) for child in children) if children else None
 
 
 def _told(result: Outcomes) -> list[_Told]:

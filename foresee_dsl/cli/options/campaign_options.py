@@ -178,11 +178,12 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
 
 
 def _references(names: str | None, driver: str) -> tuple[str, ...]:
+    from foresee_dsl.campaign.campaign_file import NOBODY
     from foresee_dsl.drivers.registry import find_driver, reference_drivers
 
     if names is None:
         return reference_drivers(driver)
-    found = tuple(dict.fromkeys(name.strip() for name in names.split(",") if name.strip() not in ("", "none")))
+    found = tuple(dict.fromkeys(name.strip() for name in names.split(",") if name.strip() not in ("", NOBODY)))
     for name in found:
         find_driver(name)
     return tuple(name for name in found if name != driver)

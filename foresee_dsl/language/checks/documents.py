@@ -179,7 +179,7 @@ def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
     for kind in {type(item) for item in campaign.body} - set(_SEVERAL):
         findings.only_once([item for item in campaign.body if isinstance(item, kind)])
     for item in campaign.body:
-        names = item.names if isinstance(item, m.Drivers | m.Rankers) else ()
+        names = item.names if isinstance(item, m.Drivers | m.Against | m.Rankers) else ()
         for k, name in enumerate(names):
             if name in names[:k]:
                 findings.add(item, f"names.{k}", "FS013", f"'{name}' stands twice", "keep one of the two")

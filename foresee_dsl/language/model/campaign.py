@@ -44,6 +44,16 @@ class Rankers(Item):
     names: tuple[Id, ...] = Field(min_length=1)
 
 
+class Against(Item):
+    """`against [idm, "pdm+ideal"]`: the reference drivers, which drive every failure too; `against [none]`: nobody."""
+
+    pattern = "against {names}"
+    words = "against (statement): other drivers, which drive every failure of a campaign too | against [idm]"
+
+    kind: Literal[against] = "against"
+    names: tuple[Id, ...] = Field(min_length=1)
+
+
 class Preset(Item):
     """`preset focused`: how clips are mutated."""
 
@@ -107,7 +117,19 @@ class Budget(Item):
 
 
 CampaignItem = Annotated[
-    Doc | Seeds | Drivers | Rankers | Preset | ClipAround | RiskyPoints | Children | Repeat | FirstSeed | Budget, ONE_OF
+    Doc
+    | Seeds
+    | Drivers
+    | Against
+    | Rankers
+    | Preset
+    | ClipAround
+    | RiskyPoints
+    | Children
+    | Repeat
+    | FirstSeed
+    | Budget,
+    ONE_OF,
 ]
 
 

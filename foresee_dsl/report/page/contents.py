@@ -194,6 +194,7 @@ def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, see
         parent_trace=parent,
         operators=child.operators,
         preventability=child.preventability,
+        references=child.references,
     )
 
 

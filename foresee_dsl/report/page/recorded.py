@@ -31,6 +31,17 @@ class Nearest(_Part):
     with_: str = Field("", alias="with")
 
 
+class Reference(_Part):
+    """A failing mutant, driven by another driver."""
+
+    driver: str
+    verdict: str
+    reason: str = ""
+    before_mutation: str | None = None
+    avoids: bool = False
+    how: tuple[str, ...] = ()
+
+
 class Child(_Part):
     """A mutant as it was run; `file` where it failed, relative to the campaign's folder."""
 
@@ -42,6 +53,7 @@ class Child(_Part):
     file: str | None = None
     near_misses: dict[str, Nearest | None] | None = None
     preventability: Preventability | None = None
+    references: tuple[Reference, ...] = ()
 
 
 class ClipRun(_Part):

@@ -1,0 +1,114 @@
+"""Failing children are driven by other drivers: who avoids the failure, and how."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.execution.pool import RunOptions
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
+from foresee_dsl.language.model import Mutant
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.story import how_avoided
+from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
+
+AGAINST = replace(SETTINGS, against=("pdm", "idm+ideal"))
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, CampaignResult, Heard]:
+    root = tmp_path_factory.mktemp("references")
+    file = write_project(root / "project")
+    result, heard = campaign(file, root / "out", AGAINST, options=RunOptions(jobs=2))
+    return file, root / "out", result, heard
+
+
+def test_every_failure_is_driven_by_each_and_nothing_else_is(
+    done: tuple[Path, Path, CampaignResult, Heard],
+) -> None:
+    _, _, result, heard = done
+    children = [child for clip in result.clips for child in clip.children]
+    failing = [child for child in children if child.verdict.is_failure]
+    assert failing
+    assert [child.references == () for child in children] == [not child.verdict.is_failure for child in children]
+    assert all([run.driver for run in child.references] == ["pdm", "idm+ideal"] for child in failing)
+    assert heard.count("reference") == 2 * len(failing)
+
+
+def test_an_answer_is_that_of_the_same_child_with_that_driver(
+    done: tuple[Path, Path, CampaignResult, Heard],
+) -> None:
+    _, out, result, _ = done
+    child = next(child for clip in result.clips for child in clip.failing if child.avoided)
+    case = load_test_case(str(out / child.file))
+    for run in child.references:
+        assert run_test_case(case, run.driver, AGAINST.seed).verdict is run.verdict
+        assert (run.before is not None) == run.avoids
+    avoided = child.avoided[0]
+    passing, failing = (run_test_case(case, driver, AGAINST.seed).trace for driver in (avoided.driver, "idm"))
+    assert avoided.how == how_avoided(failing, passing)
+    assert avoided.how
+    assert how_avoided(failing, failing) == ()
+
+
+def test_the_mutant_says_it_and_means_the_same(done: tuple[Path, Path, CampaignResult, Heard]) -> None:
+    _, out, result, _ = done
+    for clip in result.clips:
+        for child in clip.failing:
+            model = parse((out / child.file).read_text(), child.name).model
+            assert isinstance(model, Mutant)
+            assert model.origin is not None
+            told = "; ".join(run.told for run in child.avoided)
+            assert (model.origin.avoided or "") == told
+            assert load_test_case(str(out / child.file)).meaning == child.meaning
+
+
+def test_a_finding_counts_what_is_avoided(done: tuple[Path, Path, CampaignResult, Heard]) -> None:
+    _, out, result, _ = done
+    avoided = sum(bool(child.avoided) for clip in result.clips for child in clip.failing)
+    found = published(out)["json"]["findings"]
+    assert sum(finding["avoided"] or 0 for finding in found) == avoided > 0
+
+
+def test_workers_and_a_second_time_give_the_same(
+    done: tuple[Path, Path, CampaignResult, Heard], tmp_path: Path
+) -> None:
+    file, out, _, _ = done
+    _, heard = campaign(file, out, AGAINST)
+    assert heard.kinds == []
+    campaign(file, tmp_path / "out", AGAINST, store=out / "store")
+    again, before = published(tmp_path / "out"), published(out)
+    assert again["json"] == before["json"]
+
+
+def test_without_references_only_these_are_missing(
+    done: tuple[Path, Path, CampaignResult, Heard], tmp_path: Path
+) -> None:
+    file, out, with_them, _ = done
+    without, heard = campaign(file, tmp_path / "out", SETTINGS, store=out / "store")
+    assert heard.kinds == []
+    plain = [replace(child, references=(), text="") for clip in with_them.clips for child in clip.children]
+    assert [replace(child, text="") for clip in without.clips for child in clip.children] == plain
+
+
+def test_addresses() -> None:
+    assert [name_in(a) for a in ("pdm", "pdm+ideal", "external+ideal:python3 a+ideal.py")] == ["pdm", "pdm", "external"]
+    assert [sees_all(a) for a in ("pdm", "pdm+ideal", "external:python3 a+ideal")] == [False, True, False]
+    for address in ("pdm+ideal", "external+ideal:python3 mine.py"):
+        assert recorded_address(recorded_driver(address, "2")) == address
+    assert "pdm+ideal" in reference_drivers("pdm")
+    assert not {"pdm"} & set(reference_drivers("pdm"))
+    assert reference_drivers("external:python3 mine.py")[-1] == "external+ideal:python3 mine.py"
+
+
+def test_ideal_sensors_are_another_run() -> None:
+    case = load_test_case("scenarios/scenario3/behind_the_bus.foresee::commuter")
+    plain, ideal = (run_test_case(case, driver, 0) for driver in ("pdm", "pdm+ideal"))
+    assert plain.trace.digest != ideal.trace.digest
+    assert {plain.verdict, ideal.verdict} == {Verdict.PASS}
