@@ -41,7 +41,7 @@ EDITS = {
     "derive/minimise/reductions.py": {"minimise"},
     "derive/operators/steer.py": {"mutants"},
     "campaign/records.py": ALL,
-    "campaign/steps/child.py": {"child", "minimise"},
+    "campaign/steps/child.py": {"child", "minimise", "reference"},
     "campaign/steps/step.py": ALL,
     "campaign/stages.py": set(),
     "campaign/execution/engine.py": set(),
