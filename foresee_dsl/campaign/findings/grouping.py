@@ -60,8 +60,9 @@ class Finding:
 
     shown = (
         "name sentence=story.sentence class=story.contact verdict test_case family file clip? count siblings "
-        "sibling_files preventability=preventability.verdict why=preventability.why avoided references ego_manoeuvre=story.ego_manoeuvre "
-        "opponent_manoeuvre=story.opponent_manoeuvre? place=story.place mutation=story.mutation? minimised"
+        "sibling_files preventability=preventability.verdict why=preventability.why avoided references "
+        "ego_manoeuvre=story.ego_manoeuvre opponent_manoeuvre=story.opponent_manoeuvre? place=story.place "
+        "mutation=story.mutation? minimised"
     )
 
     @property

@@ -50,7 +50,6 @@ class Against(Item):
     pattern = "against {names}"
     words = "against (statement): other drivers, which drive every failure of a campaign too | against [idm]"
 
-    kind: Literal[against] = "against"
     names: tuple[Id, ...] = Field(min_length=1)
 
 
