@@ -331,7 +331,7 @@ def written(cell: str) -> Any:
 def in_code(owner: Any, path: str) -> Any:
     for part in path.split("."):
         owner = getattr(owner, part)
-    return owner
+    return None if owner == () else owner
 
 
 def same(said: Any, value: Any) -> bool:

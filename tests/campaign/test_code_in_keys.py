@@ -26,10 +26,10 @@ RUNS = {"seed", "clip", "child"}
 ALL = {step.kind for step in STEPS}
 EDITS = {
     "language/units.py": ALL | {"foresee", "random"},
-    "compile/compiler.py": ALL,
+    "compile/compiler.py": ALL | {"foresee", "random"},
     "simulate/runner.py": ALL,
     "kernels/__init__.py": ALL | {"pdm", "idm", "foresee", "random"},
-    "drivers/protocol.py": ALL | {"pdm", "idm"},
+    "drivers/protocol.py": ALL | {"pdm", "idm", "foresee", "random"},
     "drivers/idm/__init__.py": {"idm"},
     "forecast/foresee.py": {"foresee", "random"},
     "forecast/geometry.py": {"mutants", "foresee", "random"},

@@ -12,8 +12,8 @@ from foresee_dsl.campaign.stages import STEPS
 
 
 def test_each_follows_from_the_one_before_it() -> None:
-    assert [step.kind for step in STEPS] == ["seed", "forecast", "clip", "mutants", "child", "minimise"]
-    assert [step.follows for step in STEPS] == ["", *(step.kind for step in STEPS[:-1])]
+    assert [step.kind for step in STEPS] == ["seed", "forecast", "clip", "mutants", "child", "reference", "minimise"]
+    assert [step.follows for step in STEPS] == ["", "seed", "forecast", "clip", "mutants", "child", "child"]
     assert {step.reads for step in STEPS} <= {"", *(step.kind for step in STEPS if step.drives)}
     assert not any(inspect.isabstract(step) for step in STEPS)
 
@@ -29,5 +29,5 @@ def test_workers_start_with_all_of_them_imported() -> None:
 
 
 def test_what_may_follow_is_counted() -> None:
-    settings = CampaignSettings(risky_points=3, children=5, repeat=2)
-    assert [step.at_most(settings) for step in STEPS] == [0, 1, 3, 2, 5, 1]
+    settings = CampaignSettings(risky_points=3, children=5, repeat=2, against=("pdm", "idm+ideal"))
+    assert [step.at_most(settings) for step in STEPS] == [0, 1, 3, 2, 5, 2, 1]

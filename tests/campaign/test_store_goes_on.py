@@ -66,7 +66,7 @@ def older(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         earlier.setattr(keys, "__version__", "0.0.9")
         campaign(file, tmp_path / "out", options=RunOptions(jobs=2))
     with sqlite3.connect(tmp_path / "out" / "store" / "runs.sqlite") as database:
-        database.execute("UPDATE runs SET tool = '0.0.9'")
+        database.execute("UPDATE runs SET tool = '0.0.9', sum = ''")
     database.close()
     return tmp_path
 

@@ -493,7 +493,7 @@ def test_what_is_recorded_is_verified_with_its_program(scenarios: Path, tmp_path
     mutant.write_text(child.text, encoding="utf-8")
     assert f'driver "example 1 via {EXAMPLE}"' in child.text
 
-    with pytest.raises(DriverError, match=r"recorded with programs as drivers: external:.*--run-programs"):
+    with pytest.raises(DriverError, match=r"name programs as drivers: external:.*--run-programs"):
         verify_files([mutant])
     (again,) = verify_files([mutant], run_programs=True)
     assert (again.driver, again.now) == (f"example 1 via {EXAMPLE}", child.reason)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Iterator
+from dataclasses import astuple
 from pathlib import Path
 
 import pytest
@@ -82,7 +83,7 @@ def test_another_package_brings_a_driver() -> None:
     assert set(driver_names()) >= {"pdm", "coast"}
     assert isinstance(load_driver("coast"), Driver)
     (coast,) = [d for d in describe_drivers() if d.name == "coast"]
-    assert tuple(coast) == ("coast", "7", "Does nothing, on purpose.", "acme-drivers", False)
+    assert astuple(coast) == ("coast", "7", "Does nothing, on purpose.", "acme-drivers", False)
 
 
 @pytest.mark.usefixtures("plugin")

@@ -42,7 +42,7 @@ class Asked:
         """What the campaign says of the finding that it represents or belongs to."""
         all_found: list[Mapping[str, Any]] = list(self.data.get("findings", ()))
         own = (one for one in all_found if one["name"] == self.name)
-        return next(own, next((one for one in all_found if self.name in one["siblings"]), None))
+        return next(own, next((one for one in all_found if self.name in one.get("siblings", ())), None))
 
     @property
     def minimised(self) -> Path | None:
@@ -119,7 +119,7 @@ def _children(data: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 def _files_of(finding: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield finding["name"], finding["file"]
-    yield from zip(finding["siblings"], finding["sibling_files"], strict=True)
+    yield from zip(finding.get("siblings", ()), finding.get("sibling_files", ()), strict=True)
 
 
 def _read(campaign: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ _SMALL = 10_000
 _UNCOUNTED = re.compile(r'"[^"\n]*"|#[^\n]*')
 _COUNTED = (
     ("conditions", re.compile(r"\b(?:and|or|not)\b"), "conditions of {} parts (`and`, `or`, `not`)"),
-    ("network", re.compile(r"^\s*(?:junction|road|building)\b", re.MULTILINE), "{} junctions, roads and buildings"),
+    ("network", re.compile(r"^[ \t]*(?:junction|road|building)\b", re.MULTILINE), "{} junctions, roads and buildings"),
 )
 
 

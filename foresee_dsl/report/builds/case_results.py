@@ -274,5 +274,5 @@ def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
     found = run.preventability
     told = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
     preventable = (f"{found.verdict.value}: {found.why}",) if found is not None else ()
-    avoided = run.avoided if isinstance(run, ChildOutcome) else ()
+    avoided = () if hasattr(run, "risky_points") else run.avoided
     return (*told, *preventable, *(f"avoided: {other.told}" for other in avoided))
