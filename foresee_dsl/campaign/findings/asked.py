@@ -53,7 +53,9 @@ class Asked:
     @property
     def sentence(self) -> str:
         """What happens, "" where no campaign tells."""
-        return str((self._own.get("story") or {}).get("sentence") or "")
+        told = (self._own.get("story") or {}).get("sentence")
+        found = self.finding or {}
+        return str(told or (found.get("sentence") if found.get("name") == self.name else "") or "")
 
     @property
     def reason(self) -> str:
