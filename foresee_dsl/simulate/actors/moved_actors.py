@@ -27,6 +27,8 @@ from foresee_dsl.simulate.world import GHOST_TYPE, World
 
 STANDS_MPS = 0.1
 """Slower is standing; SUMO's own threshold for a halting vehicle."""
+PUSHED_MPS2 = 2.0
+"""What an obstacle with a path, whose model cannot speed up or brake, is moved with. Ours: a camera on a cart."""
 STEPS_OUT_M = 1.0
 """A pedestrian this near (along its path) to the road is seen by SUMO's drivers as about to step on it. Ours: one
 pace."""
@@ -192,8 +194,8 @@ class PathActor(Actor):
         self.follower = PathFollower(
             actor.path,
             pace_mps=self.cruise,
-            acceleration_mps2=model.acceleration_mps2,
-            braking_mps2=model.braking_mps2,
+            acceleration_mps2=model.acceleration_mps2 or PUSHED_MPS2,
+            braking_mps2=model.braking_mps2 or PUSHED_MPS2,
             length_m=0.0 if model.kind == "pedestrian" else model.length_m,
             along_m=actor.along_m,
             speed_mps=paced.speed_mps,
