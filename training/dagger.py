@@ -1,6 +1,6 @@
 """Lets a learned driver drive, and records the expert's labels where it went (DAgger, Ross et al. 2011).
 
-    python -m training.dagger --driver fusion --weights /tmp/weights/round1 --round 1 --hours 1.5 --out FOLDER --jobs 2
+    python -m training.dagger --driver fusion --weights weights/round1 --round 1 --hours 1.5 --out FOLDER --jobs 2
 
 A run ends when the ego hits somebody or has left the road. Where the pupil stands and the expert would not, the expert
 drives for some seconds; and by chance in `--share` of all stretches of 4 s, so that what lies behind is seen as well.
