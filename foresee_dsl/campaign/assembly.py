@@ -48,7 +48,8 @@ def assemble(stages: Stages, out: Path) -> Assembly:
     clips: dict[Node, ClipOutcome] = {}
     children: dict[Node, dict[Node, ChildOutcome]] = {}
     traces: dict[str, tuple[str, str]] = {}
-    minimised: list[Minimised] = []
+    minimised: dict[Node, Minimised] = {}
+    references: dict[Node | None, tuple[ReferenceRun, ...]] = {}
     for node, row in ((node, row) for node, row in stages.walk() if row is not None):
         record: Record = decode(row.record, node.step.record)
         case, trace = node.case, f"traces/{node.step.name}.npz"
@@ -73,23 +74,35 @@ def assemble(stages: Stages, out: Path) -> Assembly:
                     traces[trace] = (row.trace, file if record.file != file else "")
                 children[node.over("clip")][node] = replace(record, name=node.step.name, file=node.file)
             case ReferenceRun():
-                above = children[node.over("clip")]
-                child = node.over("child")
-                above[child] = replace(above[child], references=(*above[child].references, record))
+                references[node.above] = (*references.get(node.above, ()), record)
             case Minimised():
-                small = _here(record, node, out)
-                minimised.append(small)
+                minimised[node] = _here(record, node, out)
                 if row.trace:
                     file = (out / node.file).as_posix()
                     renamed = file if record.child.file != file else ""
                     traces[node.file.replace(".foresee", ".npz")] = (row.trace, renamed)
             case _:
                 assert_never(record)
-    whole = ((node, replace(clip, children=tuple(children[node].values()))) for node, clip in clips.items())
-    named = (_with_headers(clip, node, out) for node, clip in whole)
-    return Assembly(
-        *sorted_outcomes(seeds.values(), named), traces, tuple(sorted(minimised, key=lambda small: small.child.name))
+    asked = {node: replace(seed, references=references.get(node, ())) for node, seed in seeds.items()}
+    whole = (
+        _with_headers(replace(clip, children=_with_references(children[node], references)), node, out)
+        for node, clip in clips.items()
     )
+    small = (_answered(one, references.get(node, ())) for node, one in minimised.items())
+    by_name = tuple(sorted(small, key=lambda one: one.child.name))
+    return Assembly(*sorted_outcomes(asked.values(), whole), traces, by_name)
+
+
+def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:
+    """Add the runs with other drivers to a minimised child, and to its text who avoids its failure."""
+    child = replace(small.child, references=references)
+    return replace(small, child=replace(child, text=_with_avoided(child.text, child)))
+
+
+def _with_references(
+    children: dict[Node, ChildOutcome], references: dict[Node | None, tuple[ReferenceRun, ...]]
+) -> tuple[ChildOutcome, ...]:
+    return tuple(replace(child, references=references.get(node, ())) for node, child in children.items())
 
 
 def _with_headers(clip: ClipOutcome, node: Node, out: Path) -> ClipOutcome:

@@ -18,6 +18,43 @@ from foresee_dsl.story import Story
 
 
 @dataclass(frozen=True)
+class ReferenceRun:
+    """A failing test case or child, driven by another driver.
+
+    Attributes:
+        driver: its address. verdict, reason, duration_s: of that run.
+        before: the verdict of the clip, unmutated, with the same driver; None where it was not run, as the child did
+            not pass, and of a test case, which has no clip.
+        how: what the driver does otherwise than the one that fails, in phrases.
+    """
+
+    driver: str
+    verdict: Verdict
+    reason: str
+    duration_s: float
+    before: Verdict | None = None
+    how: tuple[str, ...] = ()
+
+    @property
+    def avoids(self) -> bool:
+        """Whether the failure does not happen to this driver, nor another one."""
+        return self.verdict is Verdict.PASS
+
+    @property
+    def shows_it(self) -> bool:
+        """Whether it shows that the failure could be avoided: the driver avoids it, and passes unmutated as well."""
+        return self.avoids and self.before in (None, Verdict.PASS)
+
+    @property
+    def told(self) -> str:
+        """Who avoids it, how, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
+        text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
+        return text if self.before in (None, Verdict.PASS) else f"{text} (but fails before the mutation: {self.before})"
+
+    shown = "driver verdict reason before_mutation=before avoids how"
+
+
+@dataclass(frozen=True)
 class SeedOutcome:
     """One test case as it was run, unmutated. `preventability` and `story`: of a failure. `notes`: if there are any."""
 
@@ -37,11 +74,18 @@ class SeedOutcome:
     preventability: Preventability | None = None
     story: Story | None = None
     notes: DriverNotes | None = None
+    references: tuple[ReferenceRun, ...] = ()
+    """Of a failure: its runs with other drivers."""
 
     shown = (
         "test_case=id family meaning verdict reason duration_s:2 risky_points impact near_misses=near preventability "
-        "story notes trace"
+        "references story notes trace"
     )
+
+    @property
+    def avoided(self) -> tuple[ReferenceRun, ...]:
+        """As of a `ChildOutcome`."""
+        return tuple(run for run in self.references if run.shows_it)
 
 
 @dataclass(frozen=True)
@@ -87,39 +131,6 @@ class Mutants:
 
 
 @dataclass(frozen=True)
-class ReferenceRun:
-    """A failing child, driven by another driver.
-
-    Attributes:
-        driver: its address. verdict, reason, duration_s: of the child's run.
-        before: the verdict of the clip, unmutated, with the same driver; None where it was not run, as the child did
-            not pass.
-        how: what the driver does otherwise than the one that fails, in phrases.
-    """
-
-    driver: str
-    verdict: Verdict
-    reason: str
-    duration_s: float
-    before: Verdict | None = None
-    how: tuple[str, ...] = ()
-
-    @property
-    def avoids(self) -> bool:
-        """Whether the failure does not happen to this driver, nor another one."""
-        return self.verdict is Verdict.PASS
-
-    @property
-    def told(self) -> str:
-        """Who avoids it, how, and whether the comparison holds: `idm brakes 0.8 s earlier`."""
-        text = f"{self.driver} {', '.join(self.how) or 'passes, driving nearly the same way'}"
-        passed = self.before in (None, Verdict.PASS)
-        return text if passed else f"{text} (but fails before the mutation: {self.before})"
-
-    shown = "driver verdict reason before_mutation=before avoids how"
-
-
-@dataclass(frozen=True)
 class ChildOutcome:
     """One mutant as it was run; `text` already holds what was found. `preventability` and `story`: of a failure."""
 
@@ -151,7 +162,7 @@ class ChildOutcome:
     @property
     def avoided(self) -> tuple[ReferenceRun, ...]:
         """Those of its runs with other drivers that pass, where these drivers pass the unmutated clip as well."""
-        return tuple(run for run in self.references if run.avoids and run.before is Verdict.PASS)
+        return tuple(run for run in self.references if run.shows_it)
 
     @property
     def changes(self) -> list[str]:
@@ -245,7 +256,8 @@ class Minimised:
 
     shown = (
         "file clip=clip_file changed=child.changes reason=child.reason sentence=child.story.sentence "
-        "preventability=child.preventable dropped changes actors clip_lines boundary=boundaries runs complete note"
+        "preventability=child.preventable references=child.references dropped changes actors clip_lines "
+        "boundary=boundaries runs complete note"
     )
 
     @property

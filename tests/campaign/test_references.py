@@ -8,15 +8,17 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.drivers.registry import name_in, recorded_address, recorded_driver, reference_drivers, sees_all
 from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.parser import parse
-from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.story import how_avoided
-from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
+from tests.support.small_campaign import SETTINGS, TEXT, Heard, campaign, published, write_project
 
 AGAINST = replace(SETTINGS, against=("pdm", "idm+ideal"))
 
@@ -67,6 +69,39 @@ def test_the_mutant_says_it_and_means_the_same(done: tuple[Path, Path, CampaignR
             told = "; ".join(run.told for run in child.avoided)
             assert (model.origin.avoided or "") == told
             assert load_test_case(str(out / child.file)).meaning == child.meaning
+
+
+def test_a_minimised_child_is_asked_again(done: tuple[Path, Path, CampaignResult, Heard]) -> None:
+    _, out, result, heard = done
+    small = [one.child for one in result.minimised]
+    assert heard.count("minimised_reference") == 2 * len(small) > 0
+    findings = {finding.name: finding for finding in result.findings}
+    for child in small:
+        case = load_test_case(str(out / child.file))
+        assert [run_test_case(case, run.driver, 0).verdict for run in child.references] == [
+            run.verdict for run in child.references
+        ]
+        assert findings[child.name].references == child.references
+        model = parse((out / child.file).read_text(), child.name).model
+        assert isinstance(model, Mutant)
+        assert model.origin is not None
+        assert (model.origin.avoided or "") == "; ".join(run.told for run in child.avoided)
+
+
+def test_a_failing_test_case_is_driven_too(tmp_path: Path) -> None:
+    file = write_project(tmp_path / "project")
+    file.write_text(TEXT.replace("case after { gap = -0.8 s }", "case struck { gap = 0 s }"))
+    struck = [case for case in load_test_cases([file]) if case.id.endswith("::struck")]
+    with Store(tmp_path / "store") as store:
+        result = run_campaign(struck, replace(SETTINGS, driver="pdm", against=("idm",)), out=tmp_path, store=store)
+    (seed,) = result.seeds
+    assert seed.verdict.is_failure
+    (run,) = seed.references
+    assert (run.driver, run.verdict, run.before) == ("idm", Verdict.PASS, None)
+    assert run.how
+    (finding,) = result.findings
+    assert finding.avoided == 1
+    assert published(tmp_path)["json"]["findings"][0]["references"][0]["how"] == list(run.how)
 
 
 def test_a_finding_counts_what_is_avoided(done: tuple[Path, Path, CampaignResult, Heard]) -> None:

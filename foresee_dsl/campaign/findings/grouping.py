@@ -67,8 +67,8 @@ class Finding:
 
     @property
     def references(self) -> tuple[ReferenceRun, ...]:
-        """The representative's runs with other drivers."""
-        return self.representative.references if isinstance(self.representative, ChildOutcome) else ()
+        """The runs with other drivers of what is shown: the minimised representative, else the representative."""
+        return (self.minimised and self.minimised.child.references) or self.representative.references
 
     @property
     def avoidable(self) -> bool:
@@ -137,8 +137,8 @@ def _finding(group: list[_Told]) -> Finding:
 
 
 def _avoided(failures: list[Failure]) -> int | None:
-    children = [failure for failure in failures if isinstance(failure, ChildOutcome) and failure.references]
-    return sum(bool(child.avoided) for child in children) if children else None
+    driven = [failure for failure in failures if failure.references]
+    return sum(bool(failure.avoided) for failure in driven) if driven else None
 
 
 def _told(result: Outcomes) -> list[_Told]:

@@ -6,29 +6,26 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
-from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, ReferenceRun
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
+from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
-from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
-from foresee_dsl.story import how_avoided
 
 if TYPE_CHECKING:
     from foresee_dsl.campaign.settings import CampaignSettings
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceStep(ClipPart[ChildStep, ChildOutcome]):
+class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
     """Run a failing child with a reference driver; where that one passes, the clip before the mutation too."""
 
     kind = "reference"
     title = "failures with reference drivers"
     follows = "child"
-    record = ReferenceRun
     reads = "child"
     runs = 2
     share = 0.05
@@ -50,23 +47,8 @@ class ReferenceStep(ClipPart[ChildStep, ChildOutcome]):
         """Only failures are driven again."""
         return result.verdict.is_failure
 
-    @staticmethod
-    def at_most(settings: CampaignSettings) -> int:
-        """The reference drivers."""
-        return len(settings.against)
-
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:  # noqa: ARG002
         """Run the child, then the clip; compare the child's two runs."""
         clip = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
         child = expand_mutant(mutant_of(self.mutant.text), clip, source=work.folder / f"{self.name}.foresee")
-        result = run_test_case(child, self.driver, self.seed, deadlines=work.deadlines)
-        before = None
-        how: tuple[str, ...] = ()
-        if result.verdict is Verdict.PASS:
-            before = run_test_case(clip, self.driver, self.seed, deadlines=work.deadlines).verdict
-            how = how_avoided(trace, result.trace) if trace is not None else ()
-        return ReferenceRun(self.driver, result.verdict, result.reason, result.duration_s, before, how), None
-
-    def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ReferenceRun:  # noqa: ARG002
-        """Return how its run broke."""
-        return ReferenceRun(self.driver, verdict, reason, 0.0)
+        return driven(self.driver, child, clip, trace, seed=self.seed, deadlines=work.deadlines), None

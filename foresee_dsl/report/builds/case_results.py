@@ -271,10 +271,7 @@ def _broken_line(expectation: ExpectationResult) -> str:
 
 def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
     """What happened, whether a careful driver would have avoided it, and which other drivers do; of a failure."""
-    from foresee_dsl.campaign.records import ChildOutcome
-
     found = run.preventability
     told = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
     preventable = (f"{found.verdict.value}: {found.why}",) if found is not None else ()
-    avoided = run.avoided if isinstance(run, ChildOutcome) else ()
-    return (*told, *preventable, *(f"avoided: {other.told}" for other in avoided))
+    return (*told, *preventable, *(f"avoided: {other.told}" for other in run.avoided))

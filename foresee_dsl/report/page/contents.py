@@ -149,6 +149,7 @@ def _made_smaller(source: Source, record: Finding, found: Outcome) -> Outcome | 
         address=file.as_posix(),
         reason=small.reason,
         trace=file.with_suffix(".npz"),
+        references=small.references or found.references,
         minimised=small,
         unreduced=Path(found.address),
     )
@@ -173,6 +174,7 @@ def _failures(source: Source) -> dict[str, Outcome]:
             seed=seed,
             trace=traces.get(case.test_case),
             preventability=case.preventability,
+            references=case.references,
         )
     for clip, child in _failing_children(campaign):
         found[child.mutant] = _child(source, clip, child, traces.get(clip.test_case), seed)

@@ -32,7 +32,7 @@ class Nearest(_Part):
 
 
 class Reference(_Part):
-    """A failing mutant, driven by another driver."""
+    """A failing mutant or test case, driven by another driver."""
 
     driver: str
     verdict: str
@@ -76,6 +76,7 @@ class CaseRun(_Part):
     risky_points: int = 0
     near_misses: dict[str, Nearest | None] | None = None
     preventability: Preventability | None = None
+    references: tuple[Reference, ...] = ()
     trace: str | None = None
 
 
@@ -102,6 +103,7 @@ class Minimised(_Part):
     file: str
     reason: str = ""
     preventability: str | None = None
+    references: tuple[Reference, ...] = ()
     boundary: tuple[Boundary, ...] = ()
 
 

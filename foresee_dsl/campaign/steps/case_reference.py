@@ -1,0 +1,48 @@
+"""A failing test case is driven by another driver: who avoids the failure, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from foresee_dsl.campaign.records import ReferenceRun, SeedOutcome
+from foresee_dsl.campaign.steps.referring import Reference, driven
+from foresee_dsl.campaign.steps.seed import SeedStep
+from foresee_dsl.campaign.steps.step import Campaign, Step, Work
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.settings import CampaignSettings
+
+
+@dataclass(frozen=True, eq=False)
+class CaseReferenceStep(Reference, Step[SeedStep, SeedOutcome]):
+    """Run a failing test case with a reference driver."""
+
+    kind = "case_reference"
+    title = "failing test cases with reference drivers"
+    follows = "seed"
+    reads = "seed"
+    share = 0.08
+    turn = 3
+    usual_s = 0.8
+
+    driver: str
+
+    @classmethod
+    def following(cls, above: SeedStep, result: SeedOutcome | None, campaign: Campaign) -> Iterator[Self]:
+        """Yield one for each reference driver."""
+        for driver, identity in campaign.references if result is not None else ():
+            key = campaign.key(cls, seed=above.key, driver=identity)
+            yield cls(key, f"{above.name}_{driver}", above.seed, driver)
+
+    @staticmethod
+    def wanted(result: SeedOutcome, settings: CampaignSettings) -> bool:  # noqa: ARG004
+        """Only failures are driven again."""
+        return result.verdict.is_failure
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:
+        """Run the test case."""
+        return driven(self.driver, case, None, trace, seed=self.seed, deadlines=work.deadlines), None

@@ -1,0 +1,62 @@
+"""A finding made smaller is driven by another driver, as its representative was."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+from foresee_dsl.campaign.records import Minimised, ReferenceRun
+from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
+from foresee_dsl.campaign.steps.minimise import MinimiseStep
+from foresee_dsl.campaign.steps.referring import Reference, driven
+from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.simulate.trace import Trace
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.settings import CampaignSettings
+
+
+@dataclass(frozen=True, eq=False)
+class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
+    """Run a minimised child, and its clip, as `ReferenceStep` does."""
+
+    kind = "minimised_reference"
+    title = "minimised findings with reference drivers"
+    follows = "minimise"
+    reads = "minimise"
+    runs = 2
+    turn = 4
+    usual_s = 0.3
+
+    clip: str
+    mutant: str
+    driver: str
+
+    @classmethod
+    def following(cls, above: MinimiseStep, result: Minimised | None, campaign: Campaign) -> Iterator[Self]:
+        """Yield one for each reference driver."""
+        if result is None:
+            return
+        for driver, identity in campaign.references:
+            key = campaign.key(cls, minimised=above.key, driver=identity)
+            texts = result.clip_text, result.child.text
+            yield cls(key, f"{above.name}_{driver}", above.seed, above.draft, *texts, driver)
+
+    @staticmethod
+    def wanted(result: Minimised, settings: CampaignSettings) -> bool:  # noqa: ARG004
+        """One whose minimising broke has no run to compare with."""
+        return result.child.verdict.is_failure
+
+    def folder(self, case: TestCase) -> str:  # noqa: ARG002
+        """Return that of the minimised child."""
+        return f"findings/{self.name.removesuffix(f'_{self.driver}')}"
+
+    def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:
+        """Run the child, then the clip; compare the child's two runs."""
+        clip_model = clip_of(self.clip)
+        clip = expand_clip(clip_model, case, source=work.folder / f"{clip_model.name}.foresee")
+        child = expand_mutant(mutant_of(self.mutant), clip, source=work.folder / f"{self.name}.foresee")
+        return driven(self.driver, child, clip, trace, seed=self.seed, deadlines=work.deadlines), None
