@@ -104,7 +104,7 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
         if node.above is not None:
             graph.add_edge(_name(node.above), _name(node))
         if row is None or (not known and stages.may_be_chosen(node, row)):
-            _add_followers(graph, node, stages.settings)
+            _add_followers(graph, node, stages.settings, known=row is not None)
     return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs)
 
 
@@ -112,11 +112,14 @@ def _name(node: Node) -> str:
     return f"{node.step.kind} {node.step.name}" + (f" seed {node.step.seed}" if node.step.kind == "mutants" else "")
 
 
-def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings) -> None:
-    """Add what may follow from a step that has not been run: a node a stage, which stands for that many."""
+def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings, *, known: bool) -> None:
+    """Add what may follow from a step: a node a stage, which stands for that many.
+
+    `known`: the step has been run, so that only what follows from chosen ones is still open.
+    """
     above = {node.step.kind: (_name(node), 1)}
     for step in STEPS:
-        if step.follows not in above:
+        if step.follows not in above or (known and step.follows == node.step.kind and not step.after_all):
             continue
         over, count = above[step.follows]
         count *= step.at_most(settings)

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from foresee_dsl.campaign.execution.pool import RunOptions, Task, WorkerPool
 from foresee_dsl.campaign.plan import plan_campaign
 from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.minimise import MinimiseStep
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.cli import app
 from foresee_dsl.errors import ForeseeError
@@ -259,7 +260,8 @@ def test_a_campaign_that_is_stopped_while_it_minimises_continues(done: Path, nam
         store.execute("DELETE FROM runs WHERE kind = 'minimise'")
         cases = load_test_cases(files)
         plan = plan_campaign(Stages(cases, SETTINGS, store, tmp_path / "out"), store, jobs=1)
-    assert (plan.stages[-1].to_run, plan.stages[-1].at_most) == (len(names), 0)
+    minimising = next(stage for stage in plan.stages if stage.step is MinimiseStep)
+    assert (minimising.to_run, minimising.at_most) == (len(names), 0)
     stopping = Stopping()
     result, heard = campaign(files, done / "out2", store=tmp_path / "store", heard=stopping,
                              options=RunOptions(stop=stopping))  # fmt: skip

@@ -28,6 +28,7 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
     follows = "minimise"
     reads = "minimise"
     runs = 2
+    share = 0.05
     turn = 4
     usual_s = 0.3
 
