@@ -28,6 +28,7 @@ COMMANDS = (
     ("Write", "check", "check.check"),
     ("Write", "explain", "check.explain"),
     ("Write", "fmt", "formatting.fmt"),
+    ("Write", "draw", "draw.draw"),
     ("Write", "sample", "author.sample"),
     ("Write", "compile", "author.compile_"),
     ("Write", "expand", "author.expand"),

@@ -78,22 +78,15 @@ def lsp(
     [dim]foresee lsp
     foresee lsp --tcp 9257[/dim]
     """
-    try:
-        from foresee_dsl.editor.server import make_server
-    except ImportError as error:
-        if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
-            raise
-        typer.echo("error: the language server needs pygls: pip install 'foresee-dsl[lsp]'", err=True)
-        raise typer.Exit(FAILED) from None
-    server = make_server()
+    from foresee_dsl.editor.server import serve_port, serve_streams
+
     if tcp is not None:
-        typer.echo(f"foresee lsp listens on {_LOCAL}:{tcp}", err=True)
-        server.start_tcp(_LOCAL, tcp)
-        return
+        said = f"foresee lsp listens on {_LOCAL}:{tcp}"
+        raise typer.Exit(serve_port(_LOCAL, tcp, lambda: typer.echo(said, err=True)))
     # The protocol has standard output for itself: whatever else prints there goes to standard error.
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    server.start_io(stdout=protocol)
+    raise typer.Exit(serve_streams(sys.stdin.buffer, protocol))
 
 
 # ---- doctor ---------------------------------------------------------------------------------------------------------

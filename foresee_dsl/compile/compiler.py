@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.compile import codes
-from foresee_dsl.compile.bundle import ModelSpec, Signal, SumoBundle
+from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Signal, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
 from foresee_dsl.compile.placement.scene import SceneBuilder
 from foresee_dsl.compile.roads.network import RoadNetwork, buildings_of
+from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.errors import CompileError, Diagnostic, InputError
 from foresee_dsl.files import cache_folder, write_whole
 from foresee_dsl.language import model as m
@@ -62,6 +63,44 @@ def check_case(case: TestCase) -> tuple[Diagnostic, ...]:
     if not faults or not isinstance(case.network, Path):
         return ()
     return (_warning(case, case.network.name, faults),)
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A test case as far as it can be placed: for pictures, which also show what is wrong.
+
+    Attributes:
+        actors: those that have a place, the background traffic last. start_s, goal_s: of the ego, along its line, m.
+        places: where the places of conditions are, m. problems: what is wrong; `mistakes`: the same with their places
+            in the text, in the same order.
+    """
+
+    network: RoadNetwork
+    signals: Mapping[str, Signal]
+    actors: tuple[PlacedActor, ...]
+    start_s: float
+    goal_s: float
+    places: Mapping[m.Place, XY]
+    problems: tuple[Problem, ...]
+    mistakes: tuple[Diagnostic, ...]
+
+
+def sketch_case(case: TestCase) -> Sketch:
+    """Place what can be placed of a test case; a `CompileError` only where its network cannot be built."""
+    net_file = _net_of(case.network)
+    network, signals = _read(net_file, case.network)
+    builder, _ = _builder(case, net_file)
+    placed, start_s, goal_s, problems = builder.attempt()
+    background = builder.background(placed)[0] if not problems else []
+    named: set[tuple[int, str]] = set()
+    mistakes = tuple(_diagnostic(case, problem, named) for problem in problems)
+    everybody = (*placed, *background)
+    return Sketch(network, signals, everybody, start_s, goal_s, builder.places, problems, mistakes)
+
+
+def network_of(network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
+    """Return a network alone, built, with its signals; a `CompileError` where that is impossible."""
+    return _read(_net_of(network), network)
 
 
 def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnostic:

@@ -13,12 +13,14 @@ from foresee_dsl.editor.syntax import read_syntax
 from foresee_dsl.errors import ForeseeError, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.addresses import absolute, shown
+from foresee_dsl.language.units import UNITS
 
-_RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label")
+_RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label", "stage", "case")
 _START = Span(1, 1, 1, 1)
 
 
@@ -88,14 +90,19 @@ def rename(files: Files, path: Path, use: Occurrence, name: str) -> Renaming:
         raise RenameError(f"'{name}' is no name: a small letter, then small letters, digits and `_`")
     places: dict[Path, list[Span]] = {}
     for file, o, suffix in _uses(files, path, target):
-        if not _is_child(files, file):
+        # a clip's pin does not hold the case's name: the clip stays what it is
+        if not _is_child(files, file) or target.occurrence.kind == "case":
             places.setdefault(file, []).append(_of_base(o, suffix))
     affected = tuple(places) if name != old else ()
     _check_broken(files, affected, old)
     for file in affected:
-        _check_free(files, file, name)
-        _check_result(files, file, places[file], name)
-    stale = tuple(f for f in files.all() if _is_child(files, f) and set(files.scope(f)) & set(affected))
+        _check_free(files, file, name, target.occurrence)
+        # Another name is read in the place of a name alike, unless it is a word of the language; that the definition
+        # is sound is seen in its own file.
+        if file == target.path or name in KEYWORDS or name in UNITS:
+            _check_result(files, file, places[file], name)
+    pinned = affected if target.occurrence.kind != "case" else ()
+    stale = tuple(f for f in files.all() if pinned and _is_child(files, f) and set(files.scope(f)) & set(pinned))
     found = tuple(Place(file, span) for file in affected for span in sorted(places[file], key=_order))
     return Renaming(found, name, stale)
 
@@ -112,7 +119,7 @@ def edited(text: str, spans: list[Span], name: str) -> str:
 def _uses(files: Files, path: Path, target: Found) -> Iterator[tuple[Path, Occurrence, str]]:
     """Every name in the workspace that means the target, with what it adds to the target's name."""
     for file in dict.fromkeys((path, target.path, *files.all())):
-        if target.path not in files.scope(file):
+        if target.occurrence.name not in (files.text(file) or "") or target.path not in files.scope(file):
             continue
         for o in files.names(file):
             if not o.name.startswith(target.occurrence.name):
@@ -140,8 +147,13 @@ def _is_child(files: Files, path: Path) -> bool:
     return root is not None and root.kind in (m.Clip, m.Mutant)
 
 
-def _check_free(files: Files, file: Path, name: str) -> None:
+def _check_free(files: Files, file: Path, name: str, renamed: Occurrence) -> None:
     """A name that anything else has there could change what other lines mean."""
+    if renamed.kind in ("stage", "case"):  # these have their own names: a junction's stages, a scenario's cases
+        alike = (o for f in files.scope(file) for o in files.names(f) if o.defines and o.kind == renamed.kind)
+        if any(o.name == name and o.scope == renamed.scope for o in alike):
+            raise RenameError(f"'{name}' is the name of a {renamed.kind} already")
+        return
     taken = files.definitions(file, "actor", "junction", "road", "parameter", "label").get(name)
     if taken is not None:
         what = taken.occurrence.kind
@@ -152,7 +164,7 @@ def _check_broken(files: Files, affected: tuple[Path, ...], old: str) -> None:
     """A broken file may hold uses that cannot be seen: where it has the word and names one of the files, better not."""
     for file in files.all() if affected else ():
         text = files.text(file) or ""
-        broken = not read_syntax(text).whole and re.search(rf"\b{old}(?:_back)?\b", text) is not None
+        broken = re.search(rf"\b{old}(?:_back)?\b", text) is not None and not read_syntax(text).whole
         if broken and (file in affected or any(other.name in text for other in affected)):
             raise RenameError(f"'{shown(file)}' has errors: fix them first")
 

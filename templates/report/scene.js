@@ -20,56 +20,42 @@ const lined = (lines, close) => {
   return path;
 };
 
+// What lies on the ground, by layer: the shapes that every picture of a road shares.
 class Ground {
   constructor(raw) {
-    const lanes = new Map();
-    for (const [kind, width, line] of raw.lanes) {
-      const key = `${kind} ${width}`;
-      if (!lanes.has(key)) lanes.set(key, { kind, width: width / 100, lines: [] });
-      lanes.get(key).lines.push(pointsOf(line));
+    this.paths = {};
+    for (const [layer, shapes] of Object.entries(raw)) {
+      this.paths[layer] = lined(shapes.map(pointsOf), layer !== 'marking' && layer !== 'stop_line');
     }
-    this.lanes = [...lanes.values()].map((group) => ({ ...group, path: lined(group.lines) }));
-    this.junctions = lined(raw.junctions.map(pointsOf), true);
-    this.walks = lined(raw.walks.map(pointsOf), true);
-    this.crossings = raw.crossings.map(([width, line]) => ({ width: width / 100, path: lined([pointsOf(line)]) }));
-    const buildings = raw.buildings.map(pointsOf);
-    this.buildings = lined(buildings, true);
-    this.walls = buildings.flatMap((outline) => outline.map((point, k) => [...point, ...outline[(k + 1) % outline.length]]));
+    this.walls = raw.building.map(pointsOf)
+      .flatMap((outline) => outline.map((point, k) => [...point, ...outline[(k + 1) % outline.length]]));
   }
 
   draw(ctx, c, pixel) {
-    const band = (kinds, colour, less) => {
-      for (const group of this.lanes) {
-        if (!kinds.includes(group.kind)) continue;
-        ctx.lineWidth = Math.max(group.width - less, 0.05);
-        ctx.strokeStyle = colour;
-        ctx.stroke(group.path);
-      }
+    const fill = (layer, colour) => {
+      ctx.fillStyle = colour;
+      ctx.fill(this.paths[layer], 'evenodd');
+    };
+    const stroke = (layer, colour, width, dash) => {
+      ctx.strokeStyle = colour;
+      ctx.lineWidth = width;
+      ctx.setLineDash(dash);
+      ctx.stroke(this.paths[layer]);
+      ctx.setLineDash([]);
     };
     ctx.lineCap = 'butt';
     ctx.lineJoin = 'round';
-    band(['pedestrian', 'other'], c.path, 0);
-    ctx.fillStyle = c.path;
-    ctx.fill(this.walks);
-    band(['car', 'bicycle', 'parking'], c.mark, 0);
-    band(['car', 'parking'], c.road, 0.24);
-    band(['bicycle'], c.cycle, 0.24);
-    ctx.fillStyle = c.road;
-    ctx.fill(this.junctions);
-    ctx.fillStyle = c.path;
-    ctx.fill(this.walks);
-    ctx.strokeStyle = c.crossing;
-    ctx.setLineDash([0.5, 0.5]);
-    for (const crossing of this.crossings) {
-      ctx.lineWidth = crossing.width;
-      ctx.stroke(crossing.path);
-    }
-    ctx.setLineDash([]);
-    ctx.fillStyle = c.building;
-    ctx.fill(this.buildings);
-    ctx.strokeStyle = c.edge;
-    ctx.lineWidth = pixel;
-    ctx.stroke(this.buildings);
+    fill('footway', c.path);
+    fill('road', c.road);
+    fill('cycleway', c.cycle);
+    fill('parking', c.road);
+    stroke('parking', c.mark, 0.12, []);
+    stroke('road', c.mark, 0.12, []);
+    stroke('marking', c.mark, 0.12, [1.5, 1.5]);
+    fill('crossing', c.crossing);
+    stroke('stop_line', c.mark, 0.4, []);
+    fill('building', c.building);
+    stroke('building', c.edge, pixel, []);
   }
 }
 

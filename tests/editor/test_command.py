@@ -1,8 +1,9 @@
-"""The commands: `foresee lsp` over a port and without pygls, and `foresee expand` in colours."""
+"""The commands: `foresee lsp` over a port and with nothing more installed, and `foresee expand` in colours."""
 
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import pty
 import socket
@@ -50,16 +51,33 @@ def test_over_a_port(tmp_path: Path) -> None:
     asyncio.run(talk())
 
 
-def test_without_pygls_it_says_what_to_install() -> None:
+def framed(**message: object) -> bytes:
+    body = json.dumps({"jsonrpc": "2.0", **message}).encode()
+    return b"Content-Length: %d\r\n\r\n%s" % (len(body), body)
+
+
+def test_it_needs_no_other_package_and_answers_what_is_no_message() -> None:
     code = (
-        "import sys; sys.modules['pygls'] = None; sys.argv = ['foresee', 'lsp']\n"
+        "import sys; sys.modules['pygls'] = sys.modules['lsprotocol'] = None; sys.argv = ['foresee', 'lsp']\n"
         "from foresee_dsl.cli import main; main()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], check=False, capture_output=True, text=True, stdin=subprocess.DEVNULL
+    sent = (
+        framed(id=1, method="textDocument/hover", params={}),
+        framed(id=2, method="initialize", params={"capabilities": {"general": {"positionEncodings": ["utf-32"]}}}),
+        b"Content-Length: 9\r\n\r\nnot JSON!",
+        framed(id=3, method="no/such", params={}),
+        framed(id=4, method="textDocument/hover", params={"textDocument": {"uri": "untitled:a"}}),
+        framed(id=5, method="shutdown"),
+        framed(id=6, method="textDocument/hover", params={}),
+        framed(method="exit"),
     )
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "error: the language server needs pygls: pip install 'foresee-dsl[lsp]'\n"
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, input=b"".join(sent))
+    assert done.returncode == 0
+    bodies = [json.loads(part.partition(b"\r\n\r\n")[2]) for part in done.stdout.split(b"Content-Length:")[1:]]
+    answers = {body["id"]: body for body in bodies if "method" not in body}
+    assert answers[2]["result"]["capabilities"]["positionEncoding"] == "utf-32"
+    errors = {k: answers[k]["error"]["code"] for k in (None, 1, 3, 4, 6)}
+    assert errors == {None: -32700, 1: -32600, 3: -32601, 4: -32603, 6: -32600}
 
 
 def shown_on_a_terminal(file: Path, **environment: str) -> str:

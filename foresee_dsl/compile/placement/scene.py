@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -13,6 +13,7 @@ from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of, si
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.walkways import Walk, walkways
 from foresee_dsl.language import model as m
@@ -77,26 +78,25 @@ class SceneBuilder:
         Raises:
             PlacementError: with everything that does not fit the network or is impossible.
         """
+        placed, start_s, goal_s, problems = self.attempt()
+        if problems:
+            raise PlacementError(problems)
+        return placed, start_s, goal_s
+
+    def attempt(self) -> tuple[list[PlacedActor], float, float, tuple[Problem, ...]]:
+        """Return what `place` does, of the actors that have a place, and everything that is wrong."""
         placed = [p for name in self._actors if (p := self._place(name)) is not None]
         self._problems += self._names.problems(placed)
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
-        if self._problems:
-            raise PlacementError(tuple(dict.fromkeys(self._problems)))
-        return placed, start_s, goal_s
+        return placed, start_s, goal_s, tuple(dict.fromkeys(self._problems))
 
     def build(self) -> Scene:
         """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
         scenario = self._case.scenario
         placed, start_s, goal_s = self.place()
-        notes: list[str] = []
-        for traffic in scenario.all(m.Traffic):
-            # numpy and shapely: placing actors does without
-            from foresee_dsl.compile.placement.background_traffic import background
-
-            more, note = background(traffic, network=self._network, specs=self._specs, placed=placed, end_s=self._end_s)
-            placed += more
-            notes += [note] if note else []
+        more, notes = self.background(placed)
+        placed += more
         weather = scenario.one(m.Weather)
         return Scene(
             actors=tuple(placed),
@@ -116,6 +116,23 @@ class SceneBuilder:
             notes=tuple(notes),
             places=self._names.places,
         )
+
+    def background(self, placed: Sequence[PlacedActor]) -> tuple[list[PlacedActor], list[str]]:
+        """Return the background traffic around placed actors, and notes on what found no room."""
+        found, notes = list(placed), []
+        for traffic in self._case.scenario.all(m.Traffic):
+            # numpy and shapely: placing actors does without
+            from foresee_dsl.compile.placement.background_traffic import background
+
+            more, note = background(traffic, network=self._network, specs=self._specs, placed=found, end_s=self._end_s)
+            found += more
+            notes += [note] if note else []
+        return found[len(placed) :], notes
+
+    @property
+    def places(self) -> Mapping[m.Place, XY]:
+        """Where the places of conditions are, m, once the actors were placed."""
+        return self._names.places
 
     def _add(self, actor: str, at: str, code: str, message: str, help: str = "") -> None:
         self._problems.append(Problem(actor, at, code, message, help))

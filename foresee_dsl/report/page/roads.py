@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.topology import Lane
-from foresee_dsl.report.page.numbers import CM, line
+from foresee_dsl.report.page.numbers import line
 
 AROUND_M = 120.0
 """Roads and buildings are shown this far around the egos (ours: the picture at its widest is 200 m across)."""
@@ -42,41 +41,24 @@ class Roads:
 
 
 def _geometry(network: RoadNetwork, cells: set[tuple[int, int]]) -> dict[str, Any]:
+    from foresee_dsl.report.ground import Layer, ground_of, lines_of, rings_of, zebra
+
     near = {(x + i, y + j) for x, y in cells for i in (-1, 0, 1) for j in (-1, 0, 1)}
 
-    def shown(points: Sequence[Sequence[float]]) -> bool:
+    def shown(points: Sequence[Sequence[float]], wide_m: float) -> bool:
         """Whether the bounding box of a shape touches a cell that is near."""
         if not points:
             return False
-        low, high = np.min(np.array(points)[:, :2], axis=0), np.max(np.array(points)[:, :2], axis=0)
+        low = np.min(np.array(points)[:, :2], axis=0) - wide_m
+        high = np.max(np.array(points)[:, :2], axis=0) + wide_m
         left, bottom = np.floor(low / AROUND_M).astype(int)
         right, top = np.floor(high / AROUND_M).astype(int)
         return any((x, y) in near for x in range(left, right + 1) for y in range(bottom, top + 1))
 
-    lanes = [lane for lane in network.lanes.values() if not lane.internal and shown(lane.shape)]
-    crossings = [crossing for crossing in network.crossings.values() if shown(crossing.lane.shape)]
-    return {
-        "lanes": [[_kind(lane), round(lane.width_m * CM), _simple(lane.shape)] for lane in lanes],
-        "junctions": _outlines(j.polygon for j in network.junctions.values() if shown(j.polygon)),
-        "walks": _outlines(area.polygon for area in network.walking_areas.values() if shown(area.polygon)),
-        "crossings": [[round(c.lane.width_m * CM), _simple(c.lane.shape)] for c in crossings],
-        "buildings": _outlines(outline for outline in network.buildings if shown(outline)),
-    }
-
-
-def _kind(lane: Lane) -> str:
-    if lane.parking:
-        return "parking"
-    return next((kind for kind in ("car", "bicycle", "pedestrian") if kind in lane.kinds), "other")
-
-
-def _outlines(outlines: Iterable[Sequence[Sequence[float]]]) -> list[list[int]]:
-    return [line(outline) for outline in outlines if len(outline) > 2]
-
-
-def _simple(shape: Sequence[Sequence[float]]) -> list[int]:
-    if len(shape) < 3:
-        return line(shape)
-    import shapely
-
-    return line(shapely.LineString(shape).simplify(TOLERANCE_M).coords)
+    ground = ground_of(network, shown)
+    found: dict[str, Any] = {}
+    for layer, shape in ground.items():
+        finer = zebra(shape) if layer is Layer.CROSSING else shape.simplify(TOLERANCE_M)
+        parts = lines_of(finer) if layer in (Layer.MARKING, Layer.STOP_LINE) else rings_of(finer)
+        found[layer.value] = [line(part.tolist()) for part in parts]
+    return found

@@ -16,9 +16,8 @@ import shapely
 from numpy.typing import NDArray
 from rich.text import Text
 
+from foresee_dsl.report.ground import FloatArray, Layer, lines_of
 from foresee_dsl.report.safe_text import shortened
-from foresee_dsl.report.show.drawing import lines_of
-from foresee_dsl.report.show.ground import FloatArray, Layer
 from foresee_dsl.report.show.panels import Footprint, Panel, Role, Strip
 from foresee_dsl.report.strip import caption_of, legend_of
 

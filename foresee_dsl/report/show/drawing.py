@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import shapely
 
-from foresee_dsl.report.show.ground import FloatArray, Layer
+from foresee_dsl.report.ground import FloatArray, Layer, lines_of, rings_of, zebra
 from foresee_dsl.report.show.panels import Footprint, Panel, Role
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 
 class Style(NamedTuple):
@@ -31,6 +26,7 @@ GRASS = "#e4ebdc"
 STYLES: dict[Layer | Role, Style] = {
     Layer.FOOTWAY: Style("#d3d0c8", "", 0.0),
     Layer.ROAD: Style("#8d9299", "#5f646b", 0.2),
+    Layer.CYCLEWAY: Style("#a58a84", "", 0.0),
     Layer.PARKING: Style("#a3a39a", "", 0.0),
     Layer.MARKING: Style("", "#f4f4f0", 0.15, dashed=True),
     Layer.CROSSING: Style("#f4f4f0", "", 0.0),
@@ -50,8 +46,6 @@ NAMES = {
     Role.PARKED: "parked, obstacles",
     Role.GHOST: "in the parent's run",
 }
-ZEBRA_M = 0.6
-"""Width of a crossing's bars and of the gaps between them. Ours: German ones have 0.5 m, which small pictures lose."""
 SCREEN = 0.35
 """A vehicle has a bar across, the windscreen, this share of its length behind its front: so one sees where it heads."""
 LEAST_M = 0.9
@@ -109,46 +103,3 @@ def widened(outline: FloatArray) -> FloatArray:
     along, left = (outline[0] - outline[1]) / 2, (outline[0] - outline[3]) / 2
     along, left = (side * max(1.0, LEAST_M / 2 / max(float(np.hypot(*side)), 1e-6)) for side in (along, left))
     return np.array([middle + along + left, middle - along + left, middle - along - left, middle + along - left])
-
-
-def zebra(crossing: BaseGeometry) -> BaseGeometry:
-    """Return the bars of crossings: across the way of those who walk, so along that of vehicles."""
-    bars = []
-    for part in shapely.get_parts(crossing):
-        box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
-        if len(box) < 4:
-            continue
-        a, b = box[1] - box[0], box[2] - box[1]
-        way, side = (a, b) if np.hypot(*a) >= np.hypot(*b) else (b, a)
-        corner = box[0] if np.hypot(*a) >= np.hypot(*b) else box[1]
-        length = float(np.hypot(*way))
-        for k in range(math.ceil(length / (2 * ZEBRA_M))):
-            from_, to = (min(m, length) / length for m in (2 * k * ZEBRA_M, (2 * k + 1) * ZEBRA_M))
-            start, end = corner + from_ * way, corner + to * way
-            bars.append(shapely.intersection(shapely.Polygon([start, end, end + side, start + side]), part))
-    return shapely.GeometryCollection([bar for bar in bars if not bar.is_empty])
-
-
-def rings_of(shape: BaseGeometry) -> Iterator[FloatArray]:
-    """Yield the outlines and holes of all polygons in a shape, without the repeated last point."""
-    for part in _flat(shape):
-        if isinstance(part, shapely.Polygon):
-            for ring in (part.exterior, *part.interiors):
-                yield shapely.get_coordinates(ring)[:-1]
-
-
-def lines_of(shape: BaseGeometry) -> Iterator[FloatArray]:
-    """Yield the points of all lines in a shape; of polygons, their outlines."""
-    for part in _flat(shape):
-        if isinstance(part, shapely.Polygon):
-            yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))
-        elif isinstance(part, shapely.LineString):
-            yield shapely.get_coordinates(part)
-
-
-def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
-    for part in shapely.get_parts(shape):
-        if hasattr(part, "geoms"):
-            yield from _flat(part)
-        else:
-            yield part

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.report.ground import FloatArray
 from foresee_dsl.report.safe_text import shortened
 from foresee_dsl.report.show.drawing import GRASS, STYLES, Drawn, drawing
-from foresee_dsl.report.show.ground import FloatArray
 from foresee_dsl.report.show.panels import Panel, Strip
 from foresee_dsl.report.strip import balanced, caption_of, legend_of, scale_bar
 
@@ -119,15 +119,15 @@ def _draw(picture: Image, draw: ImageDraw, one: Drawn, scale: float) -> None:
         wide = max(round(one.style.width_m * scale), _FINER)
         for ring in rings:
             points = np.vstack([ring, ring[:1]]) if one.closed else ring
-            for piece in _dashed(points, _DASH_M * scale) if one.style.dashed else (points,):
+            for piece in dashed(points, _DASH_M * scale, _DASH_M * scale) if one.style.dashed else (points,):
                 draw.line(_places(piece), fill=one.style.line, width=wide, joint="curve")
 
 
-def _dashed(points: FloatArray, length: float) -> list[FloatArray]:
-    """Return the dashes of a line, each as long as the gaps between them."""
+def dashed(points: FloatArray, length: float, gap: float) -> list[FloatArray]:
+    """Return the dashes of a line, with gaps between them."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     found = []
-    for start in np.arange(0.0, along[-1], 2 * length).tolist():
+    for start in np.arange(0.0, along[-1], length + gap).tolist():
         at = np.array([start, *along[(along > start) & (along < start + length)], min(start + length, along[-1])])
         found.append(np.column_stack([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])]))
     return found

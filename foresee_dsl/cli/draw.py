@@ -1,0 +1,90 @@
+"""The command that draws: a scene (or a network) from above, as a file or as a page that follows the text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from foresee_dsl.cli.completion import case_addresses
+from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption
+
+if TYPE_CHECKING:
+    from foresee_dsl.report.picture.draw import Drawing
+
+
+def draw(
+    address: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE[::CASE]",
+            help="A scenario, case, clip, mutant or network (also .net.xml and .xodr); without a case, the first.",
+            autocompletion=case_addresses,
+        ),
+    ],
+    svg: Annotated[
+        Path | None, typer.Option("--svg", metavar="FILE", help="The SVG file; by default NAME.svg here; -: print it.")
+    ] = None,
+    png: Annotated[Path | None, typer.Option("--png", metavar="FILE", help="Write a PNG file (needs pillow).")] = None,
+    whole: Annotated[
+        bool, typer.Option("--whole", help="The whole network, not only what concerns the actors.")
+    ] = False,
+    width: Annotated[
+        int, typer.Option("--width", min=240, max=4000, help="Width in pixels; letters keep their size.")
+    ] = 720,
+    dark: Annotated[bool, typer.Option("--dark", help="The PNG in dark colours; the SVG follows its reader.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Show it on a page of this machine, and draw again on every save.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="--watch: the port of this machine; 0: any that is free.")
+    ] = 0,
+    allow_outside: AllowOutsideOption = False,
+) -> None:
+    """Draw the scene at its start: roads, signals, actors, their ways, trigger places. Nothing is simulated.
+
+    [dim]foresee draw scenarios/scenario7.foresee::r01
+    foresee draw scenarios/networks/town.foresee --png town.png
+    foresee draw scenarios/scenario7.foresee --watch[/dim]
+    """
+    if watch:
+        from foresee_dsl.report.picture.watch import watch as serve
+
+        serve(address, svg=svg, whole=whole, port=port, allow_outside=allow_outside, say=_say)
+        return
+    from foresee_dsl.files import replacing, write_whole
+    from foresee_dsl.report.picture.draw import draw as drawing_of
+    from foresee_dsl.report.picture.svg import svg_of
+
+    drawing = drawing_of(address, width=float(width), whole=whole, allow_outside=allow_outside)
+    if str(svg) == "-":
+        typer.echo(svg_of(drawing.sheet), nl=False)
+    elif svg is not None or png is None:
+        file = svg or Path(f"{_stem(address, drawing)}.svg")
+        write_whole(file, svg_of(drawing.sheet))
+        _say(f"wrote {file}")
+    if png is not None:
+        from foresee_dsl.report.picture.png import png_of
+
+        data = png_of(drawing.sheet, dark=dark)
+        png.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(png) as temporary:
+            temporary.write_bytes(data)
+        _say(f"wrote {png}")
+    if drawing.mistakes:
+        for number, mistake in enumerate(drawing.mistakes, start=1):
+            place = f"{mistake.text.path.name}:{mistake.text.line}: " if mistake.text is not None else ""
+            _say(f"{number}: {place}{mistake.message}")
+        raise typer.Exit(FAILED)
+
+
+def _say(line: str) -> None:
+    typer.echo(line, err=True)
+
+
+def _stem(address: str, drawing: Drawing) -> str:
+    name = Path(address.partition("::")[0]).name
+    for suffix in (".foresee", ".net.xml", ".xodr"):
+        name = name.removesuffix(suffix)
+    return f"{name}_{drawing.subject.case}" if drawing.subject.case else name

@@ -1,0 +1,41 @@
+"""What is wrong with a text that an editor holds, and with the files that it builds on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.project.checked_files import check_paths
+
+_NO_CODE = "FS001"
+
+
+def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a file and with the files that it builds on.
+
+    The file need not exist on the disk; `overlay` are the texts that the editor holds, by absolute path. With `places`
+    the network is built and every actor placed, which takes up to some seconds. Nothing is raised for what is in the
+    text, nor where SUMO's programs are missing.
+    """
+    try:
+        result = check_paths([str(path)], {**overlay, path: text})
+        if not places:
+            return result.diagnostics
+        from foresee_dsl.compile import placement_mistakes
+
+        return (*result.diagnostics, *placement_mistakes(result.cases))
+    except InputError as error:
+        return error.diagnostics
+    except ForeseeError as error:
+        return (Diagnostic(_NO_CODE, str(error), "", str(path), severity="warning"),)
+
+
+def find_alone(text: str, name: str) -> tuple[Diagnostic, ...]:
+    """Return what is wrong with a text that is no file yet."""
+    try:
+        return check_document(parse(text, name))
+    except InputError as error:
+        return error.diagnostics

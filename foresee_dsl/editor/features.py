@@ -1,0 +1,264 @@
+"""What the editor asks for at a place or of a file, answered from the other modules; one function a request."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from foresee_dsl.editor import navigate
+from foresee_dsl.editor.completion import Suggestion, complete
+from foresee_dsl.editor.diagnosing import find, find_alone
+from foresee_dsl.editor.files import Files
+from foresee_dsl.editor.fixes import fixes
+from foresee_dsl.editor.hints import hints, lenses
+from foresee_dsl.editor.hover import hover as hover_of
+from foresee_dsl.editor.positions import Positions
+from foresee_dsl.editor.rpc import Json, RequestError
+from foresee_dsl.editor.server import TOKEN_TYPES
+from foresee_dsl.editor.session import SOURCE, Session
+from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
+from foresee_dsl.editor.tokens import tokens
+from foresee_dsl.editor.uris import is_file, path_of
+from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.language.parser import format_text
+
+# Numbers of the protocol (3.17): CompletionItemKind, SymbolKind.
+_ITEMS = {"keyword": 14, "constant": 20, "unit": 11, "value": 12, "name": 6, "file": 17, "type": 25}
+_PROPERTY = 7
+_SYMBOLS = {
+    "Scenario": 2,
+    "Extension": 2,
+    "Clip": 2,
+    "Mutant": 2,
+    "Network": 3,
+    "Catalogue": 3,
+    "Ego": 19,
+    "Actor": 19,
+    "Traffic": 18,
+    "Junction": 5,
+    "Road": 23,
+    "Stage": 22,
+    "Param": 13,
+    "Case": 22,
+    "VehicleModel": 5,
+    "When": 24,
+    "Expect": 17,
+}
+
+
+def _uri(params: Json) -> str:
+    return str(params["textDocument"]["uri"])
+
+
+# ---- at a place -----------------------------------------------------------------------------------------------------
+
+
+def completion(session: Session, params: Json) -> Json:
+    """Return what can be written at a place."""
+    uri = _uri(params)
+    places = session.positions(uri)
+    found = complete(session.files(uri), path_of(uri), session.text(uri), places.offset(params["position"]))
+    line, column = places.place(params["position"])
+    where = {"start": places.position(line, column - found.replaces), "end": params["position"]}
+    items = [_item(suggestion, where, k) for k, suggestion in enumerate(found.suggestions)]
+    return {"isIncomplete": False, "items": items}
+
+
+def _item(suggestion: Suggestion, where: Json, order: int) -> Json:
+    item: Json = {
+        "label": suggestion.text,
+        "kind": _ITEMS[suggestion.kind],
+        "sortText": f"{order:05}",
+        "textEdit": {"range": where, "newText": suggestion.text},
+    }
+    if suggestion.detail:
+        item["detail"] = suggestion.detail
+    if suggestion.about:
+        item["documentation"] = {"kind": "markdown", "value": suggestion.about}
+    return item
+
+
+def hover(session: Session, params: Json) -> Json | None:
+    """Return what is known of a place."""
+    uri = _uri(params)
+    places = session.positions(uri)
+    found = hover_of(session.files(uri), path_of(uri), *places.place(params["position"]))
+    if found is None:
+        return None
+    return {"contents": {"kind": "markdown", "value": found.markdown}, "range": places.range(found.span)}
+
+
+def _named(session: Session, params: Json) -> tuple[Files, Path, Occurrence | None]:
+    uri = _uri(params)
+    files, path = session.files(uri), path_of(uri)
+    return files, path, navigate.at(files, path, *session.positions(uri).place(params["position"]))
+
+
+def _location(session: Session, place: navigate.Place) -> Json:
+    uri = session.uri(place.path)
+    return {"uri": uri, "range": session.positions(uri).range(place.span)}
+
+
+def definition(session: Session, params: Json) -> Json | None:
+    """Return where a name is defined."""
+    files, path, found = _named(session, params)
+    place = navigate.definition(files, path, found) if found is not None else None
+    return _location(session, place) if place is not None else None
+
+
+def references(session: Session, params: Json) -> list[Json]:
+    """Return where a name is used."""
+    files, path, found = _named(session, params)
+    if found is None:
+        return []
+    defined = navigate.definition(files, path, found)
+    places = navigate.references(files, path, found)
+    wanted = params["context"]["includeDeclaration"]
+    return [_location(session, place) for place in places if wanted or place != defined]
+
+
+def prepare_rename(session: Session, params: Json) -> Json | None:
+    """Return the place that would be renamed."""
+    files, path, found = _named(session, params)
+    if found is None:
+        return None
+    try:
+        return session.positions(_uri(params)).range(navigate.renamed_from(files, path, found))
+    except navigate.RenameError as error:
+        raise RequestError(str(error)) from None
+
+
+def rename(session: Session, params: Json) -> Json:
+    """Return the edits that give a name another one everywhere."""
+    files, path, found = _named(session, params)
+    if found is None:
+        raise RequestError("there is no name here")
+    try:
+        renaming = navigate.rename(files, path, found, params["newName"])
+    except navigate.RenameError as error:
+        raise RequestError(str(error)) from None
+    changes: dict[str, list[Json]] = {}
+    positions: dict[str, Positions] = {}
+    for place in renaming.places:
+        where = session.uri(place.path)
+        known = positions.get(where) or positions.setdefault(where, session.positions(where))
+        changes.setdefault(where, []).append({"range": known.range(place.span), "newText": renaming.name})
+    if renaming.stale:
+        names = ", ".join(path.name for path in renaming.stale[:5]) + (", ..." if len(renaming.stale) > 5 else "")
+        message = f"{len(renaming.stale)} recorded children pin what was renamed and are stale now: {names}"
+        session.connection.notify("window/showMessage", {"type": 2, "message": message})
+    return {"changes": changes}
+
+
+# ---- of a whole file ------------------------------------------------------------------------------------------------
+
+
+def formatting(session: Session, params: Json) -> list[Json] | None:
+    """Return the edit that formats a text; None where it has mistakes, which are shown already."""
+    uri = _uri(params)
+    text = session.text(uri)
+    try:
+        formatted = format_text(text, str(path_of(uri)))
+    except InputError:
+        return None
+    return [] if formatted == text else [{"range": session.positions(uri).whole(), "newText": formatted}]
+
+
+def document_symbols(session: Session, params: Json) -> list[Json]:
+    """Return the outline."""
+    uri = _uri(params)
+    places = session.positions(uri)
+    return [_symbol(entry, places) for entry in outline(session.text(uri))]
+
+
+def _symbol(entry: Entry, places: Positions) -> Json:
+    found: Json = {
+        "name": entry.name,
+        "kind": _SYMBOLS.get(entry.kind, _PROPERTY),
+        "range": places.range(entry.span),
+        "selectionRange": places.range(entry.name_span),
+        "children": [_symbol(child, places) for child in entry.children],
+    }
+    return {**found, "detail": entry.detail} if entry.detail else found
+
+
+def folding_ranges(session: Session, params: Json) -> list[Json]:
+    """Return what can be folded."""
+    return [{"startLine": a - 1, "endLine": b - 1, "kind": kind} for a, b, kind in folds(session.text(_uri(params)))]
+
+
+def code_actions(session: Session, params: Json) -> list[Json]:
+    """Return a quick fix for every text that a diagnostic suggests."""
+    uri = _uri(params)
+    places, path, overlay = session.positions(uri), path_of(uri), session.overlay()
+    known: dict[str, tuple[Diagnostic, ...]] = {}
+
+    def check(text: str) -> tuple[Diagnostic, ...]:
+        if text not in known:
+            # where things stand is looked at only for a mistake that shows no sooner
+            known[text] = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
+        return known[text]
+
+    actions = []
+    for diagnostic in params["context"]["diagnostics"]:
+        if diagnostic.get("source") != SOURCE:
+            continue
+        placed = str(diagnostic.get("code", "")) in _PLACED
+        known.clear()
+        span = places.span(diagnostic["range"])
+        found = fixes(str(diagnostic["message"]), str(diagnostic.get("code", "")), span, places, check)
+        for k, fix in enumerate(found):
+            edit = {"changes": {uri: [{"range": places.range(fix.span), "newText": fix.text}]}}
+            action: Json = {"title": fix.title, "kind": "quickfix", "diagnostics": [diagnostic], "edit": edit}
+            actions.append({**action, "isPreferred": k == 0 and len(found) == 1})
+    return actions
+
+
+def _placed_codes() -> frozenset[str]:
+    from foresee_dsl.compile import codes
+
+    return frozenset(value for name, value in vars(codes).items() if name.isupper() and isinstance(value, str))
+
+
+_PLACED = _placed_codes()
+
+
+def semantic_tokens(session: Session, params: Json) -> Json:
+    """Return what the words of a text are, as the protocol packs it: each from the one before."""
+    uri = _uri(params)
+    places = session.positions(uri)
+    data: list[int] = []
+    line = start = 0
+    for token in tokens(session.text(uri)):
+        where = places.range(token.span)
+        here, end = where["start"], where["end"]
+        ahead = here["character"] - (start if here["line"] == line else 0)
+        length = end["character"] - here["character"]
+        data += [here["line"] - line, ahead, length, TOKEN_TYPES.index(token.type), int(token.defines)]
+        line, start = here["line"], here["character"]
+    return {"data": data}
+
+
+def inlay_hints(session: Session, params: Json) -> list[Json]:
+    """Return the hints of the lines that are seen."""
+    uri = _uri(params)
+    places = session.positions(uri)
+    span = places.span(params["range"])
+    return [
+        {"position": places.position(hint.line, hint.column), "label": hint.text, "paddingLeft": True}
+        for hint in hints(session.text(uri), span.line, span.end_line)
+    ]
+
+
+def code_lenses(session: Session, params: Json) -> list[Json]:
+    """Return the commands above what a file defines and above its cases."""
+    uri = _uri(params)
+    if not is_file(uri):
+        return []
+    places = session.positions(uri)
+    return [
+        {
+            "range": places.range(lens.span),
+            "command": {"title": lens.command, "command": f"foresee.{lens.command}", "arguments": [lens.address]},
+        }
+        for lens in lenses(path_of(uri), session.text(uri))
+    ]

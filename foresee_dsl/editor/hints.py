@@ -1,0 +1,66 @@
+"""What an editor shows between the letters: speeds in m/s, and commands above scenarios and cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
+
+from foresee_dsl.editor.syntax import read_syntax, walk
+from foresee_dsl.errors import Span
+from foresee_dsl.language import model as m
+from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.units import UNITS
+
+
+@dataclass(frozen=True)
+class Hint:
+    """A text behind a place."""
+
+    line: int
+    column: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A command above a place: `run`, `forecast` or `draw`, of an address."""
+
+    span: Span
+    command: str
+    address: str
+
+
+def hints(text: str, first: int, last: int) -> Iterator[Hint]:
+    """Yield the hints of some lines of a text: other speeds in m/s."""
+    root = read_syntax(text).root
+    for node, _ in walk(root) if root is not None else ():
+        if node.kind is not m.Quantity or not first <= node.span.line <= last:
+            continue
+        unit = UNITS.get(str(node.fields.get("unit", "")))
+        value = node.fields.get("value")
+        if unit is not None and unit.dimension == "speed" and unit.to_si != 1 and isinstance(value, Decimal):
+            yield Hint(node.span.end_line, node.span.end_column, f"= {float(value) * unit.to_si:.2f} m/s")
+
+
+def lenses(path: Path, text: str) -> Iterator[Lens]:
+    """Yield the commands of what a file defines, and of each of its cases."""
+    root = read_syntax(text).root
+    if root is None:
+        return
+    head = root.places.get("name") or root.span
+    own = [node for node, above in walk(root) if node.kind is m.Case and above == (root,)]
+    if root.kind in (m.Network, m.Scenario, m.Extension, m.Clip, m.Mutant):
+        yield Lens(head, "draw", str(path))
+    if root.kind in (m.Clip, m.Mutant) or (root.kind is m.Scenario and not own and not _has(root, m.Cases)):
+        yield Lens(head, "run", str(path))
+        if root.kind is m.Scenario:
+            yield Lens(head, "forecast", str(path))
+    for case in own:
+        address = f"{path}::{case.fields.get('name')}"
+        yield from (Lens(case.places.get("name") or case.span, word, address) for word in ("run", "forecast", "draw"))
+
+
+def _has(root: Node, kind: type[m.Item]) -> bool:
+    return any(node.kind is kind for node, _ in walk(root))

@@ -1,0 +1,165 @@
+"""The drawing of the road that every picture shares: what lies on the ground, as layers of shapes in metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from enum import StrEnum
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from foresee_dsl.compile.nets.network_builder import shift_right
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import Points
+from foresee_dsl.compile.roads.topology import Lane
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+FloatArray = NDArray[np.float64]
+Bounds = tuple[float, float, float, float]
+"""Left, bottom, right and top, m."""
+
+Near = Callable[[Sequence[tuple[float, float]], float], bool]
+"""Says of a shape's points, and how wide it reaches beside them (m), whether it is in the picture."""
+
+_CLOSE_GAPS_M = 0.3
+"""As `RoadNetwork.drivable` closes them."""
+ZEBRA_M = 0.6
+"""Width of a crossing's bars and of the gaps between them. Ours: German ones have 0.5 m, which small pictures lose."""
+
+
+class Layer(StrEnum):
+    """What lies on the ground, in the order in which it is drawn."""
+
+    FOOTWAY = "footway"
+    ROAD = "road"
+    CYCLEWAY = "cycleway"
+    PARKING = "parking"
+    MARKING = "marking"
+    CROSSING = "crossing"
+    STOP_LINE = "stop_line"
+    BUILDING = "building"
+
+
+Ground = Mapping[Layer, "BaseGeometry"]
+
+
+def within(bounds: Bounds) -> Near:
+    """Return what says whether the box around points (and some width) touches bounds."""
+    left, bottom, right, top = bounds
+
+    def near(points: Sequence[tuple[float, float]], wide_m: float) -> bool:
+        if not points:
+            return False
+        xs, ys = zip(*points, strict=True)
+        beside = min(xs) - wide_m > right or max(xs) + wide_m < left
+        return not (beside or min(ys) - wide_m > top or max(ys) + wide_m < bottom)
+
+    return near
+
+
+def ground_of(network: RoadNetwork, near: Near) -> Ground:
+    """Return what lies on the ground of a network where it is near (and somewhat beyond)."""
+    lanes = [lane for lane in network.lanes.values() if near(lane.shape, lane.width_m)]
+    crossing_ids = {crossing.lane.id for crossing in network.crossings.values()}
+    areas = [area.polygon for area in network.walking_areas.values() if near(area.polygon, 0.0)]
+    walked = [
+        lane
+        for lane in lanes
+        if lane.kinds == {"pedestrian"} and lane.id not in crossing_ids and lane.edge not in network.walking_areas
+    ]
+    streets = [lane for lane in lanes if "car" in lane.kinds and not lane.internal]
+    signalled = {m.from_lane for m in network.movements if m.tls is not None}
+    return {
+        Layer.FOOTWAY: shapely.union_all([*map(_polygon, areas), *map(_band, walked)]),
+        Layer.ROAD: _road(network, lanes, areas, near),
+        Layer.CYCLEWAY: shapely.union_all(
+            [_band(ln) for ln in lanes if "bicycle" in ln.kinds and "car" not in ln.kinds]
+        ),
+        Layer.PARKING: shapely.union_all([_band(lane) for lane in lanes if lane.parking]),
+        Layer.MARKING: shapely.union_all([shapely.LineString(line) for line in _between(streets)]),  # each once
+        Layer.CROSSING: shapely.union_all([_band(lane) for lane in lanes if lane.id in crossing_ids]),
+        Layer.STOP_LINE: shapely.MultiLineString([stop_line(lane) for lane in streets if lane.id in signalled]),
+        Layer.BUILDING: shapely.union_all([_polygon(b) for b in network.buildings if near(b, 0.0)]),
+    }
+
+
+def zebra(crossing: BaseGeometry) -> BaseGeometry:
+    """Return the bars of crossings: across the way of those who walk, so along that of vehicles."""
+    bars = []
+    for part in shapely.get_parts(crossing):
+        box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
+        if len(box) < 4:
+            continue
+        a, b = box[1] - box[0], box[2] - box[1]
+        way, side = (a, b) if np.hypot(*a) >= np.hypot(*b) else (b, a)
+        corner = box[0] if np.hypot(*a) >= np.hypot(*b) else box[1]
+        length = float(np.hypot(*way))
+        for k in range(math.ceil(length / (2 * ZEBRA_M))):
+            from_, to = (min(m, length) / length for m in (2 * k * ZEBRA_M, (2 * k + 1) * ZEBRA_M))
+            start, end = corner + from_ * way, corner + to * way
+            bars.append(shapely.intersection(shapely.Polygon([start, end, end + side, start + side]), part))
+    return shapely.GeometryCollection([bar for bar in bars if not bar.is_empty])
+
+
+def rings_of(shape: BaseGeometry) -> Iterator[FloatArray]:
+    """Yield the outlines and holes of all polygons in a shape, without the repeated last point."""
+    for part in _flat(shape):
+        if isinstance(part, shapely.Polygon):
+            for ring in (part.exterior, *part.interiors):
+                yield shapely.get_coordinates(ring)[:-1]
+
+
+def lines_of(shape: BaseGeometry) -> Iterator[FloatArray]:
+    """Yield the points of all lines in a shape; of polygons, their outlines."""
+    for part in _flat(shape):
+        if isinstance(part, shapely.Polygon):
+            yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))
+        elif isinstance(part, shapely.LineString):
+            yield shapely.get_coordinates(part)
+
+
+def _flat(shape: BaseGeometry) -> Iterator[BaseGeometry]:
+    for part in shapely.get_parts(shape):
+        if hasattr(part, "geoms"):
+            yield from _flat(part)
+        else:
+            yield part
+
+
+def _road(network: RoadNetwork, lanes: Sequence[Lane], areas: Sequence[Points], near: Near) -> BaseGeometry:
+    """Return where vehicles may be; as `RoadNetwork.drivable`, of a part of the map."""
+    junctions = shapely.union_all([_polygon(j.polygon) for j in network.junctions.values() if near(j.polygon, 0.0)])
+    bands = [_band(lane) for lane in lanes if "car" in lane.kinds or lane.parking]
+    road = shapely.union_all([shapely.difference(junctions, shapely.union_all(list(map(_polygon, areas)))), *bands])
+    return shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)
+
+
+def _between(lanes: Iterable[Lane]) -> Iterable[FloatArray]:
+    """Yield the left sides of lanes: lines between two lanes, and middle lines of roads."""
+    for lane in lanes:
+        apart = [lane.shape[0], *(b for a, b in pairwise(lane.shape) if a != b)]
+        if len(apart) > 1:
+            yield np.array(shift_right(apart, -lane.width_m / 2))
+
+
+def stop_line(lane: Lane) -> FloatArray:
+    """Return the line across a lane's end."""
+    x, y, heading = lane.line.at(lane.line.length_m)
+    aside_x, aside_y = -math.sin(heading) * lane.width_m / 2, math.cos(heading) * lane.width_m / 2
+    return np.array(((x + aside_x, y + aside_y), (x - aside_x, y - aside_y)))
+
+
+def _band(lane: Lane) -> BaseGeometry:
+    return shapely.buffer(shapely.LineString(lane.shape), lane.width_m / 2, cap_style="flat", quad_segs=4)
+
+
+def _polygon(points: Points) -> BaseGeometry:
+    if len(points) < 3:
+        return shapely.Polygon()
+    return shapely.make_valid(shapely.Polygon(points))

@@ -1,0 +1,76 @@
+"""What a live page gets: the picture of a text as it is now, or what is wrong with the text and where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from foresee_dsl.errors import Diagnostic, ForeseeError, InputError
+from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.project.addresses import absolute
+from foresee_dsl.report.picture.draw import Drawing, draw
+from foresee_dsl.report.picture.subject import Mistake
+from foresee_dsl.report.picture.svg import style_of, svg_of
+
+NARROWEST, WIDEST = 280.0, 2400.0
+"""Widths that are drawn: of the smallest phone, and of a large screen (ours)."""
+
+
+def answer(
+    file: Path, overlay: Mapping[Path, str] | None = None, *, case: str = "", width: float = 720.0, whole: bool = False
+) -> dict[str, Any]:
+    """Return a picture as plain data.
+
+    Keys: `svg` and `style` (without `svg` there is no picture: the last one stays, greyed), `title`, `cases`, `case`,
+    `mistakes` (message, path, line, column, each 1-based; line 0 where none is known), `files` (what it was made from).
+    A case that is gone is answered with the first.
+    """
+    width = min(max(width, NARROWEST), WIDEST)
+    for address in dict.fromkeys((f"{file}::{case}" if case else str(file), str(file))):
+        try:
+            drawing = draw(address, overlay, width=width, whole=whole, live=True)
+        except InputError as error:
+            if case and all(d.code in (c.UNKNOWN_CASE, c.BAD_ADDRESS) for d in error.diagnostics):
+                case = ""
+                continue
+            return {"svg": None, "mistakes": [_diagnostic(d) for d in error.diagnostics if d.severity == "error"]}
+        except ForeseeError as error:
+            return {"svg": None, "mistakes": [_plain(str(error))]}
+        return _drawn(drawing)
+    return {"svg": None, "mistakes": [_plain(f"there is no picture of {file.name}")]}
+
+
+def _drawn(drawing: Drawing) -> dict[str, Any]:
+    return {
+        "svg": svg_of(drawing.sheet, styled=False),
+        "style": style_of(drawing.sheet),
+        "title": drawing.subject.title,
+        "cases": list(drawing.subject.cases),
+        "case": drawing.subject.case,
+        "mistakes": [_mistake(mistake) for mistake in drawing.mistakes],
+        "files": [path.as_posix() for path in drawing.subject.files],
+    }
+
+
+def _mistake(mistake: Mistake) -> dict[str, Any]:
+    place = mistake.text
+    if place is None:
+        return _plain(mistake.message)
+    return {"message": mistake.message, "path": place.path.as_posix(), "line": place.line, "column": place.column}
+
+
+def _diagnostic(found: Diagnostic) -> dict[str, Any]:
+    span = found.span
+    message = f"{found.message}: {found.help}" if found.help else found.message
+    path = absolute(Path(found.path)).as_posix() if found.path else ""
+    return {
+        "message": message,
+        "path": path,
+        "line": span.line if span is not None else 0,
+        "column": span.column if span is not None else 0,
+    }
+
+
+def _plain(message: str) -> dict[str, Any]:
+    return {"message": message, "path": "", "line": 0, "column": 0}

@@ -1,0 +1,103 @@
+"""Which part of the world a picture shows, and the way from metres to its pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.report.ground import Bounds
+from foresee_dsl.report.picture.subject import FloatArray, Subject, Way
+
+MARGIN_M, MARGIN_SHARE = 12.0, 0.06
+"""Free room around what concerns the actors, m and as a share. Ours: three lanes, and more where much is shown."""
+LEAST_M = 60.0
+"""A picture shows at least so much to a side. Ours: a junction with its approaches."""
+SNAP_M = 10.0
+"""Sides are multiples of it (five times where much is shown): a picture that is typed at stands still while an actor
+moves by a metre (ours)."""
+FLATTEST, TALLEST = 0.5, 1.1
+"""Height over width. Ours: both fit a screen beside a text and a phone held upright."""
+_ZONE_REACH_M = 60.0
+"""A trigger place that is larger is not wholly shown (ours)."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A map of so many pixels, and what of the world it shows: `left`, `top` m, and `scale` pixels a metre."""
+
+    width: float
+    height: float
+    left: float
+    top: float
+    scale: float
+
+    @property
+    def bounds(self) -> Bounds:
+        """Left, bottom, right and top, m."""
+        return (
+            self.left,
+            self.top - self.height / self.scale,
+            self.left + self.width / self.scale,
+            self.top,
+        )
+
+    def pixels(self, points: FloatArray) -> FloatArray:
+        """Return [N, 2] points of the world in pixels, y downwards."""
+        return (points - (self.left, self.top)) * (self.scale, -self.scale)
+
+    def point(self, x: float, y: float) -> tuple[float, float]:
+        """Return one point."""
+        return (x - self.left) * self.scale, (self.top - y) * self.scale
+
+
+def frame_of(subject: Subject, width: float, *, whole: bool) -> Frame:
+    """Return the frame of a picture of a width: around what concerns the actors, or around the whole network."""
+    points = [np.array(p) for p in _whole(subject)] if whole or not subject.bodies else list(_concerned(subject))
+    if not points:
+        points = [np.zeros((1, 2))]
+    every = np.vstack(points)
+    low, high = every.min(axis=0), every.max(axis=0)
+    step = SNAP_M if float((high - low).max()) < 10 * SNAP_M else SNAP_M * 5
+    low, high = np.floor(low / step) * step, np.ceil(high / step) * step
+    middle, size = (low + high) / 2, high - low
+    size = size + 2 * np.maximum(MARGIN_M, MARGIN_SHARE * size.max())
+    if not whole and subject.bodies:
+        size = np.maximum(size, LEAST_M)
+    wide, high_m = float(size[0]), float(size[1])
+    share = min(max(high_m / wide, FLATTEST), TALLEST)
+    wide, high_m = max(wide, high_m / share), max(high_m, wide * share)
+    scale = width / wide
+    return Frame(width, round(high_m * scale), float(middle[0]) - wide / 2, float(middle[1]) + high_m / 2, scale)
+
+
+def _whole(subject: Subject) -> Iterator[FloatArray]:
+    for lane in subject.network.lanes.values():
+        if lane.shape:
+            yield np.array(lane.shape)[:, :2]
+    for outline in subject.network.buildings:
+        yield np.array(outline)
+    for body in subject.bodies:
+        yield body.corners
+
+
+def _concerned(subject: Subject) -> Iterator[FloatArray]:
+    for body in subject.bodies:
+        if body.tone != "traffic":
+            yield body.corners
+            if body.before is not None:
+                yield body.before
+    for way in subject.ways:
+        yield part_of(way)
+    for zone in subject.zones:
+        for outline in zone.outlines:
+            if float(np.ptp(outline, axis=0).max()) <= _ZONE_REACH_M:
+                yield outline
+
+
+def part_of(way: Way) -> FloatArray:
+    """Return so much of a way as should be in the picture, [N, 2] m."""
+    steps = np.hypot(*np.diff(way.points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    return way.points[: max(int(np.searchsorted(along, way.matters_m)) + 1, 1)]

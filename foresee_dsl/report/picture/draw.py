@@ -1,0 +1,47 @@
+"""Draws an address: what the command, the live page and the language server ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from foresee_dsl.report.picture.reading import read_subject
+from foresee_dsl.report.picture.sheet import FILE_SIZES, LIVE_SIZES, WIDTH, Sheet, sheet_of
+from foresee_dsl.report.picture.subject import Mistake, Subject
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture, and what is said beside it."""
+
+    subject: Subject
+    sheet: Sheet
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        """What is wrong in it."""
+        return self.subject.mistakes
+
+
+def draw(
+    address: str,
+    overlay: Mapping[Path, str] | None = None,
+    *,
+    width: float = WIDTH,
+    whole: bool = False,
+    live: bool = False,
+    allow_outside: bool = True,
+) -> Drawing:
+    """Draw a scenario, case, clip, mutant or network.
+
+    Args:
+        address: `FILE[::CASE]`. overlay: texts that stand for those on the disk, by absolute path.
+        width: px. whole: the whole network. live: letters for exactly this width, not for any.
+        allow_outside: see `loading.load_test_case`.
+
+    Raises:
+        InputError: a mistake in a text. CompileError: the network cannot be built.
+    """
+    subject = read_subject(address, overlay, allow_outside=allow_outside)
+    return Drawing(subject, sheet_of(subject, width=width, whole=whole, sizes=LIVE_SIZES if live else FILE_SIZES))

@@ -1,0 +1,127 @@
+"""Places names so that they cover neither each other nor the bodies, as near to what they name as there is room."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+LETTER = 0.58
+"""A letter's width over the font's size. Ours: the mean of system-ui's letters in bold, rounded up."""
+LINE = 1.25
+"""A line's height over the font's size."""
+_RINGS = (1.0, 2.2, 3.6, 5.2)
+"""How far from what it names a label is tried, in lines. Ours: farther than five lines nobody finds what it names."""
+_CHUNK = 1.0
+"""A slanted name is held to be a row of boxes as long as they are high (ours)."""
+
+
+class Box(NamedTuple):
+    """Left, top, right, bottom; pixels, y downwards."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    def touches(self, other: Box) -> bool:
+        """Whether two boxes overlap."""
+        return (
+            self.left < other.right and other.left < self.right and self.top < other.bottom and other.top < self.bottom
+        )
+
+    def inside(self, other: Box) -> bool:
+        """Whether it lies within another."""
+        return (
+            self.left >= other.left
+            and self.right <= other.right
+            and self.top >= other.top
+            and self.bottom <= other.bottom
+        )
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Its centre."""
+        return (self.left + self.right) / 2, (self.top + self.bottom) / 2
+
+
+def width_of(text: str, size: float) -> float:
+    """Return about how wide a text is in a font's size."""
+    return LETTER * size * len(text)
+
+
+class Room:
+    """What is taken of a map so far."""
+
+    def __init__(self, whole: Box) -> None:
+        self.whole = whole
+        self._taken: list[Box] = []
+        self._better_free: list[Box] = []
+
+    def take(self, *boxes: Box) -> None:
+        """Mark boxes as taken."""
+        self._taken += boxes
+
+    def spare(self, *boxes: Box) -> None:
+        """Mark boxes that labels keep clear of where there is another place (ways)."""
+        self._better_free += boxes
+
+    def free(self, box: Box) -> bool:
+        """Whether a box is within the map and nothing is in it."""
+        return box.inside(self.whole) and not any(box.touches(taken) for taken in self._taken)
+
+    def beside(self, thing: Box, width: float, height: float, *, insist: bool) -> Box | None:
+        """Take the nearest free place for a label beside a thing; without one the nearest place where it is insisted
+        on, else None (also where only places are free that are too far off for a label without a line to it)."""
+        there = list(_around(thing, width, height, _RINGS if insist else _RINGS[:2]))
+        free = [box for box in there if self.free(box)]
+        clear = (box for box in free if not any(box.touches(way) for way in self._better_free))
+        box = next(clear, free[0] if free else None)
+        if box is None:
+            if not insist:
+                return None
+            box = _pushed(next((box for box in there if box.inside(self.whole)), there[0]), self.whole)
+        self.take(box)
+        return box
+
+    def along(self, x: float, y: float, angle_rad: float, width: float, height: float) -> bool:
+        """Take the place of a slanted label with its middle at a point, if it is free."""
+        count = max(math.ceil(width / (height * _CHUNK)), 1)
+        c, s = math.cos(angle_rad), math.sin(angle_rad)
+        half = height / 2
+        marks = [(k + 0.5) / count * width - width / 2 for k in range(count)]
+        boxes = [Box(x + t * c - half, y + t * s - half, x + t * c + half, y + t * s + half) for t in marks]
+        if not all(self.free(box) for box in boxes):
+            return False
+        self.take(*boxes)
+        return True
+
+
+def _around(thing: Box, width: float, height: float, rings: Sequence[float]) -> Iterator[Box]:
+    """Yield places beside a thing, nearer ones first: right, left, above, below, and between them."""
+    x, y = thing.middle
+    wide, high = (thing.right - thing.left) / 2, (thing.bottom - thing.top) / 2
+    for ring in rings:
+        off = 3 + (ring - 1) * height
+        for dx, dy in ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1)):
+            cx = x + dx * (wide + off + width / 2)
+            cy = y + dy * (high + off + height / 2)
+            yield Box(cx - width / 2, cy - height / 2, cx + width / 2, cy + height / 2)
+
+
+def _pushed(box: Box, whole: Box) -> Box:
+    """Return a box moved so that it is within another."""
+    dx = max(whole.left - box.left, 0.0) or min(whole.right - box.right, 0.0)
+    dy = max(whole.top - box.top, 0.0) or min(whole.bottom - box.bottom, 0.0)
+    return Box(box.left + dx, box.top + dy, box.right + dx, box.bottom + dy)
+
+
+def wrapped(text: str, size: float, width: float, lines: int) -> Sequence[str]:
+    """Return a text in lines of a width, at most so many; the last one ends in `…` where there is more."""
+    import textwrap
+
+    letters = max(int(width / (LETTER * 0.93 * size)), 8)
+    found = textwrap.wrap(text, letters, break_long_words=True, break_on_hyphens=False)
+    if len(found) > lines:
+        found = [*found[: lines - 1], f"{found[lines - 1][: letters - 1].rstrip()}…"]
+    return found

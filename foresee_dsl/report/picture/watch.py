@@ -1,0 +1,188 @@
+"""`foresee draw --watch`: a page of this machine alone that shows the picture again on every save."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Lock
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import write_whole
+from foresee_dsl.language.project import addresses as a
+from foresee_dsl.report.picture.answer import answer
+from foresee_dsl.report.picture.draw import draw
+from foresee_dsl.report.picture.page import page_of
+from foresee_dsl.report.picture.svg import svg_of
+
+LOCAL = "127.0.0.1"
+"""Only this machine may connect: the page shows what its files say."""
+_LOOK_S = 0.15
+"""Files are looked at so often. Ours: less than a blink, and a thousandth of a core for some files."""
+_ALIVE_S = 15.0
+"""A line without a meaning is sent so often, which says whether the page is still there."""
+
+
+@dataclass
+class Watched:
+    """A file, what its picture was made from, and the answers of the last state of these files."""
+
+    file: Path
+    case: str
+    whole: bool
+    _files: tuple[Path, ...] = ()
+    _answers: dict[tuple[str, float, bool], dict[str, Any]] = field(default_factory=dict)
+    _state: tuple[tuple[int, int] | None, ...] = ()
+    _lock: Lock = field(default_factory=Lock)
+
+    def state(self) -> tuple[tuple[int, int] | None, ...]:
+        """Return what says whether anything has changed: times and sizes of the files."""
+        return tuple(_stamp(file) for file in (self.file, *self._files))
+
+    def answer(self, case: str, width: float, *, whole: bool) -> dict[str, Any]:
+        """Return the picture of the present files, made once for each wish."""
+        with self._lock:
+            if (now := self.state()) != self._state:
+                self._answers.clear()
+            key = (case, width, whole)
+            if key not in self._answers:
+                self._answers[key] = made = answer(self.file, case=case, width=width, whole=whole)
+                self._files = tuple(map(Path, made["files"])) if made["svg"] else self._files
+                self._state = self.state() if made["svg"] else now
+            return self._answers[key]
+
+
+def watch(
+    address: str,
+    *,
+    svg: Path | None,
+    whole: bool,
+    port: int,
+    allow_outside: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve the picture of an address until the process is ended; `svg`: a file that is written again too.
+
+    Raises:
+        InputError: there is no such file. ForeseeError: the port is taken.
+    """
+    file, case = a.parse_address(address)
+    if not a.is_file(file):
+        raise a.missing(file)
+    watched = Watched(a.absolute(file), case or "", whole)
+    token = secrets.token_urlsafe(24)
+    try:
+        server = ThreadingHTTPServer((LOCAL, port), _handler(watched, token))
+    except OSError as err:
+        raise ForeseeError(f"port {port} cannot be used: {err.strerror}; --port 0 takes one that is free") from err
+    server.daemon_threads = True
+    say(f"the picture is at http://{LOCAL}:{server.server_port}/{token}/ (Ctrl-C ends)")
+    if svg is not None:
+        from threading import Thread
+
+        Thread(target=_rewrite, args=(watched, address, svg, allow_outside, say), daemon=True).start()
+    with server:
+        server.serve_forever(poll_interval=0.2)
+
+
+def _rewrite(watched: Watched, address: str, svg: Path, allow_outside: bool, say: Callable[[str], None]) -> None:
+    """Write the file again whenever its text has changed."""
+    last: object = None
+    while True:
+        watched.answer(watched.case, 720.0, whole=watched.whole)  # so that all files that matter are known
+        if (now := watched.state()) != last:
+            last = now
+            try:
+                drawing = draw(address, whole=watched.whole, allow_outside=allow_outside)
+                write_whole(svg, svg_of(drawing.sheet))
+            except (ForeseeError, OSError) as err:
+                say(f"{svg} stays as it was: {err}")
+            else:
+                say(f"wrote {svg}")
+        time.sleep(_LOOK_S)
+
+
+def _stamp(file: Path) -> tuple[int, int] | None:
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
+def _handler(watched: Watched, token: str) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        """Answers with the page and its events, to who knows the token, under this machine's own names."""
+
+        protocol_version = "HTTP/1.1"
+        server_version = "foresee"
+        sys_version = ""
+
+        def do_GET(self) -> None:
+            """Answer a request."""
+            parts = urlsplit(self.path)
+            _, given, *rest = (*parts.path.split("/"), "", "")
+            host = (self.headers.get("Host") or "").rpartition(":")[0]
+            # another site's page may name this port under its own host: that is no request of ours
+            if host not in (LOCAL, "localhost") or not secrets.compare_digest(given.encode(), token.encode()):
+                self._send(404, "text/plain; charset=utf-8", b"nothing is here\n")
+            elif rest[0] == "events":
+                self._events({key: values[-1] for key, values in parse_qs(parts.query).items()})
+            elif rest[0] == "":
+                nonce = secrets.token_urlsafe(18)
+                page = page_of(nonce, title=watched.file.name, connect="events")
+                self._send(200, "text/html; charset=utf-8", page.encode())
+            else:
+                self._send(404, "text/plain; charset=utf-8", b"nothing is here\n")
+
+        def _send(self, status: int, kind: str, body: bytes) -> None:
+            self.send_response(status)
+            self._safe_headers(kind)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def _safe_headers(self, kind: str) -> None:
+            self.send_header("Content-Type", kind)
+            self.send_header("Cache-Control", "no-store")
+            self.send_header("X-Content-Type-Options", "nosniff")
+            self.send_header("Referrer-Policy", "no-referrer")
+            self.send_header("X-Frame-Options", "DENY")
+            self.send_header("Cross-Origin-Resource-Policy", "same-origin")
+
+        def _events(self, wish: dict[str, str]) -> None:
+            self.send_response(200)
+            self._safe_headers("text/event-stream; charset=utf-8")
+            self.send_header("Connection", "close")
+            self.end_headers()
+            self.close_connection = True
+            width = float(wish["width"]) if wish.get("width", "").isdigit() else 720.0
+            case, whole = wish.get("case") or watched.case, watched.whole or bool(wish.get("whole"))
+            sent: object = None
+            spoke_s = time.monotonic()
+            try:
+                while True:
+                    made = watched.answer(case, width, whole=whole)
+                    if made is not sent:
+                        sent = made
+                        self.wfile.write(f"data: {json.dumps(made)}\n\n".encode())
+                        self.wfile.flush()
+                        spoke_s = time.monotonic()
+                    elif time.monotonic() - spoke_s > _ALIVE_S:
+                        self.wfile.write(b": still here\n\n")
+                        self.wfile.flush()
+                        spoke_s = time.monotonic()
+                    time.sleep(_LOOK_S)
+            except OSError:
+                return  # the page was closed
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Say nothing: the address holds the token."""
+
+    return Handler

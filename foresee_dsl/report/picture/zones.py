@@ -1,0 +1,109 @@
+"""Trigger places: where the conditions of triggers and expectations look, as outlines and lines in metres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.compiler import Sketch
+from foresee_dsl.compile.placement.checks import footprint
+from foresee_dsl.language import model as m
+from foresee_dsl.language.printer import print_item
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
+from foresee_dsl.report.picture.subject import FloatArray, TextPlace, Zone
+from foresee_dsl.report.picture.text_places import TextPlaces
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+ACROSS_M = 3.0
+"""Half the length of a line across a way. Ours: beyond a lane's sides, and short of the next street."""
+_LEAST_MPS = 1.0
+"""The speed that `eta` takes at least (see `Measure`)."""
+
+
+def zones_of(case: TestCase, sketch: Sketch, texts: TextPlaces) -> tuple[Zone, ...]:
+    """Return the trigger places of a test case; a condition without a place gives none."""
+    actors = {actor.id: actor for actor in sketch.actors}
+    found: dict[tuple[str, tuple[float, float]], Zone] = {}
+    for number, when in enumerate(case.scenario.all(m.When)):
+        text = texts.trigger(m.When, number)
+        thens = (a.condition for a in all_actions(when.actions) if isinstance(a, m.Then) and a.condition is not None)
+        for condition in (when.condition, *thens):
+            for zone in _of_condition(condition, sketch, actors, text):
+                found.setdefault((zone.label, zone.at), zone)
+    for number, expect in enumerate(case.scenario.all(m.Expect)):
+        for zone in _of_condition(expect.condition, sketch, actors, texts.trigger(m.Expect, number)):
+            found.setdefault((zone.label, zone.at), zone)
+    return tuple(found.values())
+
+
+def _of_condition(
+    condition: m.Condition, sketch: Sketch, actors: Mapping[str, PlacedActor], text: TextPlace | None
+) -> Iterator[Zone]:
+    for part in parts(condition):
+        if isinstance(part, m.Within):
+            shape = _thing(part.of, sketch, actors)
+            if shape is not None:
+                yield _around(shape, si_of(part.distance), print_item(part), text)
+        elif isinstance(part, m.InJunction) and part.junction is not None:
+            junction = sketch.network.junctions.get(word_of(part.junction))
+            if junction is not None and len(junction.polygon) > 2:
+                yield _around(shapely.Polygon(junction.polygon), 0.0, print_item(part), text)
+        elif isinstance(part, m.Comparison) and isinstance(part.left, m.Measure) and part.left.other is not None:
+            yield from _measured(part, part.left, actors, text)
+
+
+def _measured(
+    part: m.Comparison, left: m.Measure, actors: Mapping[str, PlacedActor], text: TextPlace | None
+) -> Iterator[Zone]:
+    """The place of `distance(a, b) < 5 m` and of `a.eta(j) < 4 s`."""
+    actor, other = actors.get(left.actor or ""), word_of(left.other) if left.other is not None else ""
+    if not isinstance(part.right, m.Quantity):
+        return
+    if left.what == "distance" and other in actors:
+        yield _around(_box(actors[other]), si_of(part.right), print_item(part), text)
+        return
+    line = actor.line if actor is not None else None
+    passage = line.passage(other) if line is not None else None
+    if actor is None or line is None or passage is None or left.what not in ("distance", "eta"):
+        return
+    speed = max(actor.cruise_mps, _LEAST_MPS) if left.what == "eta" else 1.0
+    s = passage.entry_s - si_of(part.right) * speed
+    if s <= line.project(actor.x, actor.y)[0]:
+        return  # it holds from the beginning: no place to show
+    x, y, heading = line.at(s)
+    aside_x, aside_y = -math.sin(heading) * ACROSS_M, math.cos(heading) * ACROSS_M
+    across = np.array(((x + aside_x, y + aside_y), (x - aside_x, y - aside_y)))
+    yield Zone(print_item(part), (across,), False, (x, y), text)
+
+
+def _thing(of: m.Item, sketch: Sketch, actors: Mapping[str, PlacedActor]) -> BaseGeometry | None:
+    """Return the shape that a distance is to."""
+    if isinstance(of, m.Named):
+        name = word_of(of.name)
+        if name in actors:
+            return _box(actors[name])
+        junction = sketch.network.junctions.get(name)
+        return shapely.Polygon(junction.polygon) if junction is not None and len(junction.polygon) > 2 else None
+    if isinstance(of, m.Point):
+        return shapely.Point(si_of(of.x), si_of(of.y))
+    at = next((xy for place, xy in sketch.places.items() if place == of), None)
+    return shapely.Point(at) if at is not None else None
+
+
+def _box(actor: PlacedActor) -> BaseGeometry:
+    return shapely.Polygon(footprint(actor))
+
+
+def _around(shape: BaseGeometry, distance_m: float, label: str, text: TextPlace | None) -> Zone:
+    grown = shapely.buffer(shape, distance_m, quad_segs=12)
+    outline: FloatArray = shapely.get_coordinates(grown.exterior if hasattr(grown, "exterior") else grown.envelope)
+    x, y = shape.centroid.x, shape.centroid.y
+    return Zone(label, (outline,), True, (x, y), text)
