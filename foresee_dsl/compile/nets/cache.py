@@ -11,7 +11,6 @@ from typing import cast
 
 from foresee_dsl import disk_cache
 from foresee_dsl.compile.bundle import Signal
-from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import tool_version
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import template_sources
@@ -73,7 +72,8 @@ def read_net_once(net_file: Path, network: Network | None) -> tuple[Topology, Ma
     place = disk_cache.entry("read", (net_file.parent.name,))
     known = disk_cache.load(place)
     if known is None:
-        from foresee_dsl.compile.nets.signals import read_signals  # only for a net that is new
+        from foresee_dsl.compile.nets.net_reader import read_net  # XML: only for a net that is new
+        from foresee_dsl.compile.nets.signals import read_signals
 
         known = read_net(net_file), read_signals(net_file, network)
         disk_cache.store(place, known)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gzip import GzipFile
+from io import RawIOBase
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, cast
 
@@ -86,16 +86,22 @@ def unpacked(path: Path, error: type[ForeseeError] = CompileError) -> bytes:
         return file.read()
 
 
-class _Unpacked(GzipFile):
+class _Unpacked(RawIOBase):
     """A packed file that is larger than it seems is refused."""
 
     def __init__(self, path: Path, error: type[ForeseeError]) -> None:
-        super().__init__(path)
+        from gzip import GzipFile  # a check of files reads none that is packed
+
+        self._file = GzipFile(path)
         self._path, self._error, self._read = path, error, 0
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
     def read(self, size: int | None = -1) -> bytes:
         most = MOST_BYTES - self._read + 1
-        data = super().read(most if size is None or size < 0 else min(size, most))
+        data = self._file.read(most if size is None or size < 0 else min(size, most))
         self._read += len(data)
         if self._read > MOST_BYTES:
             raise self._error(f"{self._path} has more than {MOST_BYTES / 1e6:.0f} MB when it is unpacked: cut out the "

@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.roads import routing
 from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance_to, inside, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine, build_line
@@ -58,6 +57,8 @@ class RoadNetwork(Topology):
     @classmethod
     def from_net(cls, net_file: Path, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
         """Read a SUMO network, and add the outlines of its buildings."""
+        from foresee_dsl.compile.nets.net_reader import read_net  # XML, which a net that was read before does without
+
         return cls.of(read_net(net_file), buildings)
 
     @classmethod

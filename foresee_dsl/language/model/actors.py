@@ -1,7 +1,5 @@
 """Traffic participants: the ego, actors of every kind, background traffic; and what they do."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -398,7 +396,7 @@ class Then(Item):
     words = "then (action): what comes once every action before it is complete | then { walker starts }"
 
     condition: Condition | None = None
-    actions: tuple[Action, ...] = Field(min_length=1)
+    actions: tuple["Action", ...] = Field(min_length=1)
 
 
 Action = Annotated[
@@ -428,4 +426,4 @@ class When(Item):
     repeat: Literal["once", "every", "next"] | None = None
     name: Annotated[v.Name, Names("label", defines=True)] | None = None
     condition: Condition
-    actions: tuple[Action, ...] = Field(min_length=1)
+    actions: tuple["Action", ...] = Field(min_length=1)

@@ -1,7 +1,5 @@
 """A campaign's file: which test cases, driven by whom, clipped and mutated how, and for how long."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

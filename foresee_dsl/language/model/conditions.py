@@ -1,7 +1,5 @@
 """Conditions: what triggers wait for and what expectations are about."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -161,7 +159,7 @@ class Sustained(Phrase, kind="for"):
             | when ego.speed > 5 m/s for 2 s since -1.30 s { runner stops }
     """
 
-    condition: Condition
+    condition: "Condition"
     duration: v.Time
     since: Annotated[v.Time, Bounds(-1e9, 0.0)] | None = None
     """0 s or earlier; without it, nothing is known of the time before the run."""
@@ -174,7 +172,7 @@ class Not(Phrase):
     in_brackets = ("and", "or")
     words = "not (condition): it does not hold | not ego.speed < 3 m/s"
 
-    condition: Condition
+    condition: "Condition"
 
 
 class Both(Phrase, kind="and"):
@@ -184,7 +182,7 @@ class Both(Phrase, kind="and"):
     in_brackets = ("and", "or")
     words = "and (condition): both hold; binds stronger than `or` | time > 1 s and ego.speed < 3 m/s"
 
-    conditions: tuple[Condition, ...] = Field(min_length=2)
+    conditions: tuple["Condition", ...] = Field(min_length=2)
 
 
 class Either(Phrase, kind="or"):
@@ -194,7 +192,7 @@ class Either(Phrase, kind="or"):
     in_brackets = ("or",)
     words = "or (condition): one of them holds | time > 9 s or ego.speed < 3 m/s"
 
-    conditions: tuple[Condition, ...] = Field(min_length=2)
+    conditions: tuple["Condition", ...] = Field(min_length=2)
 
 
 Condition = Annotated[

@@ -3,8 +3,6 @@
 The parser, the checks, the editor and `language.changes`, which makes the change, all read `PROPERTIES` and `OWNERS`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """What a run with a driver is expected to end in: recorded beside a test case, and not part of what it means."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from foresee_dsl.language.model.item import Item, Names

@@ -1,7 +1,5 @@
 """What every class of the model is: immutable, compared by value, and with the pattern that it is written by."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import dataclass
 from functools import cache
@@ -65,15 +63,19 @@ class Item(BaseModel):
     """
 
     # A class's validator is built at its first use: a file uses a third of the classes.
-    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, ignored_types=(str, tuple))
 
     if TYPE_CHECKING:
         kind: str = ""
+        pattern: ClassVar[str]
+        words: ClassVar[str]
+        in_brackets: ClassVar[tuple[str, ...]]
+        never_bare: ClassVar[tuple[str, ...]]
 
-    pattern: ClassVar[str] = ""
-    words: ClassVar[str] = ""
-    in_brackets: ClassVar[tuple[str, ...]] = ()
-    never_bare: ClassVar[tuple[str, ...]] = ()
+    # No annotations while it runs (and texts and tuples without one are no fields, see above): pydantic 2.14 evaluates
+    # those of a base again for each of its hundred subclasses.
+    pattern = words = ""
+    in_brackets = never_bare = ()
 
     def __init_subclass__(cls, kind: str | None = None, **_: Any) -> None:  # noqa: ANN401 - pydantic's, for itself
         """Give the class its `kind`, before pydantic collects its fields."""

@@ -1,7 +1,5 @@
 """Networks written in the language, and catalogues of models."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

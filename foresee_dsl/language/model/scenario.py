@@ -1,7 +1,5 @@
 """Scenarios: a logical one has parameters and cases, a concrete one only values."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
