@@ -194,7 +194,7 @@ def _diagnostic(case: TestCase, problem: Problem, named: set[tuple[int, str]]) -
     if document is None:
         return Diagnostic(code=problem.code, message=problem.message, help=problem.help, path=case.id)
     item, field = _place(document, problem)
-    if item is not None and problem.about:
+    if item is not None and (problem.about or problem.part is not None):
         item, field = _named(document, item, problem, named) or (item, field)
     message = problem.message
     if item is None and problem.actor and isinstance(document.model, m.Mutant):
@@ -240,7 +240,7 @@ def _named(
     )
     for item in (part for statement in alike for part in walk(statement)):
         for field in type(item).model_fields:
-            if getattr(item, field) == problem.about and (id(item), field) not in named:
+            if getattr(item, field) == (problem.about or problem.part) and (id(item), field) not in named:
                 named.add((id(item), field))
                 return item, field
     return None

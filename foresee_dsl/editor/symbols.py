@@ -15,7 +15,9 @@ from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.parser import plain
 from foresee_dsl.language.syntax.nodes import Node
 
-_MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType({"eta": "junction", "ttc": "actor", "headway": "actor"})
+_MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType(
+    {"eta": "junction", **dict.fromkeys(m.BETWEEN_ACTORS, "actor")}
+)
 """What a measure is to; a distance is to an actor or a junction."""
 
 _DROPPED: Mapping[str, SymbolKind] = MappingProxyType(

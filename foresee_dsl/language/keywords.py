@@ -58,7 +58,8 @@ USAGE = MappingProxyType(
 TAKEN = frozenset(
     (
         *("then", "wait", "once", "every", "next", "never", "always", "eventually", "within", "not"),
-        *("time", "distance", "ttc", "headway", "collision", "arrived", "signal"),
+        *("time", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"),
+        *("collision", "arrived", "signal"),
     )
 )
 """Words that begin a condition or an action, or stand before one: an actor or a label of that name could not be told

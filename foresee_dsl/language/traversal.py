@@ -66,7 +66,7 @@ def _names(part: m.Item) -> Iterator[str]:
         return
     for field in type(part).model_fields:
         value = getattr(part, field)
-        if isinstance(value, m.Measure | m.Named | m.AlongRoute | m.PastJunction):
+        if isinstance(value, m.Measure | m.Named | m.AlongRoute | m.PastJunction | m.OfActor):
             yield from _names(value)
         elif isinstance(value, str) and field in ("actor", "other", "junction", "name"):
             yield value

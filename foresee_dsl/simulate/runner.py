@@ -26,6 +26,7 @@ from foresee_dsl.simulate.results.drivable_area import squares_of
 from foresee_dsl.simulate.results.outcome import WHEEL_INSET_M, Decision, Judge, off_road_points
 from foresee_dsl.simulate.results.verdict import DriverNotes, Hang, RunResult, Verdict
 from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
+from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.trace import SPEED, STEP_S
 from foresee_dsl.simulate.triggers.condition_history import Expectations
 from foresee_dsl.simulate.triggers.conditions import Conditions
@@ -118,6 +119,7 @@ class _Run:
         self._began_at_goal = bundle.scene.clip and room < WAYPOINT_M
         others = self._simulation.actors[1:]
         self._sensing = Sensing(self._simulation, self._mission, seed, sensors)
+        self._conditions.eyes, self._conditions.sightlines = self._sensing, LinesOfSight(self._simulation)
         self._sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
         self._squares = squares_of(self._simulation.network)
         ego = self._simulation.ego

@@ -34,6 +34,12 @@ scenario s {
         ("ego.signal(mill_oak) is red", "FS251", "no signal at mill_oak", "mill_elm"),
         ("ego.signal(king_elm) is red", "FS252", "the route of ego does not go over king_elm", "mill_oak, mill_elm"),
         ("signal(mill_elm) is ew_gone", "FS251", "no stage called ew_gone", "ew_go, ns_go"),
+        ("signal(mill_elm) is red", "FS251", "no stage called red", "`ego.signal(mill_elm) is red`"),
+        ("ego.signal(mill_elm) is turquoise", "FS251", "green, amber or red, and never turquoise", ""),
+        ("ego.signal(mill_elm) is ew_go", "FS251", "never ew_go", "write `signal(mill_elm) is ew_go`"),
+        ("ego in lane 2 of mill_west", "FS252", "mill_west has no lane 2: it has 1 lane", "from 1 to 1"),
+        ("ego in lane 9", "FS252", "no road of the network has 9 lanes", "from 1 to"),
+        ("ego in lane 1 of mill_wets", "FS251", "no edge called mill_wets", "mill_west"),
     ],
 )
 def test_what_is_not_there_is_said(
@@ -48,7 +54,7 @@ def test_what_is_not_there_is_said(
     assert message in found.message
     assert help in found.help
     assert found.span is not None
-    assert found.span.line == (8 if "along" in condition else 10)  # the name itself; of a place, the trigger
+    assert found.span.line == 10
 
 
 def test_places_of_conditions_are_resolved(scenarios: Path, tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def offered(scenarios: Path, text: str) -> list[str]:
         (HEAD + "meets ", ["ego", "runner"]),
         (HEAD + "ignores ", ["signals", "priority"]),
         (HEAD + "route from mill_west ", ["straight", "left", "right", "back", "way"]),
-        (HEAD + "start at 20 ", ["m", "cm", "km", "along", "before", "past"]),
+        (HEAD + "start at 20 ", ["m", "cm", "km", "ahead", "along", "before", "behind", "past"]),
         (HEAD + 'doc "start ', []),
         (HEAD + "# start ", []),
         (BELOW + "when ego.eta(mill_oak) < 3 s { ego changes lane ", ["left", "right"]),

@@ -117,9 +117,23 @@ def _reserved() -> frozenset[str]:
         "changes speed to 3 m/s",
         "meets a at b after c",
     )
-    conditions = ("in junction a", "within 3 m of a", "is a", "< 3 m")
+    conditions = (
+        *(
+            "in junction a",
+            "within 3 m of a",
+            "is a",
+            "< 3 m",
+            "ahead of a",
+            "behind a",
+            "in lane of a",
+            "in lane 2 of a",
+        ),
+        *("sees a", "in sight of a"),
+    )
     forms = ["when {0}: time > 1 s {{ a starts }}", "expect {0}: never collision(a)"]
     forms += [f"when time > 1 s {{{{ {{0}} {action} }}}}" for action in actions]
+    # a parameter's name where a value begins a place, or is the number of a lane
+    forms += ["expect never a within 3 m of {0} ahead of b", "expect never a in lane {0} of b"]
     forms += [
         f"{start} {{0}} {condition}" for condition in conditions for start in ("expect never", "expect never within a")
     ]

@@ -173,10 +173,31 @@ class NameChecks:
                 yield from self._junction("", kind, other)
         elif isinstance(part, m.InJunction) and part.junction is not None:
             yield from self._junction("", kind, word_of(part.junction))
+        elif isinstance(part, m.InLane):
+            yield from self._lane(kind, part)
         elif isinstance(part, m.Within):
             yield from self._within(kind, part)
         elif isinstance(part, m.Shows):
             yield from self._shows(kind, part, placed)
+
+    def _lane(self, kind: str, part: m.InLane) -> Iterator[Problem]:
+        """An edge that is named is there and has so many lanes; without a name some edge has them."""
+        number = round(si_of(part.number))
+        if part.road is None:
+            most = max((len(edge.drivable) for edge in self._network.edges.values()), default=0)
+            where = "no road of the network"
+        else:
+            road = word_of(part.road)
+            edge = self._network.edges.get(road)
+            if edge is None:
+                message = f"there is no edge called {road}"
+                yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(road, self._network.edges), road)
+                return
+            most, where = len(edge.drivable), f"{road} has no lane {number}: it"
+        if number > most:
+            has = "1 lane" if most == 1 else f"{most} lanes"
+            message = f"{where} has {has}" if part.road is not None else f"{where} has {number} lanes"
+            yield Problem("", kind, codes.PLACE, message, f"lanes are counted from 1 to {most}", part=part.number)
 
     def _within(self, kind: str, part: m.Within) -> Iterator[Problem]:
         if isinstance(part.of, m.Named):
@@ -185,18 +206,28 @@ class NameChecks:
                 known = (*self._actors, *self._network.junctions)
                 message = f"there is no actor and no junction called {name}"
                 yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, known), name)
-        elif not isinstance(part.of, m.Point):
+        elif not isinstance(part.of, m.Point | m.OfActor):  # these are where their actor is when it is asked
             try:
                 spot = self._spot(part.of)
             except RouteError as err:
-                yield Problem("", kind, codes.PLACE, str(err), err.help)
+                yield Problem("", kind, codes.PLACE, str(err), err.help, part=part.of)
             else:
                 self.places[part.of] = (spot.x, spot.y)
 
     def _shows(self, kind: str, part: m.Shows, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
         junction = word_of(part.junction)
+        state = word_of(part.state)
         if part.actor is None or junction not in self._signals:
-            yield from self._stage(kind, junction, word_of(part.state))
+            yield from self._stage(kind, junction, state)
+        elif state not in m.SIGNAL_COLOURS:
+            message = f"a signal shows {part.actor} green, amber or red, and never {state}"
+            stage = state in self._signals[junction].stages
+            help = (
+                f"write `signal({junction}) is {state}` for its stage"
+                if stage
+                else did_you_mean(state, m.SIGNAL_COLOURS)
+            )
+            yield Problem("", kind, codes.UNKNOWN, message, help, state)
         elif not self._case.snapshot:  # in a clip it may have passed the junction
             actor = placed.get(part.actor)
             if actor is not None and (over := _misses(actor, junction)):
@@ -210,7 +241,10 @@ class NameChecks:
             yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(junction, self._signals), junction)
         elif stage not in signal.stages:
             message = f"the signal at {junction} has no stage called {stage}"
-            yield Problem("", kind, codes.UNKNOWN, message, f"its stages are {', '.join(signal.stages)}", stage)
+            help = f"its stages are {', '.join(signal.stages)}"
+            if stage in m.SIGNAL_COLOURS:
+                help += f"; what it shows to an actor is `ego.signal({junction}) is {stage}`"
+            yield Problem("", kind, codes.UNKNOWN, message, help, stage)
 
     def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:
         if junction not in self._network.junctions:

@@ -11,7 +11,19 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Sc
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
-from foresee_dsl.compile.placement.starts import WHEELS, OnPath, OnRoute, Starts, item, items, lane_kind, route_of, si
+from foresee_dsl.compile.placement.starts import (
+    WHEELS,
+    CircleError,
+    OnPath,
+    OnRoute,
+    Starts,
+    UnsettledError,
+    item,
+    items,
+    lane_kind,
+    route_of,
+    si,
+)
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.routing import RouteError
@@ -54,6 +66,7 @@ class SceneBuilder:
         scenario = case.scenario
         self._actors: dict[str, m.Ego | m.Actor] = {}
         self._problems: list[Problem] = []
+        self._circles: set[frozenset[str]] = set()
         for actor in scenario.actors:
             model = str(actor.model)
             if model in specs:
@@ -141,6 +154,13 @@ class SceneBuilder:
         """Return the result of `work`; None after adding a problem where it raises `RouteError`."""
         try:
             return work()
+        except UnsettledError:
+            return None  # the actor that it is counted from has the mistake
+        except CircleError as err:
+            if err.members not in self._circles:
+                self._circles.add(err.members)
+                self._add(actor, at, codes.PLACE, str(err), err.help)
+            return None
         except RouteError as err:
             code = codes.PLACE if at in ("start_at", "path", "goal") else codes.ROUTE
             self._add(actor, at, code, str(err), err.help)

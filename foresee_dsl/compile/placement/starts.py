@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import chain, pairwise
-from typing import TypeVar
+from typing import TypeVar, assert_never
 
 from foresee_dsl.compile.bundle import ModelSpec
+from foresee_dsl.compile.placement.standing import Standing
 from foresee_dsl.compile.roads import polyline as lines
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, distance, interpolate, wrap
@@ -47,6 +49,7 @@ outweighs it."""
 _SLACK_M = 1e-3
 """A place may lie this far beyond an end, m (ours: roundings of files)."""
 _T = TypeVar("_T", bound=m.Item)
+_R = TypeVar("_R")
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
 
@@ -116,6 +119,23 @@ class OnPath:
     along_m: float
 
 
+class CircleError(RouteError):
+    """Starts that are counted from each other in a circle of actors, the `members`."""
+
+    def __init__(self, members: tuple[str, ...]) -> None:
+        """Say it, once for all of them."""
+        circle = " from ".join((*members, members[0]))
+        message = f"the places of actors are counted in a circle: {circle}"
+        if len(members) == 1:
+            message = f"the place of {members[0]} is counted from {members[0]} itself"
+        super().__init__(message, "give one of them a place of its own, such as `30 m along ego.route`")
+        self.members = frozenset(members)
+
+
+class UnsettledError(RouteError):
+    """A place that is counted from an actor whose own start is impossible, which is reported there."""
+
+
 class Starts:
     """Computes where actors start, one at a time: a place may refer to the route and start of another actor.
 
@@ -127,6 +147,7 @@ class Starts:
     ) -> None:
         self._network, self._actors, self._specs = network, actors, specs
         self._found: dict[str, OnRoute] = {}
+        self._paths: dict[str, OnPath] = {}
         self._resolving: list[str] = []
 
     def _line_of(self, actor: str) -> tuple[RouteLine, float]:
@@ -143,29 +164,80 @@ class Starts:
         if name not in self._found:
             if name not in self._actors:
                 raise RouteError(f"there is no actor called {name}", did_you_mean(name, self._actors))
-            self._resolving.append(name)
-            try:
-                self._found[name] = self._place(name)
-            finally:
-                self._resolving.pop()
+            self._found[name] = self._resolved(name, self._place)
         return self._found[name]
+
+    def _resolved(self, name: str, find: Callable[[str], _R]) -> _R:
+        self._resolving.append(name)
+        try:
+            return find(name)
+        finally:
+            self._resolving.pop()
+
+    def _standing(self, name: str) -> Standing:
+        """Return where an actor of any kind starts, with its way."""
+        if name not in self._actors:
+            if re.fullmatch(r".+_[0-9]+", name):  # a name that nobody has is reported in the text
+                message = f"{name} is of the background traffic, which is placed after all others"
+                raise RouteError(message, "count the place from an actor that has a statement of its own")
+            raise RouteError(f"there is no actor called {name}", did_you_mean(name, self._actors))
+        if name in self._resolving:
+            raise CircleError(tuple(self._resolving[self._resolving.index(name) :]))
+        actor, spec = self._actors[name], self._specs[name]
+        try:
+            if route_of(actor) is not None:
+                at = self.on_route(name)
+                back = spec.length_m / 2
+                x, y = at.x - back * math.cos(at.heading_rad), at.y - back * math.sin(at.heading_rad)
+                _, left = at.line.project(at.x, at.y, at.s)
+                return Standing(x, y, at.heading_rad, spec.length_m, spec.width_m, at.line, at.s - back, left)
+            if item(actor, m.Path) is not None:
+                on = self.on_path(name)
+                return Standing(
+                    on.x, on.y, on.heading_rad, spec.length_m, spec.width_m, lines.line_of(on.path), on.along_m
+                )
+            return Standing(*self.still(name), spec.length_m, spec.width_m)
+        except CircleError as err:
+            if self._resolving and self._resolving[-1] not in err.members:
+                raise UnsettledError(str(err)) from err
+            raise
+        except RouteError as err:
+            raise UnsettledError(str(err)) from err
 
     def spot(self, place: m.Place) -> Spot:
         """Return where a place is.
 
         Raises:
             RouteError: an unknown name, a length beyond the end of an edge or route, or two actors' starts depend on
-                each other.
+                each other; an `UnsettledError` where the start of the actor that it is counted from is impossible.
         """
-        if isinstance(place, m.Point):
-            return Spot(si(place.x), si(place.y))
-        if isinstance(place, m.AlongEdge):
-            return Spot(*self._network.locate(word_of(place.edge), si(place.at), si(place.offset)))
-        if isinstance(place, m.AlongRoute):
-            line, start = self._line_of(place.actor)
-            if place.actor in self._resolving[:-1]:
-                raise RouteError(f"the starts of {' and '.join(self._resolving)} depend on each other")
-            return _on(line, start + si(place.at), place)
+        match place:
+            case m.Point():
+                return Spot(si(place.x), si(place.y))
+            case m.AlongEdge():
+                return Spot(*self._network.locate(word_of(place.edge), si(place.at), si(place.offset)))
+            case m.AlongRoute():
+                line, start = self._line_of(place.actor)
+                if place.actor in self._resolving[:-1]:
+                    raise RouteError(f"the starts of {' and '.join(self._resolving)} depend on each other")
+                return _on(line, start + si(place.at), place)
+            case m.PastJunction():
+                return self._past(place)
+            case m.AheadOf() | m.BehindOf() | m.Beside() | m.PlaceOf():
+                return self._of_actor(place)
+            case _:
+                assert_never(place)
+
+    def _of_actor(self, place: m.OfActor) -> Spot:
+        standing = self._standing(place.actor)
+        pose = standing.place(place, wheels=self._specs[place.actor].kind in WHEELS)
+        if not isinstance(standing.line, RouteLine):
+            return Spot(*pose, actor=place.actor)
+        s = standing.s + standing.onwards_m(place)
+        _check_on(standing.line, s, place.actor)
+        return Spot(*pose, actor=place.actor, s=s)
+
+    def _past(self, place: m.PastJunction) -> Spot:
         junction = word_of(place.junction)
         check_junction(self._network, junction)
         line, _ = self._line_of(place.actor)
@@ -181,6 +253,11 @@ class Starts:
 
     def on_path(self, name: str) -> OnPath:
         """Return where an actor with a path starts."""
+        if name not in self._paths:
+            self._paths[name] = self._resolved(name, self._find_on_path)
+        return self._paths[name]
+
+    def _find_on_path(self, name: str) -> OnPath:
         actor, spec = self._actors[name], self._specs[name]
         statement = item(actor, m.Path)
         if statement is None:
@@ -208,6 +285,9 @@ class Starts:
 
     def still(self, name: str) -> tuple[float, float, float]:
         """Return the footprint's centre and the heading of an actor without route and path."""
+        return self._resolved(name, self._find_still)
+
+    def _find_still(self, name: str) -> tuple[float, float, float]:
         actor, spec = self._actors[name], self._specs[name]
         if actor.state is not None:
             return centre(actor.state, spec)
@@ -285,7 +365,7 @@ class Starts:
             # the whole vehicle on its first edge, where that is long enough
             return line.at(min(line.origin_s + spec.length_m, (line.origin_s + line.end_s) / 2))
         place = self.spot(start.place)
-        elsewhere = isinstance(start.place, m.AlongRoute | m.PastJunction) and start.place.actor != name
+        elsewhere = isinstance(start.place, m.AlongRoute | m.PastJunction | m.OfActor) and start.place.actor != name
         if place.heading_rad is not None and not elsewhere:
             return place.x, place.y, place.heading_rad
         s, lateral = line.project(place.x, place.y)  # coordinates, or a place on another actor's route
@@ -327,14 +407,19 @@ class Starts:
         return found
 
 
-def _on(line: RouteLine, s: float, place: m.AlongRoute | m.PastJunction) -> Spot:
+def _check_on(line: RouteLine, s: float, actor: str) -> None:
+    """Raise a `RouteError` for a length that is not on an actor's route."""
     if not line.origin_s - _SLACK_M <= s <= line.end_s + _SLACK_M:
         beyond = s - line.end_s if s > line.end_s else line.origin_s - s
         side = "after the end" if s > line.end_s else "before the beginning"
         raise RouteError(
-            f"the place is {beyond:.1f} m {side} of the route of {place.actor}",
+            f"the place is {beyond:.1f} m {side} of the route of {actor}",
             f"the route is {line.end_s - line.origin_s:.1f} m long",
         )
+
+
+def _on(line: RouteLine, s: float, place: m.AlongRoute | m.PastJunction) -> Spot:
+    _check_on(line, s, place.actor)
     return Spot(*line.at(s, si(place.offset)), actor=place.actor, s=s)
 
 

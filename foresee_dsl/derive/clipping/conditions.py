@@ -75,6 +75,8 @@ class _Rebase:
                 return both(*found) if isinstance(condition, m.Both) else either(*found)
             case m.Comparison() | m.Equals() | m.Predicate() | m.InJunction() | m.Within() | m.Shows():
                 return self._innermost(condition, positive=positive)
+            case m.Ahead() | m.Behind() | m.SameLane() | m.InLane() | m.Sees() | m.InSight():
+                return self._innermost(condition, positive=positive)  # about the moment: as it is
             case _:
                 assert_never(condition)
 

@@ -134,7 +134,7 @@ def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str]
     """Every actor that is named exists; one of the traffic is named `others_03`."""
     for root in body:
         for item in walk(root):
-            place = isinstance(item, m.Measure) and item.what not in ("ttc", "headway")  # its `other` is a junction
+            place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS  # its `other` is a junction
             named = [(field, getattr(item, field, None)) for field in (("actor",) if place else ("actor", "other"))]
             for field, name in ((field, name) for field, name in named if isinstance(name, str)):
                 group = re.fullmatch(r"(.+)_[0-9]+", name)

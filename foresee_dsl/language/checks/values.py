@@ -21,6 +21,7 @@ _WORD_OF_FIELD: Mapping[str, ParamType] = {
 }
 _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
     (m.Route, "start"): "arm",
+    (m.InLane, "road"): "arm",
     (m.Shows, "state"): "stage",
     (m.Measure, "other"): "junction",
     (m.Named, "name"): "junction",

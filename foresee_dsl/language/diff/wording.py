@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from decimal import Decimal
+from typing import get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.diff.parts import Group
@@ -20,7 +21,7 @@ _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
 """Statements called by the first word of their pattern alone, although fixed words follow it in the printed text."""
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
-_WRITTEN = (m.Quantity, m.Ref, m.Range, m.Measure, m.Point, m.AlongEdge, m.AlongRoute, m.PastJunction)
+_WRITTEN = (m.Quantity, m.Ref, m.Range, m.Measure, *get_args(get_args(m.Place)[0]))
 """Values and places that are shown as they are written; other parts of statements field by field."""
 _FIELDWISE = (m.Weather, m.SignalState, m.Change)
 """Statements of one line, without a name, that are compared setting by setting."""

@@ -23,9 +23,15 @@ MEASURED: Mapping[str, Dimension] = MappingProxyType(
         "speed": "speed",
         "acceleration": "acceleration",
         "distance": "length",
+        "offset": "length",
+        "lateral": "length",
+        "overlap": "length",
+        "relative_speed": "speed",
     }
 )
 """The dimension of what a condition measures."""
+BETWEEN_ACTORS = ("ttc", "headway", "lateral", "overlap", "relative_speed")
+"""What is measured between two actors, and never to a junction."""
 
 
 class Measure(Phrase):
@@ -36,6 +42,11 @@ class Measure(Phrase):
     `distance(a, b)` (m between footprints, or from `a` along its route to where it enters junction `b`), `ttc(a, b)`
     (s, constant velocities, footprints; infinite when they do not meet), `headway(a, b)` (s that `a` needs at its
     speed, not under 1 m/s, for the distance between the two footprints).
+
+    `ego.offset` (m from the middle of the lane that its middle is in, left positive), and along the way of `a` (its
+    route, its path, or straight on): `lateral(a, b)` (m to the side between the footprints, 0 where they overlap
+    sideways), `overlap(a, b)` (m over which the footprints are side by side; negative: the gap), `relative_speed(a, b)`
+    (m/s, how much faster `a` goes along its heading than `b` does in that direction).
     """
 
     words = """
@@ -46,9 +57,18 @@ class Measure(Phrase):
         headway (condition): seconds that the first needs at its speed for the gap to the other
             | headway(ego, lead) < 2 s
         eta (constant): seconds until an actor enters a junction | ego.eta(j4) < 4 s
+        lateral (condition): metres to the side between two footprints, across the way of the first
+            | lateral(ego, cyclist) < 1 m
+        overlap (condition): metres over which two footprints are side by side; negative: the gap along the way of the
+            first | overlap(ego, lorry) > 0 m
+        relative_speed (condition): how much faster the first goes than the other, along the first one's heading
+            | relative_speed(ego, lead) > 3 m/s
     """
 
-    what: Literal["time", "speed", "acceleration", "eta", "distance", "ttc", "headway"]
+    what: Literal[
+        "time", "speed", "acceleration", "offset", "eta", "distance", "ttc", "headway", "lateral", "overlap",
+        "relative_speed",
+    ]  # fmt: skip
     actor: v.ActorName | None = None
     other: Annotated[v.Id | v.Ref, Names("thing")] | None = None
     """The second actor or the junction."""
@@ -58,11 +78,11 @@ class Measure(Phrase):
         match self.what:
             case "time":
                 return self.what
-            case "speed" | "acceleration":
+            case "speed" | "acceleration" | "offset":
                 return f"{{actor}}.{self.what}"
             case "eta":
                 return "{actor}.eta({other})"
-            case "distance" | "ttc" | "headway":
+            case "distance" | "ttc" | "headway" | "lateral" | "overlap" | "relative_speed":
                 return f"{self.what}({{actor}}, {{other}})"
 
 
@@ -109,10 +129,76 @@ class InJunction(Phrase):
     junction: v.JunctionId | None = None
 
 
+class Ahead(Phrase):
+    """`lead ahead of ego`: all of its footprint lies beyond the other's front, along the other's way (its route, its
+    path, or straight on), however far to the side."""
+
+    pattern = "{actor} ahead of {other}"
+
+    actor: v.ActorName
+    other: v.ActorName
+
+
+class Behind(Phrase):
+    """`lead behind ego`: all of its footprint lies short of the other's rear, along the other's way."""
+
+    pattern = "{actor} behind {other}"
+
+    actor: v.ActorName
+    other: v.ActorName
+
+
+class SameLane(Phrase):
+    """`cutter in lane of ego`: the middle of its footprint lies in the lane that the other's middle is in, or in one
+    that this lane leads on to along the other's route; or the other's middle so in the lane of this one."""
+
+    pattern = "{actor} in lane of {other}"
+
+    actor: v.ActorName
+    other: v.ActorName
+
+
+class InLane(Phrase):
+    """`ego in lane 2`, `ego in lane 2 of west`: the middle of its footprint lies in that lane of the edge.
+
+    Lanes are counted from the side that traffic keeps to; those that only cyclists, people or parked cars use do not
+    count.
+    """
+
+    pattern = "{actor} in lane {number} [of {road}]"
+
+    actor: v.ActorName
+    number: Annotated[v.Count, Bounds(1, 20)]  # ours: no road of the maps has more lanes
+    road: v.RoadId | None = None
+
+
+class Sees(Phrase):
+    """`ego sees walker`: the ego's sensors report it: it is in reach and in their field of view, not hidden, and not
+    missed at this moment. What they report reaches the driver a moment later."""
+
+    pattern = "{actor} sees {other}"
+    words = "sees (condition): the ego's sensors report an actor | ego sees walker"
+
+    actor: v.ActorName
+    other: v.ActorName
+
+
+class InSight(Phrase):
+    """`walker in sight of bus`: no building and no actor hides it from the other's eyes, however far away and on
+    whichever side it is."""
+
+    pattern = "{actor} in sight of {other}"
+    words = "sight (condition): nothing hides one actor from another | walker in sight of bus"
+
+    actor: v.ActorName
+    other: v.ActorName
+
+
 class Named(Phrase):
     """An actor or a junction, by its name."""
 
     pattern = "{name}"
+    never_bare = ("beside", "the")
 
     name: Annotated[v.Id | v.Ref, Names("thing")]
 
@@ -125,7 +211,10 @@ class Within(Phrase):
 
     actor: v.ActorName
     distance: v.Length
-    of: Annotated[Named | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction, ONE_OF]
+    of: Annotated[
+        Named | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction | v.AheadOf | v.BehindOf | v.Beside | v.PlaceOf,
+        ONE_OF,
+    ]
 
 
 class Shows(Phrase):
@@ -196,7 +285,22 @@ class Either(Phrase, kind="or"):
 
 
 Condition = Annotated[
-    Comparison | Equals | Predicate | InJunction | Within | Shows | Sustained | Not | Both | Either,
+    Comparison
+    | Equals
+    | Predicate
+    | InJunction
+    | Ahead
+    | Behind
+    | SameLane
+    | InLane
+    | Sees
+    | InSight
+    | Within
+    | Shows
+    | Sustained
+    | Not
+    | Both
+    | Either,
     ONE_OF,
 ]
 

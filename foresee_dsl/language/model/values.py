@@ -169,4 +169,59 @@ class PastJunction(Phrase):
     offset: Length | None = None
 
 
-Place = Annotated[Point | AlongEdge | AlongRoute | PastJunction, ONE_OF]
+class AheadOf(Phrase):
+    """`10 m ahead of bus offset 1 m`: from an actor's front onwards along its way: its route, its path, or straight on.
+
+    As far to the side as the actor is, and by the offset further (left positive). At the beginning it is counted from
+    where the actor starts, in conditions and actions from where it is then; so are the places below.
+    """
+
+    pattern = "{at} ahead of {actor} [offset {offset}]"
+    words = """
+        ahead (condition): beyond the front of an actor, along that actor's way | ego ahead of lead
+    """
+
+    actor: ActorName
+    at: Length
+    offset: Length | None = None
+
+
+class BehindOf(Phrase):
+    """`10 m behind bus offset 1 m`: from an actor's rear back along its way."""
+
+    pattern = "{at} behind {actor} [offset {offset}]"
+    words = """
+        behind (condition): short of the rear of an actor, along that actor's way | lead behind ego
+    """
+
+    actor: ActorName
+    at: Length
+    offset: Length | None = None
+
+
+class Beside(Phrase):
+    """`beside bus left 1.5 m`: to the left or right of an actor, so far from its side, level with its middle."""
+
+    pattern = "beside {actor} {side} {at}"
+    words = "beside (link): a place to the side of an actor, level with its middle | start at beside ego left 1.5 m"
+
+    actor: ActorName
+    side: Literal["left", "right"] | Ref
+    at: Length
+
+
+class PlaceOf(Phrase):
+    """`the place of bus`: where an actor is: the middle of its front (of a pedestrian or obstacle, its middle)."""
+
+    pattern = "the place of {actor}"
+    words = """
+        the (link): begins `the place of` | ego within 5 m of the place of bus
+        place (link): where an actor is | ego within 5 m of the place of bus
+    """
+
+    actor: ActorName
+
+
+OfActor = AheadOf | BehindOf | Beside | PlaceOf
+"""Places relative to an actor: from where it starts, or in conditions and actions from where it is then."""
+Place = Annotated[Point | AlongEdge | AlongRoute | PastJunction | AheadOf | BehindOf | Beside | PlaceOf, ONE_OF]

@@ -119,7 +119,7 @@ class Problem:
 
     `actor`: its name, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
     (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `about`: the name in that statement that is at
-    fault, if it is one. `compile.compiler.diagnose` turns it into a `Diagnostic` with its place.
+    fault, if it is one; `part`: the place or value. `compile.compiler.diagnose` turns it into a `Diagnostic`.
     """
 
     actor: str
@@ -128,6 +128,7 @@ class Problem:
     message: str
     help: str = ""
     about: str = ""
+    part: m.Item | None = None
 
 
 class PlacementError(Exception):

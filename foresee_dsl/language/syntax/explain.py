@@ -208,7 +208,7 @@ class Refusal:
             parts += ["`<`", "`<=`", "`>`", "`>=`"]
         if "ttc" in words:
             return "a condition such as `ego.speed < 3 m/s`"
-        parts += [f"`{word}`" for word in words]
+        parts += [f"`{word}`" for word in words if not ("NUMBER" in accepted and word in ("beside", "the"))]  # a place
         parts += [f"`{sign}`" for sign in signs if sign not in "{};" and not (sign == "(" and "NUMBER" in accepted)]
         if not parts and accepted & {"$END", "_NEWLINE", "SEMICOLON", "RBRACE"}:
             return _END

@@ -22,6 +22,8 @@ Key = tuple[str | int, ...]
 
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
 """What stands behind an actor's name and a dot in a pattern."""
+_READ_OFF = ("speed", "acceleration", "offset")
+"""Measures of one actor that take no argument."""
 MAX_DEPTH = 40
 """How deep conditions may nest (ours: far beyond what a person reads, far below Python's recursion limit)."""
 
@@ -229,14 +231,14 @@ class NodeMaker:
         first = _token(tree.children[0])
         if first.type == "DOTTED":
             argument = tree.children[1]
-            what = self._dotted(first, node, "actor", ("speed", "acceleration", "eta"))
+            what = self._dotted(first, node, "actor", (*_READ_OFF, "eta"))
             if argument is None and what == "eta":
                 self._error("FS003", "'eta' needs a junction", "write it like `ego.eta(j4)`", node.span)
-            elif argument is not None and what in ("speed", "acceleration"):
+            elif argument is not None and what in _READ_OFF:
                 self._error("FS003", f"'{what}' takes no argument", f"write it like `ego.{what}`", node.span)
             if argument is not None:
                 self._put(node, "other", argument)
-            node.fields["what"] = what if what in ("speed", "acceleration", "eta") else "speed"
+            node.fields["what"] = what if what in (*_READ_OFF, "eta") else "speed"
         else:
             for name, child in zip(("what", "actor", "other"), tree.children, strict=False):
                 if child is not None:

@@ -97,17 +97,24 @@ class ObjectList:
             ego: where it is, x, y, heading. estimated: where its localisation places it.
             states: [N, >=4] x, y, heading, speed of the others; NaN where there is none.
         """
-        walls, noise = self._sight.walls.near(ego[0], ego[1]), self._noise
-        poses, states = self._poses, np.ascontiguousarray(states)
-        poses[0], poses[1] = ego, estimated
-        rows = measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
         kinds, track, seen = self._kinds, self._tracks.of, []
-        for row in rows.tolist():
+        for row in self._rows(frame, ego, estimated, states).tolist():
             k = int(row.pop())
             actor = _Row(track(k, frame), kinds[k], *row)
             actor.__class__ = SeenActor
             seen.append(actor)
         return tuple(seen)
+
+    def reported(self, frame: int, ego: Pose, states: FloatArray) -> frozenset[int]:
+        """Return the indices of the objects that a scan at a frame reports; arguments as of `measure`. It gives out no
+        track numbers: asking changes nothing."""
+        return frozenset(int(row[-1]) for row in self._rows(frame, ego, ego, states).tolist())
+
+    def _rows(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> FloatArray:
+        walls, noise = self._sight.walls.near(ego[0], ego[1]), self._noise
+        poses, states = self._poses, np.ascontiguousarray(states)
+        poses[0], poses[1] = ego, estimated
+        return measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
 
 
 def _scan_settings(sight: Sight, settings: SensorSettings) -> ScanSettings:

@@ -105,6 +105,21 @@ class Sensing:
         self._pipe: deque[_Scan] = deque()
         self._unseen: deque[_Scan] = deque()
         self._mission = mission
+        self._numbers = {actor.id: k for k, actor in enumerate(others)}
+        self._reported: tuple[int, frozenset[int]] = (-1, frozenset())
+
+    def reports(self, actor: str) -> bool:
+        """Say whether a scan at the frame that the simulation is at reports an actor.
+
+        What the driver knows is older by the latency, and there is a scan every few frames only; this is about the
+        moment, so that it depends on nothing that was before.
+        """
+        frame = self._simulation.frame
+        if self._reported[0] != frame:
+            states, _, _ = self._simulation.state_table.frame()
+            x, y, heading = states[0, :3].tolist()
+            self._reported = frame, self._objects.reported(self._began + frame, (x, y, heading), states[1:])
+        return self._numbers.get(actor, -1) in self._reported[1]
 
     @cached_property
     def _views(self) -> RunViews:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import assert_never
+from typing import Literal, Protocol, assert_never
 
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.kernels.boxes import box_distance, overlaps
@@ -25,6 +25,25 @@ from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, Outlines, eta, point_distance, ttc
+from foresee_dsl.simulate.triggers.ways import Ways
+
+_Between = Literal["eta", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"]
+
+
+class Eyes(Protocol):
+    """What sees: the ego's sensors."""
+
+    def reports(self, actor: str) -> bool:
+        """Say whether they report an actor now."""
+        ...
+
+
+class Sightlines(Protocol):
+    """Bare lines of sight."""
+
+    def clear(self, eye: str, actor: str) -> bool:
+        """Say whether nothing hides an actor from another."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +75,10 @@ class Conditions:
     def __init__(self, simulation: Simulation, signals: Mapping[str, Signal]) -> None:
         self._simulation, self._signals = simulation, signals
         self._outlines = Outlines(simulation.network)
+        self.ways = Ways(simulation)
+        self.eyes: Eyes | None = None
+        """The ego's sensors; set before the first frame."""
+        self.sightlines: Sightlines | None = None
         self.ego_hit: bool | None = None
         """Whether the ego touches anything at this frame, where that is known already."""
 
@@ -78,6 +101,8 @@ class Conditions:
                 return self._predicate(condition)
             case m.InJunction():
                 return self._in_junction(condition)
+            case m.Ahead() | m.Behind() | m.SameLane() | m.InLane() | m.Sees() | m.InSight():
+                return self._related(condition)
             case m.Within():
                 return self._within(condition)
             case m.Shows():
@@ -93,31 +118,47 @@ class Conditions:
         """Return a measure's value now, NaN where there is none."""
         if measure.what == "time":
             return self._simulation.time_s
-        actor, name = self._actor(measure.actor), word_of(measure.other or "")
+        actor = self._actor(measure.actor)
         if actor is None:
             return math.nan
-        other = self._actor(name)
-        value = math.nan
         match measure.what:
             case "speed":
-                value = actor.speed
+                return actor.speed
             case "acceleration":
-                value = actor.acceleration
-            case "eta":
-                left_m = self._simulation.progress.to_junction(actor, name, self._simulation.frame)
-                value = math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
-            case "distance" if self._is_junction(name):
-                value = self._simulation.progress.to_junction(actor, name, self._simulation.frame)
-            case "distance" if other is not None:
-                value = box_distance(actor.box, other.box)
-            case "ttc" if other is not None:
-                value = ttc(actor.mover, other.mover)
-            case "headway" if other is not None:
-                value = box_distance(actor.box, other.box) / max(actor.speed, SLOWEST_MPS)
-            case "distance" | "ttc" | "headway":
-                pass  # the other is not there; one of the traffic may have found no room
+                return actor.acceleration
+            case "offset":
+                lane = self.ways.lane(actor)
+                return math.nan if lane is None else lane[1]
+            case "eta" | "distance" | "ttc" | "headway" | "lateral" | "overlap" | "relative_speed":
+                return self._to(measure.what, actor, word_of(measure.other or ""))
             case _:
                 assert_never(measure.what)
+
+    def _to(self, what: _Between, actor: Actor, name: str) -> float:
+        """Return what is measured from an actor to another, or to a junction; NaN where that is not there."""
+        if what == "eta" or (what == "distance" and self._is_junction(name)):
+            left_m = self._simulation.progress.to_junction(actor, name, self._simulation.frame)
+            if what == "distance":
+                return left_m
+            return math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
+        other = self._actor(name)
+        if other is None:  # one of the traffic may have found no room
+            return math.nan
+        match what:
+            case "distance":
+                value = box_distance(actor.box, other.box)
+            case "ttc":
+                value = ttc(actor.mover, other.mover)
+            case "headway":
+                value = box_distance(actor.box, other.box) / max(actor.speed, SLOWEST_MPS)
+            case "lateral":
+                value = self.ways.lateral_m(actor, other)
+            case "overlap":
+                value = self.ways.overlap_m(actor, other)
+            case "relative_speed":
+                value = actor.speed - other.speed * math.cos(other.heading - actor.heading)
+            case _:
+                assert_never(what)
         return value
 
     def arrived(self, name: str) -> bool:
@@ -165,6 +206,31 @@ class Conditions:
             return Outcome(False, -away, "m", condition, "length")
         return Outcome(True, decides=condition)  # how deep it is inside means nothing
 
+    def _related(self, condition: m.Ahead | m.Behind | m.SameLane | m.InLane | m.Sees | m.InSight) -> Outcome | None:
+        """Where an actor is relative to another, or to the lanes; whether it is seen."""
+        actor = self._actor(condition.actor)
+        other = actor if isinstance(condition, m.InLane) else self._actor(condition.other)
+        if actor is None or other is None:
+            return None
+        match condition:
+            case m.Ahead():
+                inside = self.ways.ahead_m(actor, other)
+            case m.Behind():
+                inside = self.ways.behind_m(actor, other)
+            case m.SameLane():
+                inside = self.ways.same_lane_m(actor, other)
+            case m.InLane():
+                road = None if condition.road is None else word_of(condition.road)
+                inside = self.ways.in_lane_m(actor, round(si_of(condition.number)), road)
+            case m.Sees():
+                return None if self.eyes is None else Outcome(self.eyes.reports(other.id), decides=condition)
+            case m.InSight():
+                lines = self.sightlines
+                return None if lines is None else Outcome(lines.clear(other.id, actor.id), decides=condition)
+            case _:
+                assert_never(condition)
+        return None if math.isnan(inside) else Outcome(inside >= 0, inside, "m", condition, "length")
+
     def _within(self, condition: m.Within) -> Outcome | None:
         actor = self._actor(condition.actor)
         away = math.nan if actor is None else self._away(actor, condition)
@@ -181,6 +247,9 @@ class Conditions:
                 return self._outlines.distance(actor.box, name)
             other = self._actor(name)
             return math.nan if other is None else box_distance(actor.box, other.box)
+        if isinstance(of, m.OfActor):
+            pose = self.ways.place(of)
+            return math.nan if pose is None else point_distance(actor.box, pose[0], pose[1])
         x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, m.Point) else self._simulation.scene.places[of]
         return point_distance(actor.box, x, y)
 

@@ -78,6 +78,8 @@ class Conditions:
         if left.what == "acceleration":
             along = osc.DirectionalDimension.longitudinal
             return self._by_entity(actor, osc.AccelerationCondition(value, rule, along))
+        if left.what in ("offset", "lateral", "overlap", "relative_speed"):
+            raise NotExpressed(f"conditions: {left.what}")
         other = str(left.other)
         if other not in self.actors or left.what == "eta":
             raise NotExpressed(f"conditions: {left.what} to a junction")
@@ -100,6 +102,8 @@ class Conditions:
                 raise NotExpressed("conditions: within a distance of a junction")
             return self._by_entity(condition.actor, osc.RelativeDistanceCondition(value, rule, around, other))
         at = condition.of
+        if isinstance(at, m.OfActor):
+            raise NotExpressed("conditions: a place that moves with an actor")
         x, y = (si_of(at.x), si_of(at.y)) if isinstance(at, m.Point) else self.places[at]
         return self._by_entity(condition.actor, osc.DistanceCondition(value, rule, world(x, y), False, True, around))
 

@@ -1,0 +1,69 @@
+"""Where an actor stands on its way, and the places ahead of it, behind it and beside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import assert_never
+
+from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.language import model as m
+from foresee_dsl.language.traversal import si_of, word_of
+
+Pose = tuple[float, float, float]
+"""x, y (m) and heading (rad)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """An actor's footprint on its way.
+
+    Attributes:
+        x, y, heading_rad: of the footprint's middle. length_m, width_m: of the footprint.
+        line: its way; None for an actor without one, whose way is straight on. Beyond its ends a way goes straight on.
+        s, left_m: where the middle is: the length along the way, and how far to the left of it (0 without a line).
+    """
+
+    x: float
+    y: float
+    heading_rad: float
+    length_m: float
+    width_m: float
+    line: Polyline | None = None
+    s: float = 0.0
+    left_m: float = 0.0
+
+    def at(self, onwards_m: float, left_m: float = 0.0) -> Pose:
+        """Return the place so far onwards from the middle (negative: back) and so far to the left of it."""
+        if self.line is not None:
+            return self.line.at(self.s + onwards_m, self.left_m + left_m)
+        cos, sin = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return self.x + onwards_m * cos - left_m * sin, self.y + onwards_m * sin + left_m * cos, self.heading_rad
+
+    def onwards_m(self, place: m.OfActor, *, wheels: bool = True) -> float:
+        """Return how far onwards from the middle a place lies (negative: back)."""
+        match place:
+            case m.AheadOf():
+                return self.length_m / 2 + si_of(place.at)
+            case m.BehindOf():
+                return -self.length_m / 2 - si_of(place.at)
+            case m.Beside():
+                return 0.0
+            case m.PlaceOf():
+                return self.length_m / 2 if wheels else 0.0
+            case _:
+                assert_never(place)
+
+    def place(self, place: m.OfActor, *, wheels: bool = True) -> Pose:
+        """Return where a place relative to this actor is; `wheels`: it is a vehicle, which is where its front is."""
+        match place:
+            case m.AheadOf() | m.BehindOf():
+                left_m = 0.0 if place.offset is None else si_of(place.offset)
+            case m.Beside():
+                away_m = self.width_m / 2 + si_of(place.at)
+                left_m = away_m if word_of(place.side) == "left" else -away_m
+            case m.PlaceOf():
+                left_m = 0.0
+            case _:
+                assert_never(place)
+        return self.at(self.onwards_m(place, wheels=wheels), left_m)
