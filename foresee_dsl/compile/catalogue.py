@@ -10,7 +10,8 @@ from typing import cast
 
 from foresee_dsl.compile.bundle import ActorKind, ModelSpec
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.model import Quantity, Ref, VehicleModel
+from foresee_dsl.language.model import AnyValue, Quantity, VehicleModel
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.catalogues import SUM_SLACK_M, cruise_speed_mps
 
 _KMH = 1 / 3.6
@@ -114,8 +115,7 @@ def _axles(model: VehicleModel, base: ClassDefaults, length_m: float) -> tuple[f
 
 
 def _cruise(model: VehicleModel) -> float | None:
-    if isinstance(model.cruise_speed, Ref):
-        raise CompileError(f"model {model.name} cannot use the parameter {model.cruise_speed.name}")
+    _si(model, model.cruise_speed, 0.0)
     return cruise_speed_mps(model)
 
 
@@ -139,9 +139,9 @@ def _check(spec: ModelSpec) -> None:
         raise CompileError(f"model {spec.name}: wheels cannot be turned by 80 deg or more")
 
 
-def _si(model: VehicleModel, value: Quantity | Ref | None, default: float) -> float:
+def _si(model: VehicleModel, value: AnyValue | None, default: float) -> float:
     if value is None:
         return default
-    if isinstance(value, Ref):
-        raise CompileError(f"model {model.name} cannot use the parameter {value.name}")
+    if not isinstance(value, Quantity):
+        raise CompileError(f"model {model.name} cannot use the parameter in `{written(value)}`")
     return value.si

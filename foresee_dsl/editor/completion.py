@@ -17,7 +17,7 @@ from foresee_dsl.language.messages.words import EXAMPLES
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.project.addresses import FOREIGN_NETWORKS, SUFFIX
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS, Dimension
 
 _MOST_FILES = 500

@@ -16,7 +16,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.parser import MAX_BYTES
 from foresee_dsl.language.project.addresses import absolute, scenario_files
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 
 _EDGE = re.compile(r"(.*?)(_back)?(#[0-9]+)?$", re.DOTALL)
 """An edge's id: its road, `_back` for the other direction, `#1` for a part of one that netconvert cut."""

@@ -14,7 +14,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.parser import plain
 from foresee_dsl.language.project.addresses import shown
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import SI_WORD, UNITS, Unit
 
 _TOKEN = re.compile(

@@ -21,7 +21,7 @@ from foresee_dsl.editor.syntax import root_of, walk
 from foresee_dsl.language.model import Item
 from foresee_dsl.language.parser import plain
 from foresee_dsl.language.syntax.grammar import parser
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|[{};\[\]()\n]|[^"#{};\[\]()\n]+')
 _WORD_BEFORE = re.compile(r"[^\W\d][\w.]*$|(?<=[0-9\s])[^\W\d][\w/^]*$")

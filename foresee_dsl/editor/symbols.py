@@ -13,7 +13,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.model.item import SymbolKind
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.parser import plain
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 
 _MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType(
     {"eta": "junction", **dict.fromkeys(m.BETWEEN_ACTORS, "actor")}

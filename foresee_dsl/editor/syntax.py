@@ -11,7 +11,8 @@ from lark.exceptions import UnexpectedInput
 
 from foresee_dsl.language.parser import MAX_BYTES, plain
 from foresee_dsl.language.syntax.grammar import parse_tree
-from foresee_dsl.language.syntax.nodes import Node, NodeMaker
+from foresee_dsl.language.syntax.node import Node
+from foresee_dsl.language.syntax.nodes import NodeMaker
 
 _KEPT = 256
 """Texts whose syntax stays in memory (ours: the files of a folder and some edits; about 100 kB each)."""

@@ -10,8 +10,10 @@ from typing import TypeVar, cast
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import Dimensions
 from foresee_dsl.language.codes.names import (
     BAD_CHANGE,
+    MIXED_KINDS,
     NOT_IN_PARENT,
     UNKNOWN_ACTOR,
     UNKNOWN_PROPERTY,
@@ -29,6 +31,7 @@ from foresee_dsl.language.traversal import mapped, parts
 _T = TypeVar("_T")
 _ItemT = TypeVar("_ItemT", bound=m.Item)
 Participant = m.Ego | m.Actor
+_Value = m.ParamValue | m.Ref | m.Expression
 
 
 def changed_body(
@@ -49,7 +52,10 @@ def changed_body(
     `parameters`: their names, where NOW may be one.
     """
     named = isinstance(change.now, str) and change.now in parameters
-    now: m.ParamValue | m.Ref = m.Ref(name=str(change.now)) if named else change.now
+    now: _Value = m.Ref(name=str(change.now)) if named else change.now
+    if isinstance(now, m.EXPRESSIONS) and (problem := _mixed(now, body)):
+        findings.add(change, "now", MIXED_KINDS, *problem)
+        return body
     try:
         if change.actor in m.OWNERS:
             old, new = _of_scenario(change, now, body, place)
@@ -76,7 +82,7 @@ def weakened(before: tuple[m.ScenarioItem, ...], after: tuple[m.ScenarioItem, ..
     return next((now.name for was, now in pairs if now is not was and weaker(was, now)), None)
 
 
-def value_of(actor: Participant, name: str) -> m.ParamValue | m.Ref | None:
+def value_of(actor: Participant, name: str) -> _Value | None:
     """Return what a property of an actor (one of `PROPERTIES`) is before any change; None where it has none."""
     return _had(actor, name, m.PROPERTIES[name])
 
@@ -93,16 +99,24 @@ def _label(change: m.Change) -> str:
     return f"{change.actor}.{change.property}"
 
 
-def _check_was(change: m.Change, has: m.ParamValue | m.Ref, place: str) -> None:
-    if has.name != change.was if isinstance(has, m.Ref) else not same_value(has, change.was):
-        text = has.name if isinstance(has, m.Ref) else value_text(has)
+def _mixed(now: m.Expression, body: tuple[m.ScenarioItem, ...]) -> tuple[str, str] | None:
+    """Return what is wrong with the dimensions of an expression: message and help."""
+    dimensions = Dimensions({item.name: item.type for item in body if isinstance(item, m.Param)})
+    dimensions.of(now)
+    return next(((found.message, found.help) for found in dimensions.mismatches), None)
+
+
+def _check_was(change: m.Change, has: _Value, place: str) -> None:
+    was = m.Ref(name=change.was) if isinstance(has, m.Ref) and isinstance(change.was, str) else change.was
+    if not same_value(has, was):
+        text = value_text(has)
         message = f"{_label(change)} is {text} in {place} now, not {value_text(change.was)}"
         raise _RefusedError("was", WRONG_WAS, message, f"write `change {_label(change)}: {text} => ...`")
 
 
 def _of_actor(
     change: m.Change,
-    now: m.ParamValue | m.Ref,
+    now: _Value,
     body: tuple[m.ScenarioItem, ...],
     models: Mapping[str, m.VehicleModel] | None,
     place: str,
@@ -153,7 +167,7 @@ def _at_its_own_pace(actor: Participant, was: m.VehicleModel | None, now: m.Vehi
 
 
 def _of_scenario(
-    change: m.Change, now: m.ParamValue | m.Ref, body: tuple[m.ScenarioItem, ...], place: str
+    change: m.Change, now: _Value, body: tuple[m.ScenarioItem, ...], place: str
 ) -> tuple[m.ScenarioItem | None, m.ScenarioItem]:
     """Return a statement before (None: there was none) and after a change."""
     found = _owner(change, body)
@@ -168,7 +182,7 @@ def _of_scenario(
     if change.actor == "weather" and isinstance(now, m.Quantity) and not 0 <= now.si <= 1:
         message = f"{_label(change)} cannot be {value_text(now)}"
         raise _RefusedError("now", BAD_CHANGE, message, "weather goes from 0 (none) to 1 (as much as there can be)")
-    if not isinstance(has, m.Ref) and not isinstance(now, m.Ref) and not same_kind(has, now):
+    if isinstance(has, m.Quantity | str) and isinstance(now, m.Quantity | str) and not same_kind(has, now):
         message = f"{_label(change)} is {value_text(has)}, so it cannot be {value_text(now)}"
         raise _RefusedError("now", BAD_CHANGE, message, "give it a value of the same kind")
     return found, _written(change, now, found)
@@ -196,15 +210,15 @@ def _owner(change: m.Change, body: tuple[m.ScenarioItem, ...]) -> m.ScenarioItem
     return None
 
 
-def _read(change: m.Change, found: m.ScenarioItem | None) -> m.ParamValue | m.Ref | None:
+def _read(change: m.Change, found: m.ScenarioItem | None) -> _Value | None:
     if isinstance(found, m.Expect):
         compared = [part for part in parts(found.condition) if isinstance(part, m.Comparison)]
         return compared[0].right if len(compared) == 1 else None
-    has: m.ParamValue | m.Ref | None = getattr(found, _field(change), None)
+    has: _Value | None = getattr(found, _field(change), None)
     return has if has is not None else m.Quantity(value=Decimal(0))
 
 
-def _written(change: m.Change, now: m.ParamValue | m.Ref, found: m.ScenarioItem | None) -> m.ScenarioItem:
+def _written(change: m.Change, now: _Value, found: m.ScenarioItem | None) -> m.ScenarioItem:
     if found is None:
         return m.Weather.model_validate({change.property: now})
     if isinstance(found, m.Expect):
@@ -235,7 +249,7 @@ def _replaced(actor: Participant, item: m.ActorItem) -> Participant:
     return _with(actor, body=(*(other for other in actor.body if not isinstance(other, type(item))), item))
 
 
-def _had(actor: Participant, name: str, rule: m.Property) -> m.ParamValue | m.Ref | None:
+def _had(actor: Participant, name: str, rule: m.Property) -> _Value | None:
     """Return what an actor's property is before a change; None where it has none."""
     if rule.statement is None:
         return _value(getattr(actor, name))
@@ -246,7 +260,7 @@ def _had(actor: Participant, name: str, rule: m.Property) -> m.ParamValue | m.Re
     return _value(getattr(found, field)) if found is not None else rule.default
 
 
-def _changed(actor: Participant, change: m.Change, now: m.ParamValue | m.Ref, rule: m.Property) -> Participant:
+def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property) -> Participant:
     if rule.statement is None:
         return _with(actor, **{change.property: now})
     if change.property == "speed" and actor.state is not None:
@@ -256,5 +270,5 @@ def _changed(actor: Participant, change: m.Change, now: m.ParamValue | m.Ref, ru
     return _replaced(actor, cast(m.ActorItem, kind.model_validate({field: now} | times)))
 
 
-def _value(found: object) -> m.ParamValue | m.Ref | None:
-    return found if isinstance(found, m.Quantity | str | m.Ref) else None
+def _value(found: object) -> _Value | None:
+    return found if isinstance(found, str | m.Quantity | m.Ref | m.Expression) else None

@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import references
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
+from foresee_dsl.language.arithmetic.normal import normal_form
 from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1
@@ -116,7 +119,24 @@ def _canonical(value: object) -> _Json:
         return _cached(value, _of_actor)
     if isinstance(value, m.When | m.Expect):
         return _cached(value, _unlabelled)
+    return _expression(value) if isinstance(value, m.EXPRESSIONS) else _plain(value)
+
+
+def _plain(value: object) -> _Json:
     return _fields(value) if isinstance(value, m.Item) else value
+
+
+def _expression(value: m.Expression) -> _Json:
+    """Return an expression's content: of one without parameters its value's, of `1 * gap` that of `gap`."""
+    names = {ref.name for ref in references(value)}
+    if not names:
+        try:
+            return _canonical(evaluate(value))
+        except ExpressionError:
+            return _fields(value)
+    form = normal_form(value)
+    alone = [m.Ref(name=name) for name in names if len(names) == 1]
+    return _canonical(alone[0]) if alone and form == normal_form(alone[0]) else {"expression": form}
 
 
 def _cached(item: _T, make: Callable[[_T], _Json]) -> _Json:

@@ -18,7 +18,8 @@ from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
-from foresee_dsl.language.syntax.nodes import Node, NodeMaker, TextError, span_of
+from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.syntax.nodes import NodeMaker, span_of
 from foresee_dsl.language.syntax.size import check_size
 from foresee_dsl.language.traversal import walk
 
@@ -69,7 +70,8 @@ def parse(text: str, path: str) -> Document:
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
     around = attach(nodes[0], span_of(header), comments, text)
-    return Document(path=path, text=text, model=model, spans=builder.spans, comments=around)
+    spans, calculates = builder.spans, maker.calculates
+    return Document(path=path, text=text, model=model, spans=spans, comments=around, calculates=calculates)
 
 
 def plain(text: str) -> str:

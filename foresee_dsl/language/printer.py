@@ -14,7 +14,8 @@ from foresee_dsl.language.model.pattern import Form, Parts, Slot, form_of, read_
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.project.document import Comments
 from foresee_dsl.language.syntax.comments import END, HEADER
-from foresee_dsl.language.syntax.nodes import ANY_NAME, Key
+from foresee_dsl.language.syntax.node import Key
+from foresee_dsl.language.syntax.nodes import ANY_NAME
 
 _NAME = re.compile(NAME_PATTERN)
 _DOTTED = re.compile(rf"{NAME_PATTERN}\.{NAME_PATTERN}")
@@ -193,16 +194,16 @@ def identifier(text: str, parameters: frozenset[str] = _NO_NAMES) -> str:
     return text if _NAME.fullmatch(text) and text not in parameters else f'"{text}"'
 
 
-def word(value: m.ParamValue) -> str:
+def word(value: m.ParamValue | m.Expression) -> str:
     """Return a parameter's value: a quantity, a name, a model or a string."""
-    if isinstance(value, m.Quantity):
+    if isinstance(value, m.Item):
         return written(value)
     return value if _DOTTED.fullmatch(value) else identifier(value)
 
 
-def value_text(value: m.ParamValue) -> str:
+def value_text(value: m.ParamValue | m.Ref | m.Expression) -> str:
     """Return a parameter's value as a message shows it: a name or a string without quotes."""
-    return written(value) if isinstance(value, m.Quantity) else value
+    return written(value) if isinstance(value, m.Item) else value
 
 
 def listing(texts: Iterable[str]) -> str:
@@ -241,7 +242,8 @@ def _field(item: m.Item, slot: Slot, parameters: frozenset[str]) -> str:
 def _text(value: m.Item | str, item: m.Item, field: str, parameters: frozenset[str]) -> str:
     if isinstance(value, m.Item):
         text = written(value, parameters)
-        return f"({text})" if getattr(value, "kind", None) in item.in_brackets else text
+        brackets = (*item.in_brackets, *dict(item.in_brackets_of).get(field, ()))
+        return f"({text})" if getattr(value, "kind", None) in brackets else text
     form = form_of(type(item), field)
     match form.form:
         case Form.NAME | Form.MODEL:

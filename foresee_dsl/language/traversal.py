@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeGuard, TypeVar, get_args
+from typing import TypeGuard, get_args
 
 from foresee_dsl.language import model as m
 
-_T = TypeVar("_T")
 _KINDS: tuple[type[m.Item], ...] = get_args(get_args(m.Condition)[0])
 
 
@@ -80,17 +79,20 @@ def all_actions(actions: Iterable[m.Action]) -> Iterator[m.Action]:
             yield from all_actions(action.actions)
 
 
-def si_of(value: m.Quantity | m.Ref) -> float:
-    """Return a quantity of a concrete scenario in SI; a `TypeError` for a parameter."""
-    return _given(value).si
+def quantity_of(value: m.AnyValue) -> m.Quantity:
+    """Return a quantity of a concrete scenario; a `TypeError` for a parameter or an expression."""
+    if isinstance(value, m.Quantity):
+        return value
+    raise TypeError(f"{value!r} has no value: the scenario is not concrete")
+
+
+def si_of(value: m.AnyValue) -> float:
+    """Return a quantity of a concrete scenario in SI; a `TypeError` for a parameter or an expression."""
+    return quantity_of(value).si
 
 
 def word_of(value: str | m.Ref) -> str:
     """Return a name of a concrete scenario; a `TypeError` for a parameter."""
-    return _given(value)
-
-
-def _given(value: _T | m.Ref) -> _T:
     if isinstance(value, m.Ref):
         raise TypeError(f"the parameter {value.name} has no value: the scenario is not concrete")
     return value

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import assert_never
 
 from foresee_dsl.compile.bundle import SumoBundle
-from foresee_dsl.language.model import Change, Quantity
+from foresee_dsl.language.model import Change, Expression, Quantity
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.traversal import si_of
 from foresee_dsl.simulate.results.outcome import touched_at
 from foresee_dsl.simulate.results.verdict import Impact, Verdict
 from foresee_dsl.simulate.trace import Trace
@@ -168,6 +169,6 @@ def _changed(change: Change) -> str:
     return f"{who}.{change.property} is {_written(change.now)} instead of {_written(change.was)}"
 
 
-def _written(value: Quantity | str) -> str:
+def _written(value: Quantity | str | Expression) -> str:
     """A model's name (`car.suv`) or anything else as it is written."""
-    return short(str(value)) if isinstance(value, str) else f"{value.si:g}"
+    return short(str(value)) if isinstance(value, str) else f"{si_of(value):g}"

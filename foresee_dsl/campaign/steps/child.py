@@ -18,7 +18,7 @@ from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import Comments, TestCase
 from foresee_dsl.language.project.expand import expand_mutant
-from foresee_dsl.language.syntax.nodes import Key
+from foresee_dsl.language.syntax.node import Key
 from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import Trace
 

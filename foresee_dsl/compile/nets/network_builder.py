@@ -17,6 +17,7 @@ from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Building, Count, Junction, Length, Network, Point, Quantity, Road, Speed
+from foresee_dsl.language.printer import written
 
 LANE_WIDTH_M = 3.3
 """Ours: between the 3.25 m and 3.5 m that are usual on urban main roads."""
@@ -228,5 +229,5 @@ def _si(value: Length | Speed | Count | None, default: float = 0.0) -> float:
     if value is None:
         return default
     if not isinstance(value, Quantity):
-        raise CompileError(f"a network cannot use the parameter {value.name}")
+        raise CompileError(f"a network cannot use the parameter in `{written(value)}`")
     return value.si

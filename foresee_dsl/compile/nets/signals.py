@@ -14,6 +14,7 @@ from foresee_dsl.compile.roads.topology import Crossing, Movement, Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
 from foresee_dsl.language.model import Junction, Network, Quantity, Stage
+from foresee_dsl.language.printer import written
 
 AMBER_S = 3.0
 """SUMO's default (netconvert --tls.yellow.time) for 50 km/h; the same in Germany's RiLSA."""
@@ -156,7 +157,7 @@ def _with_signal(topology: Topology) -> list[Movement | Crossing]:
 def _stage_phases(k: int, stage: Stage, links: Sequence[Link], roads_of: Mapping[str, str]) -> list[Phase]:
     """The phases of one stage: green (split where pedestrians stop earlier), amber, all red."""
     if not isinstance(stage.duration, Quantity):
-        raise CompileError(f"a network cannot use the parameter {stage.duration.name}")
+        raise CompileError(f"a network cannot use the parameter in `{written(stage.duration)}`")
     green_s = stage.duration.si
     state = stage_state(frozenset(stage.green), links, roads_of)
     walks = {link.index for link in links if link.is_crossing and state[link.index] == "G"}

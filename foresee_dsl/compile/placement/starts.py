@@ -53,7 +53,7 @@ _R = TypeVar("_R")
 WHEELS = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle"})
 
 
-def si(value: m.Quantity | m.Ref | None) -> float:
+def si(value: m.AnyValue | None) -> float:
     """Return a value of a concrete scenario in SI units, 0 for None."""
     return 0.0 if value is None else si_of(value)
 

@@ -145,7 +145,7 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
 
 
 def _check_changed(findings: Findings, change: m.Change, side: str, *, parameters: bool) -> None:
-    value: m.Quantity | str = getattr(change, side)
+    value: m.ParamValue | m.Expression = getattr(change, side)
     if change.actor in m.OWNERS:
         needed = m.OWNERS[change.actor].dimension
     elif change.property == "model":
@@ -161,7 +161,7 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
             return  # the name of one, or else the joined scenario is refused
         help = f"write {findings.example(needed)}"
         findings.add(change, side, "FS046", f"`{value}` cannot be a value of `{change.property}`", help)
-    elif value.dimension != needed:
+    elif isinstance(value, m.Quantity) and value.dimension != needed:
         findings.wrong_dimension(change, side, value, needed, code="FS046")
 
 

@@ -6,6 +6,9 @@ import re
 from typing import get_args
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, case_values, needed_by
+from foresee_dsl.language.checks.expressions import check_expression, compare_sides, unknown_in
+from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -43,8 +46,48 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
                 help = did_you_mean(assignment.name, by_name)
                 findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
             else:
-                _check_value(findings, known, assignment, "value", assignment.value)
+                _check_assignment(findings, known, assignment, by_name)
+        _check_worked_out(findings, scenario, case, by_name)
     check_requirements(findings, scenario)
+
+
+def _check_assignment(
+    findings: Findings, parameter: m.Param, assignment: m.Assignment, parameters: dict[str, m.Param]
+) -> None:
+    """Check a value that a case gives; of one that is worked out of others, its dimension."""
+    value = assignment.value
+    types = {name: known.type for name, known in parameters.items()}
+    needed = needed_by(assignment, types)
+    if isinstance(value, str) and needed:
+        other = parameters[value]
+        if other.type != parameter.type and not {other.type, parameter.type} <= {"ratio", "count"}:
+            message = f"'{value}' is of type {other.type}, but '{parameter.name}' of type {parameter.type}"
+            findings.add(assignment, "value", "FS032", message, f"use a parameter of type `{parameter.type}`")
+    elif isinstance(value, m.EXPRESSIONS):
+        if parameter.type in WORD_TYPES:
+            message = f"'{parameter.name}' is of type {parameter.type}, not a number"
+            findings.add(
+                assignment, "value", "FS034", message, f"write it like the default, `{value_text(parameter.default)}`"
+            )
+        elif not unknown_in(value, types):
+            check_expression(findings, assignment, "value", value, dimension_of(parameter), types)
+    else:
+        _check_value(findings, parameter, assignment, "value", value)
+
+
+def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, parameters: dict[str, m.Param]) -> None:
+    """Check what the values that are worked out of others come to: they lie in their parameters' ranges."""
+    types = {name: known.type for name, known in parameters.items()}
+    computed = [given for given in case.values if needed_by(given, types) or isinstance(given.value, m.EXPRESSIONS)]
+    if findings or not computed:
+        return
+    try:
+        values = case_values(scenario, case)
+    except ExpressionError as error:
+        findings.add(error.item, "", c.NO_RESULT, f"in case '{case.name}' {error.message}", "write another value")
+        return
+    for given in computed:
+        _check_value(findings, parameters[given.name], given, "value", values[given.name])
 
 
 def _check_parameter(findings: Findings, parameter: m.Param) -> None:
@@ -259,7 +302,10 @@ def check_requirements(findings: Findings, scenario: m.Scenario) -> None:
     written_cases = scenario.all(m.Case)
     for require in sound:
         for case in written_cases:
-            values = defaults | {given.name: given.value for given in case.values}
+            try:
+                values = case_values(scenario, case)
+            except ExpressionError:
+                continue  # which was reported
             if holds(require.condition, values) is False:
                 message = f"in case '{case.name}' {violation(require, values)}"
                 findings.add(case, "name", "FS053", message, "change the value, or what is required")
@@ -274,8 +320,12 @@ def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.P
         return True
     if isinstance(part, m.Equals):
         return _check_equals(findings, part, parameters)
-    if isinstance(part, m.Comparison) and isinstance(part.left, m.Ref):
-        return _check_compared(findings, part, part.left, parameters)
+    if isinstance(part, m.Comparison) and isinstance(part.left, m.Ref) and not isinstance(part.right, m.EXPRESSIONS):
+        return _check_compared(findings, part, part.left, part.right, parameters)
+    if isinstance(part, m.Comparison) and not isinstance(part.left, m.Measure):
+        types = {name: parameter.type for name, parameter in parameters.items()}
+        unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
+        return not unknown and compare_sides(findings, part, types)
     help = (
         "only parameters are compared here: `require gap < 2 s`; what happens in the world is for `when` and `expect`"
     )
@@ -300,8 +350,10 @@ def _check_equals(findings: Findings, part: m.Equals, parameters: dict[str, m.Pa
     return True
 
 
-def _check_compared(findings: Findings, part: m.Comparison, left: m.Ref, parameters: dict[str, m.Param]) -> bool:
-    sides = [(field, side.name) for field, side in (("left", left), ("right", part.right)) if isinstance(side, m.Ref)]
+def _check_compared(
+    findings: Findings, part: m.Comparison, left: m.Ref, right: m.Quantity | m.Ref, parameters: dict[str, m.Param]
+) -> bool:
+    sides = [(field, side.name) for field, side in (("left", left), ("right", right)) if isinstance(side, m.Ref)]
     if any(name not in parameters for _, name in sides):
         return False
     for field, name in sides:
@@ -311,12 +363,12 @@ def _check_compared(findings: Findings, part: m.Comparison, left: m.Ref, paramet
             return False
     first = parameters[left.name]
     needed = dimension_of(first)
-    if isinstance(part.right, m.Quantity):
-        if part.right.dimension != needed and not (needed == "count" and not part.right.unit):
-            findings.wrong_dimension(part, "right", part.right, needed)
+    if isinstance(right, m.Quantity):
+        if right.dimension != needed and not (needed == "count" and not right.unit):
+            findings.wrong_dimension(part, "right", right, needed)
             return False
-    elif (other := dimension_of(parameters[part.right.name])) != needed:
-        message = f"'{left.name}' is {NOUNS[needed]}, but '{part.right.name}' is {NOUNS[other]}"
+    elif (other := dimension_of(parameters[right.name])) != needed:
+        message = f"'{left.name}' is {NOUNS[needed]}, but '{right.name}' is {NOUNS[other]}"
         findings.add(part, "right", "FS032", message, "compare parameters of one type")
         return False
     return True

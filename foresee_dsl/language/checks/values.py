@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.evaluate import case_values
+from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
+from foresee_dsl.language.checks.expressions import check_expression, refuse, refused_in
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
@@ -33,9 +36,12 @@ def check_values(findings: Findings, model: m.Definition) -> None:
     """Check every value of a definition."""
     body = model.body if isinstance(model, m.Scenario) else ()
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
+    types = {name: parameter.type for name, parameter in parameters.items()}
     required = {id(part) for item in body if isinstance(item, m.Require) for part in walk(item)}
+    only_values = refused_in(model)
     for item in walk(model):
-        if isinstance(item, m.Comparison | m.Equals) and isinstance(item.left, m.Ref) and id(item) not in required:
+        compares = isinstance(item, m.Comparison | m.Equals) and id(item) not in required
+        if compares and isinstance(item, m.Comparison | m.Equals) and not isinstance(item.left, m.Measure):
             _not_about_the_world(findings, item)
             continue
         if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure) and isinstance(item.right, m.Quantity):
@@ -47,11 +53,39 @@ def check_values(findings: Findings, model: m.Definition) -> None:
                 _check_reference(findings, parameters, item, field, value)
             elif isinstance(value, m.Quantity):
                 _check_limits(findings, item, field, value)
+            elif not isinstance(value, m.Expression) or isinstance(item, m.EXPRESSIONS):
+                continue
+            elif only_values:
+                refuse(findings, only_values, item, field, value)
+            elif id(item) not in required and not isinstance(item, m.Assignment):  # `check_parameters` knows of them
+                check_expression(findings, item, field, value, _needed(item, field), types)
+    if isinstance(model, m.Scenario) and not findings:
+        _check_results(findings, model)
+
+
+def _needed(item: m.Item, field: str) -> Dimension | None:
+    """Return the dimension of the value in a field; None where any will do."""
+    if isinstance(item, m.Comparison) and isinstance(item.left, m.Measure):
+        return m.MEASURED[item.left.what]
+    return form_of(type(item), field.partition(".")[0]).dimension
+
+
+def _check_results(findings: Findings, scenario: m.Scenario) -> None:
+    """Report values that do not fit their place in some written case, or by default."""
+    found = list(uses(scenario.body))
+    if not found:
+        return
+    written_cases = scenario.all(m.Case)
+    cases = [(case.name, case_values(scenario, case)) for case in written_cases]
+    if not written_cases and not scenario.all(m.Cases):
+        cases = [("", case_values(scenario, None))]
+    for wrong in unfit(found, cases):
+        findings.add(wrong.item, wrong.field, wrong.code, wrong.message, wrong.help)
 
 
 def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
     """Triggers and expectations are about the running world, in which a parameter never changes."""
-    name = item.left.name if isinstance(item.left, m.Ref) else ""
+    name = written(item.left)
     help = f"compare something of the world, such as `ego.speed`; or write `require {written(item)}` in the scenario"
     findings.add(item, "left", "FS052", f"'{name}' is nothing that happens in the world", help)
 
@@ -61,12 +95,9 @@ def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantit
     bounds = form.bounds
     if bounds is None or bounds.low <= value.si <= bounds.high:
         return
-    small = value.si < bounds.low
-    bound = f"least {bounds.low:g}" if small else f"most {bounds.high:g}"
-    plain = form.dimension in (None, "ratio", "count")
-    help = f"use at {bound}" if plain else f"use a {'larger' if small else 'smaller'} value"
-    code = "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
-    findings.add(item, field, code, f"`{written(value)}` is too {'small' if small else 'large'} for `{field}`", help)
+    size = "small" if value.si < bounds.low else "large"
+    message = f"`{written(value)}` is too {size} for `{field}`"
+    findings.add(item, field, out_of_bounds(item), message, limit(form.dimension, bounds, value))
 
 
 def _check_reference(

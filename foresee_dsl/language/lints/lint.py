@@ -8,9 +8,11 @@ from typing import get_args
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.evaluate import case_values, needed_by
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.lints.allowances import without_allowed
+from foresee_dsl.language.lints.arithmetic import divisions_by_zero
 from foresee_dsl.language.lints.hidden import hidden_characters
 from foresee_dsl.language.lints.logic import Limits, always, never
 from foresee_dsl.language.printer import written
@@ -32,7 +34,11 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """
     found: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):
-        for lint_ in (*_unused_parameters(document.model), *_dead_cases(document.model)):
+        divisions = (
+            Found(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
+            for item, message, help in divisions_by_zero(document.model)
+        )
+        for lint_ in (*_unused_parameters(document.model), *_dead_cases(document.model), *divisions):
             _add(found, document, lint_)
     for case in cases:
         if case.clip is None and case.mutant is None:
@@ -73,6 +79,9 @@ def _add(found: dict[tuple[Span | None, str], Diagnostic], document: Document, l
 def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
     users = (item for item in scenario.body if not isinstance(item, m.Param | m.Case))
     used = {part.name for item in users for part in walk(item) if isinstance(part, m.Ref)}
+    types = {parameter.name: parameter.type for parameter in scenario.all(m.Param)}
+    assignments = (given for case in scenario.all(m.Case) for given in case.values)
+    used |= {ref.name for given in assignments for ref in needed_by(given, types)}
     for parameter in scenario.all(m.Param):
         if parameter.name not in used:
             help = f"write `{parameter.name}` where its value is meant, or remove it"
@@ -80,11 +89,9 @@ def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
 
 
 def _dead_cases(scenario: m.Scenario) -> Iterator[Found]:
-    defaults = {parameter.name: _comparable(parameter.default) for parameter in scenario.all(m.Param)}
     seen: dict[tuple[tuple[str, object], ...], str] = {}
     for case in scenario.all(m.Case):
-        values = defaults | {given.name: _comparable(given.value) for given in case.values}
-        key = tuple(sorted(values.items()))
+        key = tuple(sorted((name, _comparable(value)) for name, value in case_values(scenario, case).items()))
         if key in seen:
             message = f"case '{case.name}' has the same values as case '{seen[key]}'"
             yield Found(case, "name", c.DEAD_CASE, message, "change a value, or remove one of the two")
@@ -168,7 +175,7 @@ def _same(line: m.Item, item: m.Item) -> bool:
     if type(line) is not type(item):
         return False
     if isinstance(line, m.When | m.Expect) and line.name is None:
-        return line == item or any(isinstance(part, m.Ref) for part in walk(line))
+        return line == item or any(isinstance(part, m.Ref | m.Expression) for part in walk(line))
     return getattr(line, "name", None) == getattr(item, "name", None)
 
 

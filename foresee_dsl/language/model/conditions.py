@@ -87,11 +87,11 @@ class Measure(Phrase):
 
 
 class Comparison(Phrase):
-    """`ego.eta(j4) < 4 s`; in a `require`, the left side is a parameter: `gap < 2 s`."""
+    """`ego.eta(j4) < 4 s`; in a `require`, both sides are values: `gap + 0.5 s < 2 * other`."""
 
     pattern = "{left} {op} {right}"
 
-    left: Measure | v.Ref
+    left: Annotated[Measure | v.Quantity | v.Ref | v.Expression, v.OfDimension(None, (Measure,))]
     op: Literal["<", "<=", ">", ">="]
     right: v.Value
 

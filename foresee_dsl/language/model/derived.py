@@ -16,7 +16,18 @@ from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.model.scenario import ParamValue, SignalState, Statement, Tags
-from foresee_dsl.language.model.values import ActorName, FilePath, Id, Length, Name, Point, Quantity, Text, Time
+from foresee_dsl.language.model.values import (
+    ActorName,
+    Expression,
+    FilePath,
+    Id,
+    Length,
+    Name,
+    Point,
+    Quantity,
+    Text,
+    Time,
+)
 from foresee_dsl.language.units import Dimension
 
 # ---- what a change may name -----------------------------------------------------------------------------------------
@@ -129,8 +140,8 @@ class Change(Item):
     actor: ActorName
     """The actor, or one of `weather`, `expect`, `param` and `end`."""
     property: Name
-    was: Annotated[ParamValue, Names("model")]
-    now: Annotated[ParamValue, Names("model")]
+    was: Annotated[ParamValue | Expression, Names("model")]
+    now: Annotated[ParamValue | Expression, Names("model")]
     start: Time | None = None
     duration: Time | None = None
 

@@ -59,6 +59,7 @@ class Item(BaseModel):
             (no full stop); each word of a pattern is explained by one class, or in `language.keywords`, where several
             share it.
         in_brackets: the kinds of condition that need brackets as a part of this one.
+        in_brackets_of: the same of calculations, by the field that they stand in.
         never_bare: names that are written in quotes here, because the statement would seem to continue with them.
     """
 
@@ -70,12 +71,13 @@ class Item(BaseModel):
         pattern: ClassVar[str]
         words: ClassVar[str]
         in_brackets: ClassVar[tuple[str, ...]]
+        in_brackets_of: ClassVar[tuple[tuple[str, tuple[str, ...]], ...]]
         never_bare: ClassVar[tuple[str, ...]]
 
     # No annotations while it runs (and texts and tuples without one are no fields, see above): pydantic 2.14 evaluates
     # those of a base again for each of its hundred subclasses.
     pattern = words = ""
-    in_brackets = never_bare = ()
+    in_brackets = in_brackets_of = never_bare = ()
 
     def __init_subclass__(cls, kind: str | None = None, **_: Any) -> None:  # noqa: ANN401 - pydantic's, for itself
         """Give the class its `kind`, before pydantic collects its fields."""
@@ -123,11 +125,12 @@ class _OneOf:
             return value if isinstance(value, kinds) else whole().validate_python(value)
 
         return core_schema.no_info_plain_validator_function(
-            check, serialization=core_schema.plain_serializer_function_ser_schema(_dump, info_arg=True)
+            check, serialization=core_schema.plain_serializer_function_ser_schema(dump, info_arg=True)
         )
 
 
-def _dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
+def dump(item: Item, info: SerializationInfo) -> dict[str, Any]:
+    """Return an item's data, for the types that check it with a function of their own."""
     return item.model_dump(
         mode=info.mode,
         by_alias=info.by_alias,

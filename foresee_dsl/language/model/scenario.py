@@ -9,7 +9,17 @@ from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names, Phrase
 from foresee_dsl.language.model.network import Doc, Network
-from foresee_dsl.language.model.values import FilePath, JunctionId, Name, Quantity, Ratio, StageId, Time, Word
+from foresee_dsl.language.model.values import (
+    Expression,
+    FilePath,
+    JunctionId,
+    Name,
+    Quantity,
+    Ratio,
+    StageId,
+    Time,
+    Word,
+)
 
 ParamType = Literal[
     "time",
@@ -207,12 +217,12 @@ class End(Item):
 
 
 class Assignment(Item, kind=""):
-    """`gap = 1.2 s` inside a case."""
+    """`gap = 1.2 s` inside a case; `gap = 2 * other` is worked out of the case's other values."""
 
     pattern = "{name} = {value}"
 
     name: Annotated[Name, Names("parameter")]
-    value: ParamValue
+    value: ParamValue | Expression
 
 
 class Case(Item):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, GetCoreSchemaHandler
-from pydantic_core import CoreSchema, core_schema
+from pydantic import AfterValidator, Field, GetCoreSchemaHandler, TypeAdapter
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from foresee_dsl.language.model.item import ONE_OF, Names, Phrase
+from foresee_dsl.language.model.item import ONE_OF, Item, Names, Phrase, dump
 from foresee_dsl.language.model.pattern import Form
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
 
@@ -79,27 +81,104 @@ RoadId = Annotated[Id | Ref, Names("road")]
 StageId = Annotated[Id | Ref, Names("stage")]
 
 
+# ---- expressions -----------------------------------------------------------------------------------------------------
+
+
+class Sum(Phrase):
+    """`gap + 0.5 s`, `room - 2 m`: of two values of one dimension."""
+
+    pattern = "{left} {op} {right}"
+    in_brackets_of = (("right", ("sum",)),)
+
+    left: Value
+    op: Literal["+", "-"]
+    right: Value
+
+
+class Product(Phrase):
+    """`2 * width`, `speed / 2 s`: of two values; its dimension is that of the result."""
+
+    pattern = "{left} {op} {right}"
+    in_brackets_of = (("left", ("sum",)), ("right", ("sum", "product")),)
+
+    left: Value
+    op: Literal["*", "/"]
+    right: Value
+
+
+class Negative(Phrase):
+    """`-gap`: of a parameter or a calculation; `-2 m` is a number."""
+
+    pattern = "-{value}"
+    in_brackets_of = (("value", ("sum", "product", "negative")),)
+
+    value: Value
+
+
+class Extreme(Phrase):
+    """`min(gap, 2 s)`, `max(a, b, c)`: the smallest, or the largest, of values of one dimension."""
+
+    pattern = "{which}({values:, })"
+    words = """
+        min (link): the smallest of some values | start at min(room, 40 m) along ego.route
+        max (link): the largest of some values | speed max(pace, 20 km/h)
+    """
+
+    which: Literal["min", "max"]
+    values: tuple[Value, ...] = Field(min_length=2)
+
+
+Expression = Sum | Product | Negative | Extreme
+"""What stands for a value that is worked out of others; gone, as a `Ref`, once the scenario is concrete."""
+EXPRESSIONS = (Sum, Product, Negative, Extreme)
+AnyValue = Quantity | Ref | Expression
+
+
+@cache
+def _value_adapter() -> TypeAdapter[AnyValue]:
+    return TypeAdapter(AnyValue)
+
+
 @dataclass(frozen=True)
 class OfDimension:
-    """Marks a type of values: they have this dimension, and a count is a whole number."""
+    """Marks a type of values: they have this dimension (None: any), and a count is a whole number.
 
-    dimension: Dimension
+    Of parameters and expressions `checks.values` finds out, which knows the types of the parameters.
+
+    Attributes:
+        also: classes that may stand there too.
+    """
+
+    dimension: Dimension | None
+    also: tuple[type[Item], ...] = ()
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:  # noqa: ANN401
-        return core_schema.no_info_after_validator_function(self._check, handler(source))
+        # One function for all: the validators of every class of values in every class that has one would cost more.
+        del source, handler
+        return core_schema.no_info_plain_validator_function(
+            self._check, serialization=core_schema.plain_serializer_function_ser_schema(dump, info_arg=True)
+        )
 
-    def _check(self, value: Quantity | Ref) -> Quantity | Ref:
-        if isinstance(value, Ref):
+    def _check(self, value: object) -> object:
+        if isinstance(value, Quantity):
+            return value if self.dimension is None else self._fitting(value)
+        if isinstance(value, (Ref, *EXPRESSIONS, *self.also)):
             return value
+        if isinstance(value, Mapping):
+            made = _value_adapter().validate_python(value)
+            return self._fitting(made) if isinstance(made, Quantity) else made
+        raise PydanticCustomError("no_value", "needs a value with its unit")
+
+    def _fitting(self, value: Quantity) -> Quantity:
         found, needed = value.dimension, self.dimension
-        if found != needed and not (needed == "count" and found == "ratio"):
+        if needed is not None and found != needed and not (needed == "count" and found == "ratio"):
             raise ValueError(f"needs {needed}, but {value.value:f} {value.unit or '(no unit)'} is {found}")
         if needed == "count" and (value.value != value.value.to_integral_value() or value.value < 0):
             raise ValueError(f"needs a whole number, but {value.value:f} is none")
         return value
 
 
-Value = Quantity | Ref
+Value = Annotated[AnyValue, OfDimension(None)]
 Time = Annotated[Value, OfDimension("time")]
 Length = Annotated[Value, OfDimension("length")]
 Speed = Annotated[Value, OfDimension("speed")]

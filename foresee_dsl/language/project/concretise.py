@@ -8,6 +8,8 @@ from typing import TypeVar, cast
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import references
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, case_values, evaluate
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -41,7 +43,7 @@ def concretise(scenario: m.Scenario, case: str | None, *, document: Document | N
     """
     findings = Findings(document)
     values = _values(scenario, case, findings)
-    body = tuple(_substituted(item, values, findings) for item in scenario.body if not isinstance(item, SETTLED))
+    body = tuple(_substituted(item, values, case, findings) for item in scenario.body if not isinstance(item, SETTLED))
     findings.raise_if_any()
     return m.Scenario(name=scenario.name, body=body)
 
@@ -59,9 +61,8 @@ def complaint(error: ValidationError) -> str:
 
 
 def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[str, m.ParamValue]:
-    values = {param.name: param.default for param in scenario.all(m.Param)}
     if case is None:
-        return values
+        return case_values(scenario, None)
     known = {found.name: found for found in scenario.all(m.Case)}
     drawn = next((item for item in scenario.all(m.Cases) if case in case_names(item)), None)
     if drawn is not None:
@@ -71,6 +72,12 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
         help = did_you_mean(case, known) or "it has no cases: leave out `::case`"
         findings.add(None, "", c.UNKNOWN_CASE, message, help)
         findings.raise_if_any()
+    try:
+        values = case_values(scenario, known[case])
+    except ExpressionError as error:
+        findings.add(error.item, "", c.NO_RESULT, f"in case '{case}' {error.message}", "write another value")
+        findings.raise_if_any()
+        raise
     params = {param.name: param for param in scenario.all(m.Param)}
     for assignment in known[case].values:
         param = params.get(assignment.name)
@@ -78,8 +85,7 @@ def _values(scenario: m.Scenario, case: str | None, findings: Findings) -> dict[
             message = f"no parameter '{assignment.name}' in scenario '{scenario.name}'"
             findings.add(assignment, "name", c.UNKNOWN_PARAMETER, message, did_you_mean(assignment.name, values))
             continue
-        values[assignment.name] = assignment.value
-        if not same_kind(assignment.value, param.default):
+        if not same_kind(values[assignment.name], param.default):
             message = f"parameter '{param.name}' is {param.type}, but {value_text(assignment.value)} is not"
             help = f"write it like the default, {value_text(param.default)}"
             findings.add(assignment, "value", c.MISFIT, message, help)
@@ -93,32 +99,55 @@ def same_kind(one: m.ParamValue, other: m.ParamValue) -> bool:
     return isinstance(one, str) and isinstance(other, str)
 
 
-def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], findings: Findings) -> _ItemT:
-    def replace(owner: m.Item, name: str, ref: m.Ref) -> m.ParamValue | m.Ref:
-        if ref.name in values:
-            return values[ref.name]
+def settled_network(network: m.Network) -> m.Network:
+    """Return a network with what is worked out in it replaced by its value; the same object where nothing is."""
+    findings = Findings(None)
+    settled = _substituted(network, {}, None, findings)
+    findings.raise_if_any()
+    return settled
+
+
+def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | None, findings: Findings) -> _ItemT:
+    def replace(owner: m.Item, name: str, part: m.Ref | m.Expression) -> m.ParamValue | m.Ref | m.Expression:
+        for ref in references(part):
+            if ref.name not in values:
+                unknown(owner, name, ref)
+                return part
+        if isinstance(part, m.Ref):
+            return values[part.name]
+        try:
+            return evaluate(part, values)
+        except ExpressionError as error:
+            where = f"in case '{case}' " if case is not None else ""
+            findings.add(error.item, "", c.NO_RESULT, f"{where}{error.message}", "keep it out with a `require`")
+            return part
+
+    def unknown(owner: m.Item, name: str, ref: m.Ref) -> None:
         message = f"'{ref.name}' is no parameter of this scenario"
         units = f"write a number with a unit ({', '.join(list(UNITS)[:6])}, ...), or declare it with `param`"
         findings.add(owner, name, c.UNKNOWN_PARAMETER, message, did_you_mean(ref.name, values) or units)
-        return ref
 
-    def refused(owner: m.Item, name: str, ref: m.Ref, error: ValidationError) -> None:
-        shown = value_text(values[ref.name]) if ref.name in values else ref.name
-        findings.add(owner, name, c.MISFIT, f"parameter '{ref.name}' ({shown}) does not fit here: {complaint(error)}")
+    def refused(owner: m.Item, name: str, part: m.Ref | m.Expression, error: ValidationError) -> None:
+        what = f"parameter '{part.name}'" if isinstance(part, m.Ref) else f"`{value_text(part)}`"
+        shown = value_text(replace(owner, name, part))
+        findings.add(owner, name, c.MISFIT, f"{what} ({shown}) does not fit here: {complaint(error)}")
 
     return cast(_ItemT, _walk(item, replace, refused))
 
 
-_Replace = Callable[[m.Item, str, m.Ref], "m.ParamValue | m.Ref"]
-_Refused = Callable[[m.Item, str, m.Ref, ValidationError], None]
+_Replace = Callable[[m.Item, str, "m.Ref | m.Expression"], "m.ParamValue | m.Ref | m.Expression"]
+_Refused = Callable[[m.Item, str, "m.Ref | m.Expression", ValidationError], None]
+
+
+_WORKED_OUT = (m.Ref, *m.EXPRESSIONS)
 
 
 def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
     """Rebuild an item with its references replaced; the very same object where there are none."""
-    refs: dict[str, m.Ref] = {}
+    refs: dict[str, m.Ref | m.Expression] = {}
 
     def replaced(name: str, part: object) -> object:
-        if isinstance(part, m.Ref):
+        if isinstance(part, _WORKED_OUT):
             refs[name] = part
             return replace(item, name, part)
         if isinstance(part, tuple):

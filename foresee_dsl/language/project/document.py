@@ -47,6 +47,8 @@ class Document:
     """Of a scenario that extends another and was joined with it: the other. `model` is the two as one then, and
     `written` what the file says."""
     written: m.Definition | None = None
+    calculates: bool = False
+    """It has expressions."""
     alive: tuple[m.Item, ...] = ()
     """Items that `spans` knows by id and `model` does not hold: an id is unique only as long as its item exists."""
 

@@ -88,7 +88,8 @@ class _Joiner:
         model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._expected, *self._body))
         self._place(self._spans, model, self._extension)
         base = replace(self._parent, spans=self._base_spans)
-        joined = replace(self._document, model=model, spans=self._spans, base=base)
+        calculates = self._document.calculates or self._parent.calculates
+        joined = replace(self._document, model=model, spans=self._spans, base=base, calculates=calculates)
         return replace(joined, written=self._extension, alive=tuple(self._alive))
 
     # ---- the four kinds of line ------------------------------------------------------------------------------------

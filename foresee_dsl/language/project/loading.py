@@ -18,7 +18,7 @@ from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.addresses import absolute, is_folder, mistake, shown
 from foresee_dsl.language.project.catalogues import check_models, entries
-from foresee_dsl.language.project.concretise import cases, concretise
+from foresee_dsl.language.project.concretise import cases, concretise, settled_network
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
 from foresee_dsl.language.project.extend import extended, softened
@@ -154,8 +154,8 @@ class Project:
         return tuple(found.values())
 
     def definition(self, file: str | Path) -> m.Definition:
-        """Load and check one file as it stands, whatever it holds."""
-        return self.document(file).model
+        """Load and check one file, whatever it holds; what is worked out in a network has its value."""
+        return _settled(self.document(file))
 
     def document(self, file: str | Path) -> Document:
         """The same, with the places of everything in it."""
@@ -378,7 +378,12 @@ class Project:
             known = ".foresee, .net.xml or .xodr" if network else ".foresee"
             use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", f"write a file that ends in {known}")
         self._check_reachable(use, chain)
-        return self._read(use.path, use.shown).document.model
+        return _settled(self._read(use.path, use.shown).document)
+
+
+def _settled(document: Document) -> m.Definition:
+    model = document.model
+    return settled_network(model) if document.calculates and isinstance(model, m.Network) else model
 
 
 def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:

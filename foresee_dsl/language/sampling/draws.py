@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import operator
 from bisect import bisect_right
 from collections import Counter
@@ -15,6 +16,8 @@ from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import references
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, case_values, evaluate
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
@@ -258,8 +261,8 @@ def holds(condition: m.Condition, values: Mapping[str, m.ParamValue]) -> bool | 
     Quantities are compared by their SI value, to as many digits as the hash of a meaning has: `7.2 km/h` is `2 m/s`.
     """
     match condition:
-        case m.Comparison(left=m.Ref(name=name), op=op, right=right):
-            one, other = _si(values.get(name)), _si(right, values)
+        case m.Comparison(left=left, op=op, right=right) if not isinstance(left, m.Measure):
+            one, other = _si(left, values), _si(right, values)
             return None if one is None or other is None else _COMPARED[op](one, other)
         case m.Equals(left=left, right=word):
             value = values.get(left.name)
@@ -289,14 +292,21 @@ def parameters_of(condition: m.Condition) -> Iterator[str]:
     """Yield the parameters that a condition of a `require` is about, in the order in which they are written."""
     for part in parts(condition):
         if isinstance(part, m.Comparison | m.Equals):
-            sides = (part.left, part.right)
-            yield from (side.name for side in sides if isinstance(side, m.Ref))
+            for side in (part.left, part.right):
+                yield from (ref.name for ref in references(side)) if isinstance(side, m.Item) else ()
 
 
-def _si(value: object, values: Mapping[str, m.ParamValue] = MappingProxyType({})) -> float | None:
-    if isinstance(value, m.Ref):
-        value = values.get(value.name)
-    return float(f"{value.si:.{SIGNIFICANT_DIGITS}g}") if isinstance(value, m.Quantity) else None
+def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
+    """Return a value to as many digits as count; None where a parameter has none yet.
+
+    What cannot be worked out (a division by zero) is not a number: every comparison with it fails.
+    """
+    if any(ref.name not in values for ref in references(value)):
+        return None
+    try:
+        return float(f"{evaluate(value, values).si:.{SIGNIFICANT_DIGITS}g}")
+    except ExpressionError:
+        return math.nan
 
 
 BINS = 10
@@ -357,8 +367,7 @@ def coverage(scenario: m.Scenario, cases: Sequence[m.Case]) -> Coverage:
 
 def values_of(scenario: m.Scenario, case: m.Case) -> Mapping[str, m.ParamValue]:
     """Return the value of every parameter in a case, in the order of the file."""
-    given = {assignment.name: assignment.value for assignment in case.values}
-    return {param.name: given.get(param.name, param.default) for param in scenario.all(m.Param)}
+    return case_values(scenario, case)
 
 
 def _reach(axis: Axis, taken: list[int]) -> Reach:

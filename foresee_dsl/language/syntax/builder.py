@@ -13,7 +13,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean, unit_hint
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.syntax.nodes import Node, TextError
+from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.units import Dimension
 
 _SHOWN = 40

@@ -11,7 +11,7 @@ from lark import Token
 
 from foresee_dsl.errors import Span
 from foresee_dsl.language.project.document import Comments
-from foresee_dsl.language.syntax.nodes import Key, Node
+from foresee_dsl.language.syntax.node import Key, Node
 
 _Place = tuple[int, int]
 _START = attrgetter("start")

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 from typing import Any
 
+from lark import Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
 from lark.lexer import PatternStr
 
@@ -26,6 +27,8 @@ _REACH = 300
 """So many characters before the place they are looked for in (ours: names have 80 at most; the search is quadratic)."""
 _SHOWN = 40
 _END = "the end of the statement"
+_SIGNS = ("+", "-", "*", "/")
+"""Signs of calculations, which the lexer knows wherever they stand."""
 _STATE_USAGE = "vehicle runner: car.compact at (1 m, 2 m) heading 90 deg speed 8 m/s { ... }"
 
 _ABOUT_HERE = (
@@ -64,6 +67,7 @@ class Refusal:
         self._text = text
         self._rule = rule
         self._accepted = _accepted(error)
+        self._place = "LPAR" in self._accepted and _takes_a_place(error)
         self._meant = ""
         at_end = isinstance(error, UnexpectedEOF) or (isinstance(error, UnexpectedToken) and error.token.type == "$END")
         where = None if at_end else error.pos_in_stream
@@ -81,6 +85,10 @@ class Refusal:
             if found is not None:
                 self.start, self.end = found.span("place")
                 return "FS003", message, found.expand(help_)
+        arrow = self._text.find("->", max(0, self.start - 1), self.start + 2)  # its `-` may have been read as a sign
+        if arrow >= 0:
+            self.start, self.end = arrow, arrow + 2
+            return "FS015", "unexpected `->`", "did you mean `=>`?"
         shown = self.word if len(self.word) <= _SHOWN else self.word[: _SHOWN - 3] + "..."
         if self.word.startswith('"') and (len(self.word) == 1 or not self.word.endswith('"')):
             return "FS015", "this text is not closed", 'end it with `"` on the same line'
@@ -95,7 +103,7 @@ class Refusal:
         usage = self._usage()
         if self._is_word() and (found := closest(self.word, words)) is not None and found != self.word:
             return "FS004", f"unknown word '{shown}'", f"did you mean '{found}'?"
-        if isinstance(error, UnexpectedCharacters) and not self._is_word():
+        if (isinstance(error, UnexpectedCharacters) and not self._is_word()) or self.word in _SIGNS:
             return self._stray(shown, usage)
         if self._misspelt_before(error):
             return "FS004", f"unknown word '{self.word}'", f"did you mean '{self._meant}'?"
@@ -160,8 +168,6 @@ class Refusal:
     def _stray(self, shown: str, usage: str) -> tuple[str, str, str]:
         if self.word == "'":
             return "FS015", "unexpected `'`", 'texts stand in double quotes: `"like this"`'
-        if self._text.startswith("->", self.start):
-            return "FS015", "unexpected `->`", "did you mean `=>`?"
         if self.word == "-":
             return "FS015", "unexpected `-`", "names are written with underscores: `red_light`"
         if self.word.isprintable():
@@ -209,7 +215,7 @@ class Refusal:
         if "ttc" in words:
             return "a condition such as `ego.speed < 3 m/s`"
         parts += [f"`{word}`" for word in words if not ("NUMBER" in accepted and word in ("beside", "the"))]  # a place
-        parts += [f"`{sign}`" for sign in signs if sign not in "{};" and not (sign == "(" and "NUMBER" in accepted)]
+        parts += [f"`{sign}`" for sign in signs if sign not in "{};" and not (sign in "(-" and "NUMBER" in accepted)]
         if not parts and accepted & {"$END", "_NEWLINE", "SEMICOLON", "RBRACE"}:
             return _END
         if not parts:
@@ -217,13 +223,27 @@ class Refusal:
         return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} or {parts[-1]}"
 
     def _value(self) -> str:
-        if "LPAR" in self._accepted:
+        if self._place:
             return "a place such as `20 m along ego.route`"
         before = self._behind(_LAST_WORD)
         dimension = _dimensions().get(before[1]) if before is not None else None
         if before is not None and before[1] == "," and "(" in self._text:
             dimension = "length"
         return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`" if dimension else "a value such as `2.5 s`"
+
+
+def _takes_a_place(error: UnexpectedInput) -> bool:
+    """Whether a point may begin where a bracket may: there its `(1 m` goes on with a comma."""
+    state = getattr(error, "interactive_parser", None)
+    if state is None:
+        return False
+    probe = state.copy()
+    try:
+        probe.feed_token(Token("LPAR", "("))
+        probe.feed_token(Token("NUMBER", "1"))
+    except UnexpectedInput:
+        return False
+    return "COMMA" in probe.accepts()
 
 
 def _accepted(error: UnexpectedInput) -> set[str]:

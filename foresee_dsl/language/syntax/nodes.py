@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from decimal import Decimal
 from types import MappingProxyType
 from typing import cast
@@ -15,10 +14,12 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.pattern import FieldForm, Form, form_of, read_pattern
+from foresee_dsl.language.syntax.calculations import calculation, negative
+from foresee_dsl.language.syntax.node import Node, TextError
+from foresee_dsl.language.units import UNITS
 
 _Tree = Tree[Token]
 _Child = _Tree | Token | None
-Key = tuple[str | int, ...]
 
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
 """What stands behind an actor's name and a dot in a pattern."""
@@ -26,26 +27,6 @@ _READ_OFF = ("speed", "acceleration", "offset")
 """Measures of one actor that take no argument."""
 MAX_DEPTH = 40
 """How deep conditions may nest (ours: far beyond what a person reads, far below Python's recursion limit)."""
-
-
-@dataclass(slots=True)
-class Node:
-    """One item of the model to be: its class, the place of the whole statement, and its fields.
-
-    Attributes:
-        fields: raw values by name: str, Decimal, bool, Node, or a tuple of these.
-        places: where each field stands (`green`, and `green.1` for the second element).
-        lines: the statements inside its braces: their key in the model's path, their place, their node if they are
-        items themselves.
-        block: where its braces are, if it has any.
-    """
-
-    kind: type[m.Item]
-    span: Span
-    fields: dict[str, object] = field(default_factory=dict)
-    places: dict[str, Span] = field(default_factory=dict)
-    lines: list[tuple[Key, Span, Node | None]] = field(default_factory=list)
-    block: Span | None = None
 
 
 class _AnyName(frozenset[str]):
@@ -62,23 +43,14 @@ A word that turns out to be none becomes a name again when the two are joined (`
 """
 
 
-@dataclass(frozen=True, slots=True)
-class TextError:
-    """Something wrong that was seen on the way; the parser adds the file and the source line."""
-
-    code: str
-    message: str
-    help: str
-    span: Span
-
-
 _TURNS = form_of(m.Leg, "turn").words
 RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
 """Words that mean themselves wherever they stand, so that no parameter may be called so."""
 
 _KINDS = MappingProxyType({m.rule_of(kind): kind for kind in m.ITEMS})
 """Which class a rule of the grammar makes."""
-_NESTED = ("either", "both", "not", "sustained", "then")
+_CALCULATED = ("calculation", "negative", "extreme")
+_NESTED = ("either", "both", "not", "sustained", "then", *_CALCULATED)
 """Rules that can hold themselves."""
 
 
@@ -95,9 +67,14 @@ class NodeMaker:
         self.errors: list[TextError] = []
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
+        self.calculates = False
         self._depth = 0
         self._special: Mapping[str, Callable[[_Tree], Node]] = {
             "quantity": self._quantity,
+            "calculation": self._calculation,
+            "negative": self._negative,
+            "comparison": self._comparison,
+            "assignment": self._assignment,
             "network": self._network,
             "param": self._param,
             "weather": self._weather,
@@ -113,13 +90,13 @@ class NodeMaker:
 
     def make(self, tree: _Tree) -> Node:
         """Return the node of a statement or value: its fields are those of the class's pattern, in that order."""
-        special = self._special.get(tree.data)
-        if special is not None:
-            return special(tree)
         self._depth += tree.data in _NESTED
+        self.calculates |= tree.data in _CALCULATED
         if self._depth > MAX_DEPTH:
-            node = Node(_KINDS[tree.data], span_of(tree))
+            node = Node(_KINDS.get(tree.data, m.Sum), span_of(tree))
             self._error("FS018", "this is nested too deeply", "split it into several statements", node.span)
+        elif (special := self._special.get(tree.data)) is not None:
+            node = special(tree)
         else:
             node = self._made(tree, tree.children)
         self._depth -= tree.data in _NESTED
@@ -209,10 +186,44 @@ class NodeMaker:
     def _quantity(self, tree: _Tree) -> Node:
         number, unit = tree.children
         node = Node(m.Quantity, span_of(tree), {"value": Decimal(str(number))}, {"value": span_of(_token(number))})
-        if unit is not None:
-            node.fields["unit"] = str(unit)
-            node.places["unit"] = span_of(_token(unit))
+        if unit is None:
+            return node
+        if str(unit) not in UNITS and self._parameters is not ANY_NAME and str(unit) in self._parameters:
+            message = f"between `{number}` and '{unit}' the sign is missing"
+            self._error("FS060", message, f"did you mean `{number} * {unit}`?", node.span)
+            return Node(m.Quantity, node.span)
+        node.fields["unit"] = str(unit)
+        node.places["unit"] = span_of(_token(unit))
         return node
+
+    def _calculation(self, tree: _Tree) -> Node:
+        operands, signs = tree.children[::2], tree.children[1::2]
+        if len(operands) > MAX_DEPTH:
+            message = f"a calculation of {len(operands)} values"
+            self._error("FS018", message, f"at most {MAX_DEPTH} are read: split it", span_of(tree))
+            operands = operands[:1]
+        made = [self.make(operand) for operand in operands if isinstance(operand, Tree)]
+        return calculation(made, [(str(s), span_of(_token(s))) for s in signs[: len(made) - 1]])
+
+    def _negative(self, tree: _Tree) -> Node:
+        return negative(self.make(next(_trees(tree.children))), span_of(tree))
+
+    def _comparison(self, tree: _Tree) -> Node:
+        left, op, right = tree.children
+        measured = isinstance(right, Tree) and right.data == "measure"
+        if measured and isinstance(left, Tree) and left.data == "measure":
+            help = "compare it with a value, such as `ego.speed < 3 m/s`"
+            self._error("FS061", "both sides of this are measured while it runs", help, span_of(tree))
+        elif measured and isinstance(left, Tree) and isinstance(right, Tree):
+            turned = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[str(op)]
+            help = f"did you mean `{_as_text(right)} {turned} {_as_text(left)}`?"
+            self._error("FS061", "what is measured while it runs stands on the left", help, span_of(tree))
+        else:
+            return self._made(tree, tree.children)
+        return Node(m.Comparison, span_of(tree))
+
+    def _assignment(self, tree: _Tree) -> Node:
+        return self._made(tree, [_word_of_ref(child) for child in tree.children])
 
     def _dotted(self, token: Token, node: Node, name: str, properties: tuple[str, ...]) -> str:
         """Split `ego.route`: put the actor into field `name`, return the property, which must be one of some."""
@@ -276,7 +287,7 @@ class NodeMaker:
 
     def _change(self, tree: _Tree) -> Node:
         what, *rest = tree.children
-        node = self._made(tree, (None, None, *rest))
+        node = self._made(tree, (None, None, *map(_word_of_ref, rest)))
         token = _token(what)
         known = m.changeable_of(str(token).partition(".")[0])
         node.fields["property"] = self._dotted(token, node, "actor", known)
@@ -314,6 +325,20 @@ def _text(token: Token) -> str:
 def _token(child: object) -> Token:
     """The same, for the type checker: the grammar puts a token there."""
     return cast(Token, child)
+
+
+def _word_of_ref(child: _Child) -> _Child:
+    """A bare name, where it may be a word as well as a parameter: what it is shows when the types are known."""
+    return child.children[0] if isinstance(child, Tree) and child.data == "ref" else child
+
+
+def _as_text(tree: _Tree) -> str:
+    """A value or a measure as it is written, with the usual blanks."""
+    text = " ".join(str(token) for token in tree.scan_values(lambda token: isinstance(token, Token)))
+    if tree.data == "measure" and " " in text:
+        what, *arguments = text.split()
+        return f"{what}({', '.join(arguments)})"
+    return text
 
 
 def _trees(children: Sequence[_Child]) -> Iterator[_Tree]:

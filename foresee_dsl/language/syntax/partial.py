@@ -16,7 +16,7 @@ from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model import Definition
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 
 _WHOLE_FILE = ("FS007", "FS008", "FS009")

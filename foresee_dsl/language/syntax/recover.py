@@ -19,7 +19,8 @@ from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import Refusal
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
-from foresee_dsl.language.syntax.nodes import MAX_DEPTH, TextError
+from foresee_dsl.language.syntax.node import TextError
+from foresee_dsl.language.syntax.nodes import MAX_DEPTH
 from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 
 _Tree = Tree[Token]

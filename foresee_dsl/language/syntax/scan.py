@@ -7,7 +7,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 
 from foresee_dsl.errors import Span
-from foresee_dsl.language.syntax.nodes import TextError
+from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _LIST_REACH = 2000

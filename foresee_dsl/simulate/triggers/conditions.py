@@ -20,7 +20,7 @@ from typing import Literal, Protocol, assert_never
 from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.kernels.boxes import box_distance, overlaps
 from foresee_dsl.language import model as m
-from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.language.traversal import quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
@@ -175,8 +175,8 @@ class Conditions:
     # --- conditions without parts ------------------------------------------------------------------------------------
 
     def _compare(self, comparison: m.Comparison) -> Outcome | None:
-        if isinstance(comparison.left, m.Ref):
-            raise TypeError(f"the parameter {comparison.left.name} says nothing about a run")
+        if not isinstance(comparison.left, m.Measure):
+            raise TypeError(f"`{comparison.left!r}` says nothing about a run")
         left, right = self.value(comparison.left), si_of(comparison.right)
         if math.isnan(left):
             return None
@@ -287,11 +287,10 @@ class Conditions:
         return name not in self._simulation.by_id and name in self._simulation.network.junctions
 
 
-def _judged(condition: m.Condition, held: bool, slack: float, bound: m.Quantity | m.Ref) -> Outcome:
+def _judged(condition: m.Condition, held: bool, slack: float, bound: m.AnyValue) -> Outcome:
     """Return the outcome of a comparison with a bound, in whose unit the margin is."""
-    if isinstance(bound, m.Ref):  # `si_of` has refused it
-        raise TypeError(bound.name)
-    return Outcome(held, slack, bound.unit, condition, bound.dimension)
+    quantity = quantity_of(bound)
+    return Outcome(held, slack, quantity.unit, condition, quantity.dimension)
 
 
 def every(outcomes: Iterable[Outcome | None], *, unknown: bool = False) -> Outcome | None:

@@ -1,0 +1,201 @@
+"""The value of an expression in a case: exact, in the units that the author uses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Context, Decimal
+from fractions import Fraction
+from functools import cache
+from types import MappingProxyType
+from typing import assert_never
+
+from pydantic import ValidationError
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import POWERS, Powers, in_words, named, references
+from foresee_dsl.language.printer import value_text, written
+from foresee_dsl.language.units import UNITS
+
+_DIGITS = 12
+"""Significant digits of a value that no decimal number is, such as a third (ours: below a float's own, and three more
+than meanings are compared by)."""
+_NO_VALUES: Mapping[str, m.ParamValue] = MappingProxyType({})
+
+
+class ExpressionError(Exception):
+    """An expression that has no value in a case: which part of it, and why."""
+
+    def __init__(self, item: m.Item, message: str) -> None:
+        super().__init__(message)
+        self.item, self.message = item, message
+
+
+def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES) -> m.Quantity:
+    """Return a value as a quantity, with the parameters' values.
+
+    A sum has the unit of its first part, a multiple the unit of what is multiplied; what is made of two dimensions has
+    the unit of generated files (`20 km/h * 1.8 s` is `10 m`).
+
+    Raises:
+        ExpressionError: a division by zero, a result that is too large, values that do not fit each other.
+    """
+    if isinstance(value, m.Quantity):
+        return value
+    if isinstance(value, m.Ref):
+        return _given(value, values)
+    number = _number(value, values)
+    dimension = named(number.powers)
+    if dimension is None:
+        raise ExpressionError(value, f"`{written(value)}` is {in_words(number.powers)}, which is no kind of value")
+    unit = number.unit if number.unit is not None else {"angle": "deg", "angular_rate": "deg/s"}.get(dimension)
+    if unit is None:
+        unit = next((word for word, known in UNITS.items() if known.dimension == dimension and known.to_si == 1), "")
+    found = number.amount / (factor(unit) if number.unit is None else 1)
+    try:
+        return m.Quantity(value=as_decimal(found), unit=unit)
+    except ValidationError:
+        message = f"`{written(value)}` is {float(found):.3g} {unit}".rstrip() + ", more than any value can be"
+        raise ExpressionError(value, message) from None
+
+
+def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamValue]:
+    """Return the value of every parameter in a case (None: the defaults), in the order of the file.
+
+    Raises:
+        ExpressionError: a value that is worked out of others has none; `item` is its assignment, or a part of it.
+    """
+    defaults = {param.name: param.default for param in scenario.all(m.Param)}
+    if case is None:
+        return defaults
+    types = {param.name: param.type for param in scenario.all(m.Param)}
+    given = {assignment.name: assignment for assignment in case.values}
+    found: dict[str, m.ParamValue] = {}
+
+    def value_of(name: str, asking: tuple[str, ...]) -> m.ParamValue:
+        if name in found or name not in given:
+            return found.get(name, defaults[name])
+        assignment = given[name]
+        needed = needed_by(assignment, types)
+        for other in needed:
+            if other.name in (*asking, name):
+                chain = " -> ".join((*asking, name, other.name)[(*asking, name).index(other.name) :])
+                raise ExpressionError(assignment, f"'{other.name}' is worked out of itself: {chain}")
+        inner = {ref.name: value_of(ref.name, (*asking, name)) for ref in needed if ref.name in defaults}
+        value = assignment.value
+        if isinstance(value, m.EXPRESSIONS):
+            value = evaluate(value, inner)
+        elif isinstance(value, str) and needed:
+            value = inner[value]
+        found[name] = value
+        return value
+
+    return {name: value_of(name, ()) for name in defaults} | {
+        name: assignment.value
+        for name, assignment in given.items()
+        if name not in defaults and not isinstance(assignment.value, m.EXPRESSIONS)
+    }
+
+
+def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tuple[m.Ref, ...]:
+    """Return the parameters that an assignment's value is worked out of; `types`: of all parameters.
+
+    A bare word is a parameter where a number belongs and one is called so (`gap = other_gap`).
+    """
+    value = assignment.value
+    if isinstance(value, str):
+        number = any(types.get(assignment.name) == dimension for dimension in POWERS)
+        return (m.Ref(name=value),) if number and value in types else ()
+    return tuple(references(value))
+
+
+def _given(reference: m.Ref, values: Mapping[str, m.ParamValue]) -> m.Quantity:
+    value = values.get(reference.name)
+    if isinstance(value, m.Quantity):
+        return value
+    what = f"is `{value_text(value)}`, which is no number" if value is not None else "has no value"
+    raise ExpressionError(reference, f"'{reference.name}' {what}")
+
+
+@dataclass(frozen=True)
+class _Number:
+    """An exact number: in a unit of the author's, or (None) in metres, seconds, degrees and kilogrammes."""
+
+    amount: Fraction
+    unit: str | None
+    powers: Powers
+
+    @property
+    def base(self) -> Fraction:
+        return self.amount * factor(self.unit) if self.unit is not None else self.amount
+
+    def within(self, unit: str | None) -> Fraction:
+        """Return the amount in another unit of the same dimension."""
+        if self.unit == unit:
+            return self.amount
+        return self.base / (factor(unit) if unit is not None else 1)
+
+
+def _number(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> _Number:
+    match value:
+        case m.Quantity():
+            return _Number(Fraction(value.value), value.unit, POWERS[value.dimension])
+        case m.Ref():
+            return _number(_given(value, values), values)
+        case m.Sum(left=left, op=op, right=right):
+            one, other = _alike(value, (_number(left, values), _number(right, values)))
+            unit = other.unit if not one.unit and other.unit else one.unit
+            added = other.within(unit)
+            return _Number(one.within(unit) + (added if op == "+" else -added), unit, one.powers)
+        case m.Product(left=left, op=op, right=right):
+            return _product(value, _number(left, values), op, _number(right, values))
+        case m.Negative(value=inner):
+            number = _number(inner, values)
+            return _Number(-number.amount, number.unit, number.powers)
+        case m.Extreme(which=which, values=several):
+            numbers = _alike(value, tuple(_number(part, values) for part in several))
+            return (min if which == "min" else max)(numbers, key=lambda number: number.base)
+        case _:
+            assert_never(value)
+
+
+def _alike(value: m.Item, numbers: tuple[_Number, ...]) -> tuple[_Number, ...]:
+    if len({number.powers for number in numbers}) > 1:
+        kinds = " and ".join(dict.fromkeys(in_words(number.powers) for number in numbers))
+        raise ExpressionError(value, f"`{written(value)}`: {kinds} do not go together")
+    return numbers
+
+
+def _product(whole: m.Product, one: _Number, op: str, other: _Number) -> _Number:
+    if op == "/" and other.amount == 0:
+        raise ExpressionError(whole, f"`{written(whole)}` divides by zero: `{written(whole.right)}` is 0")
+    powers = one.powers.times(other.powers, 1 if op == "*" else -1)
+    if other.powers == Powers():  # twice something, half of it: its unit stays
+        return _Number(one.amount * other.amount if op == "*" else one.amount / other.amount, one.unit, powers)
+    if one.powers == Powers() and op == "*":
+        return _Number(one.amount * other.amount, other.unit, powers)
+    found = one.base * other.base if op == "*" else one.base / other.base
+    return _Number(found, "" if powers == Powers() else None, powers)
+
+
+@cache
+def factor(unit: str) -> Fraction:
+    """Return how many metres, seconds, degrees or kilogrammes (or what is made of them) a unit is, exactly."""
+    if not unit:
+        return Fraction(1)
+    to_si = UNITS[unit].to_si
+    if UNITS[unit].dimension in ("angle", "angular_rate"):
+        return Fraction(1) if unit.startswith("deg") else Fraction(180 / math.pi)
+    return Fraction(to_si).limit_denominator(10**6)
+
+
+def as_decimal(number: Fraction) -> Decimal:
+    """Return a number with all its digits, or with 12 that matter."""
+    found = Context(prec=_DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator))
+    return found if found else Decimal(0)
+
+
+def as_si(number: Fraction, powers: Powers) -> float:
+    """Return an amount in metres, seconds, degrees and kilogrammes in SI."""
+    return float(number) * math.radians(1) ** powers.angle

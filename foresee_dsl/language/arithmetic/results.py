@@ -1,0 +1,122 @@
+"""What expressions and parameters come to in each case: a division by zero, a result that its place does not take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import POWERS, references
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
+from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.model.pattern import form_of
+from foresee_dsl.language.printer import value_text, written
+from foresee_dsl.language.traversal import fields_of, walk
+from foresee_dsl.language.units import Dimension
+
+Values = Mapping[str, m.ParamValue]
+
+
+@dataclass(frozen=True)
+class Use:
+    """A value that is worked out, at its place: the item that has it, and its field."""
+
+    item: m.Item
+    field: str
+    value: m.Ref | m.Expression
+
+    @property
+    def limited(self) -> bool:
+        """Whether some results are mistakes."""
+        form = form_of(type(self.item), self.field.partition(".")[0])
+        return isinstance(self.value, m.EXPRESSIONS) or form.bounds is not None or form.dimension == "count"
+
+
+@dataclass(frozen=True)
+class Unfit:
+    """A use that has no fitting value in some case."""
+
+    item: m.Item
+    field: str
+    code: str
+    message: str
+    help: str
+
+
+def uses(items: Iterable[m.Item]) -> Iterator[Use]:
+    """Return what is worked out in some statements (parameters and cases are not looked at)."""
+    for root in items:
+        if isinstance(root, m.Param | m.Case | m.Cases):
+            continue
+        for item in walk(root):
+            for field, value in fields_of(item):
+                if isinstance(value, m.Ref | m.Expression) and not isinstance(item, m.EXPRESSIONS):
+                    use = Use(item, field, value)
+                    if use.limited:
+                        yield use
+
+
+def unfit(found: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator[Unfit]:
+    """Return, for each use, the first case in which it comes to nothing that fits, and in how many more; cases with
+    their names, "" for a scenario that has none."""
+    for use in found:
+        needed = {ref.name for ref in references(use.value)}
+        wrong = [
+            (name, values, problem)
+            for name, values in cases
+            if needed <= values.keys() and (problem := _problem(use, values)) is not None
+        ]
+        if wrong:
+            name, values, (item, field, code, message, help) = wrong[0]
+            yield Unfit(item, field, code, f"{_where(name, len(wrong) - 1)}{message}", help)
+
+
+_Problem = tuple[m.Item, str, str, str, str]
+
+
+def _problem(use: Use, values: Values) -> _Problem | None:
+    try:
+        result = evaluate(use.value, values)
+    except ExpressionError as error:
+        return error.item, "", c.NO_RESULT, error.message, "keep it out with a `require`, or with `max(..., ...)`"
+    form = form_of(type(use.item), use.field.partition(".")[0])
+    shown = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
+    if form.dimension == "count" and (result.value != result.value.to_integral_value() or result.value < 0):
+        return use.item, use.field, c.MISFIT, f"{shown}, but a whole number is needed here", "write one such as `2`"
+    bounds = form.bounds
+    if bounds is None or bounds.low <= result.si <= bounds.high:
+        return None
+    message = f"{shown}, too {'small' if result.si < bounds.low else 'large'} for `{use.field}`"
+    return use.item, use.field, out_of_bounds(use.item), message, limit(form.dimension, bounds, result)
+
+
+def out_of_bounds(item: m.Item) -> str:
+    """Return the code of a value that is too small or too large for its place."""
+    return "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
+
+
+def limit(dimension: Dimension | None, bounds: m.Bounds, value: m.Quantity) -> str:
+    """Return what to write instead of a value that is too small or too large."""
+    small = value.si < bounds.low
+    bound = f"least {bounds.low:g}" if small else f"most {bounds.high:g}"
+    plain = dimension in (None, "ratio", "count")
+    return f"use at {bound}" if plain else f"use a {'larger' if small else 'smaller'} value"
+
+
+def _where(name: str, more: int) -> str:
+    if not name:
+        return "by default "
+    others = f" (and {more} more)" if more else ""
+    return f"in case '{name}'{others} "
+
+
+def _with(use: Use, values: Values) -> str:
+    if isinstance(use.value, m.Ref):
+        return ""
+    given = [f"{name} is {value_text(values[name])}" for name in dict.fromkeys(r.name for r in references(use.value))]
+    return f" ({', '.join(given)})" if given else ""
+
+
+def is_number(type_: str) -> bool:
+    """Return whether a parameter of this type has a number, not a word."""
+    return any(type_ == dimension for dimension in POWERS)

@@ -1,0 +1,102 @@
+"""Expressions: that their dimensions fit each other and their place, and that a file of this kind may have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, references, turned
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
+from foresee_dsl.language.codes import names as c
+from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.words import NOUNS
+from foresee_dsl.language.printer import written
+from foresee_dsl.language.units import Dimension
+
+_ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogue of models", m.Campaign: "a campaign"}
+"""Files in which nothing is worked out, and what they are called."""
+
+
+def refused_in(model: m.Definition) -> str:
+    """Return what kind of file this is, if nothing may be worked out in it; else nothing."""
+    return _ONLY_VALUES.get(type(model), "")
+
+
+def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Expression) -> None:
+    """Report an expression in a file that holds values only."""
+    try:
+        help = f"did you mean `{written(evaluate(value))}`?"
+    except ExpressionError:
+        help = "write its value"
+    message = f"{kind} holds values: `{written(value)}` is not worked out here"
+    findings.add(item, field, c.NO_EXPRESSION, message, help)
+
+
+def check_expression(
+    findings: Findings,
+    item: m.Item,
+    field: str,
+    value: m.Expression,
+    needed: Dimension | None,
+    types: Mapping[str, m.ParamType],
+) -> Powers | None:
+    """Check the dimensions of an expression (`needed`: None where any will do); return its own, None for a mistake.
+
+    Unknown parameters in it are reported elsewhere.
+    """
+    dimensions = Dimensions(types)
+    powers = dimensions.of(value)
+    for mismatch in dimensions.mismatches:
+        findings.add(mismatch.item, "", c.MIXED_KINDS, mismatch.message, mismatch.help)
+    if powers is None or needed is None or powers == POWERS[needed]:
+        return powers
+    message = f"`{written(value)}` is {in_words(powers)}, but {NOUNS[needed]} is needed here"
+    findings.add(item, field, c.MIXED_KINDS, message, _instead(value, needed, dimensions))
+    return None
+
+
+def _instead(value: m.Expression, needed: Dimension, dimensions: Dimensions) -> str:
+    other = turned(value)
+    if other is not None and dimensions.of(other) == POWERS[needed]:
+        return f"did you mean `{written(other)}`?"
+    return f"write {Findings.example(needed)}, or work one out of others: {_RECIPES[needed]}"
+
+
+_RECIPES: Mapping[Dimension, str] = {
+    "time": "a length by a speed (`/`), a time and a time (`+`)",
+    "length": "a speed times a time (`*`), a length and a length (`+`)",
+    "speed": "a length by a time (`/`), an acceleration times a time (`*`)",
+    "acceleration": "a speed by a time (`/`)",
+    "angle": "a turning rate times a time (`*`)",
+    "angular_rate": "an angle by a time (`/`)",
+    "mass": "a plain number times a mass (`*`)",
+    "ratio": "a length by a length (`/`)",
+    "count": "whole numbers (`+`, `*`)",
+}
+
+
+def compare_sides(findings: Findings, item: m.Comparison, types: Mapping[str, m.ParamType]) -> bool:
+    """Check that both sides of a comparison in a `require` are of one dimension; return whether it can be judged."""
+    dimensions = Dimensions(types)
+    left = dimensions.of(item.left) if not isinstance(item.left, m.Measure) else None
+    right = dimensions.of(item.right)
+    for mismatch in dimensions.mismatches:
+        findings.add(mismatch.item, "", c.MIXED_KINDS, mismatch.message, mismatch.help)
+    if left is None or right is None:
+        return False
+    if left == right:
+        return True
+    message = f"`{written(item.left)}` is {in_words(left)}, but `{written(item.right)}` {_is(item.right, right)}"
+    dimension = named(left)
+    help = f"compare it with {Findings.example(dimension)}" if dimension is not None else "compare values of one kind"
+    findings.add(item, "right", c.MIXED_KINDS, message, help)
+    return False
+
+
+def _is(value: m.Item, powers: Powers) -> str:
+    return "has no unit" if isinstance(value, m.Quantity) and not value.unit else f"is {in_words(powers)}"
+
+
+def unknown_in(value: m.AnyValue, types: Mapping[str, m.ParamType]) -> bool:
+    """Return whether a value names a parameter that does not exist."""
+    return any(ref.name not in types for ref in references(value))

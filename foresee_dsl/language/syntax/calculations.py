@@ -1,0 +1,44 @@
+"""From the flat list of a calculation to nodes: `*` and `/` bind stronger than `+` and `-`, from the left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from decimal import Decimal
+
+from foresee_dsl.errors import Span
+from foresee_dsl.language import model as m
+from foresee_dsl.language.syntax.node import Node
+
+_STRONG = ("*", "/")
+
+
+def calculation(operands: Sequence[Node], signs: Sequence[tuple[str, Span]]) -> Node:
+    """Return the node of `a + b * c`: its operands, and the signs between them."""
+    terms, between = [operands[0]], []
+    for sign, operand in zip(signs, operands[1:], strict=True):
+        if sign[0] in _STRONG:
+            terms[-1] = _of(m.Product, terms[-1], sign, operand)
+        else:
+            terms.append(operand)
+            between.append(sign)
+    found = terms[0]
+    for sign, operand in zip(between, terms[1:], strict=True):
+        found = _of(m.Sum, found, sign, operand)
+    return found
+
+
+def negative(operand: Node, span: Span) -> Node:
+    """Return the node of `-gap`; `- 2 m` is the number -2 m."""
+    if operand.kind is m.Quantity:
+        number = operand.fields.get("value")
+        if isinstance(number, Decimal):
+            operand.fields["value"] = -number
+        operand.span = span
+        return operand
+    return Node(m.Negative, span, {"value": operand}, {"value": operand.span})
+
+
+def _of(kind: type[m.Item], left: Node, sign: tuple[str, Span], right: Node) -> Node:
+    span = Span(left.span.line, left.span.column, right.span.end_line, right.span.end_column)
+    places = {"left": left.span, "op": sign[1], "right": right.span}
+    return Node(kind, span, {"left": left, "op": sign[0], "right": right}, places)
