@@ -10,7 +10,7 @@ from pathlib import Path
 from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.syntax.nodes import Node
+from foresee_dsl.language.syntax.node import Node
 from foresee_dsl.language.units import UNITS
 
 

@@ -62,12 +62,12 @@ def unfit(found: Sequence[Use], cases: Sequence[tuple[str, Values]]) -> Iterator
     for use in found:
         needed = {ref.name for ref in references(use.value)}
         wrong = [
-            (name, values, problem)
+            (name, problem)
             for name, values in cases
             if needed <= values.keys() and (problem := _problem(use, values)) is not None
         ]
         if wrong:
-            name, values, (item, field, code, message, help) = wrong[0]
+            name, (item, field, code, message, help) = wrong[0]
             yield Unfit(item, field, code, f"{_where(name, len(wrong) - 1)}{message}", help)
 
 
