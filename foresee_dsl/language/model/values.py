@@ -99,7 +99,10 @@ class Product(Phrase):
     """`2 * width`, `speed / 2 s`: of two values; its dimension is that of the result."""
 
     pattern = "{left} {op} {right}"
-    in_brackets_of = (("left", ("sum",)), ("right", ("sum", "product")),)
+    in_brackets_of = (
+        ("left", ("sum",)),
+        ("right", ("sum", "product")),
+    )
 
     left: Value
     op: Literal["*", "/"]
