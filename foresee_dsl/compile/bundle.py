@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from foresee_dsl.compile.roads.polyline import XY, Points
-from foresee_dsl.language.model import Expect, MeetsState, Place, When
+from foresee_dsl.language.model import AtStop, Expect, MeetsState, Place, When
 
 if TYPE_CHECKING:
     from foresee_dsl.compile.roads.network import RoadNetwork
@@ -85,6 +85,20 @@ class Signal:
                 return k, until_s - elapsed_s
         return members[-1], 0.0
 
+    def phase_of(self, stage: str, light: str | None) -> int | None:
+        """Return the phase (index) with which a stage begins, or its `amber`, or its `red` for all; None where it has
+        none."""
+        members = [k for k, phase in enumerate(self.phases) if self.stages[phase.stage] == stage]
+        return next((k for k in members if _is_light(self.phases[k].state, light)), None)
+
+
+def _is_light(state: str, light: str | None) -> bool:
+    """Whether a signal's state is the amber, or the red for all, of a stage; any is where none is asked for."""
+    letters = set(state.lower())
+    if light == "amber":
+        return not letters.isdisjoint("yu") and "g" not in letters
+    return light is None or letters <= set("rs")
+
 
 @dataclass(frozen=True)
 class Steering:
@@ -157,6 +171,15 @@ class PlacedActor:
     """Crossings on a pedestrian's path that it enters on green only: (enters m, leaves m along the path, tls, link)."""
 
 
+@dataclass(frozen=True, slots=True)
+class StopPlace:
+    """A bus stop: its lane, where along it the front of who stops there stands, m, and its length, m."""
+
+    lane: str
+    pos_m: float
+    length_m: float
+
+
 @dataclass(frozen=True)
 class Scene:
     """The first frame, the triggers and the expectations. Actor 0 is the ego; the others are in the file's order, then
@@ -188,8 +211,10 @@ class Scene:
     pass."""
     notes: tuple[str, ...] = ()
     """Notes for the author that are no errors, such as background traffic that found no room."""
-    places: Mapping[Place, XY] = field(default_factory=dict)
-    """Coordinates, m, of the places in conditions that are written in another way."""
+    places: Mapping[Place | AtStop, XY] = field(default_factory=dict)
+    """Coordinates, m, of the places in conditions and actions that are written in another way."""
+    stops: Mapping[str, StopPlace] = field(default_factory=dict)
+    """The bus stops that triggers name."""
 
     @property
     def ego(self) -> PlacedActor:

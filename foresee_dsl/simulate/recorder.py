@@ -66,6 +66,10 @@ class Recorder:
         self._along.append(along)
         return states
 
+    def look_again(self) -> None:
+        """Take note at the next frame that a signal shows something else than its program says."""
+        self._until_s = -math.inf
+
     def _look_at_signals(self, signals: Signals) -> None:
         """Note the stages that are shown from this frame on, and when (in SUMO's time) they began."""
         shown = [signals.shown(signal.tls) for signal in self._signals]

@@ -26,6 +26,7 @@ class Signals:
     def __init__(self, sumo: ModuleType, bundle: SumoBundle, begins_s: float = 0.0) -> None:
         self._lights, self._clock, self._begins_s = sumo.trafficlight, sumo.simulation.getTime, begins_s
         self._signals: dict[str, Signal] = {signal.tls: signal for signal in bundle.signals.values()}
+        self._by_junction: Mapping[str, Signal] = bundle.signals
         self._shown: dict[str, tuple[int, float, float]] = {}
         self._states: dict[str, str] = {}
         self.now_s = 0.0
@@ -49,6 +50,19 @@ class Signals:
             # The phase for the time that is left of it; the program continues from there.
             self._lights.setPhase(signal.tls, phase)
             self._lights.setPhaseDuration(signal.tls, left_s + lead_s)
+
+    def turn(self, junction: str, stage: str, light: str | None) -> None:
+        """Show a stage from its beginning, or from where its `amber` or `red` begins; its program goes on from there.
+
+        A `KeyError` for what the signal does not have.
+        """
+        signal = self._by_junction[junction]
+        phase = signal.phase_of(stage, light)
+        if phase is None:
+            raise KeyError(stage)
+        self._shown.pop(signal.tls, None)
+        self._lights.setPhase(signal.tls, phase)
+        self._lights.setPhaseDuration(signal.tls, signal.phases[phase].duration_s)
 
     def stage(self, tls: str) -> tuple[int, float]:
         """Return the stage that a signal shows (index) and the time since it began."""

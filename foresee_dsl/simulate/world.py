@@ -105,6 +105,7 @@ class World:
         self._routes: dict[tuple[str, ...], str] = {}
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._limits: dict[str, float] = {}
+        self._changed_limits: dict[str, float] = {}  # what changed lanes had before
         self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
         try:
@@ -150,6 +151,10 @@ class World:
         self._vehicles.clear()
         self._on_road, self._names, self._lanes = (), (), []
         self._routes.clear()
+        for lane, speed_mps in self._changed_limits.items():  # SUMO keeps them when it loads a state
+            self._sumo.lane.setMaxSpeed(lane, speed_mps)
+            self._limits.pop(lane.rpartition("_")[0], None)
+        self._changed_limits.clear()
         self._bodies.clear()
         self.signals = Signals(self._sumo, bundle, begins_s)
         self.signals.start(bundle, STEP_S)
@@ -368,6 +373,12 @@ class World:
         if vehicle in self._vehicles:
             self._sumo.vehicle.setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
 
+    def set_limit(self, lane: str, speed_mps: float) -> None:
+        """Give a lane another speed limit, m/s, for the rest of the run."""
+        self._changed_limits.setdefault(lane, float(self._sumo.lane.getMaxSpeed(lane)))
+        self._sumo.lane.setMaxSpeed(lane, speed_mps)
+        self._limits.pop(lane.rpartition("_")[0], None)
+
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
         """Set how fast a vehicle gains speed at most."""
         self._sumo.vehicle.setAccel(vehicle, acceleration_mps2)
@@ -382,6 +393,10 @@ class World:
     def change_lane(self, vehicle: str, side: int) -> None:
         """Ask for a change by one lane: 1 to the next higher index, -1 to the next lower; kept there for 60 s."""
         self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
+
+    def keep_to_lane(self, vehicle: str, index: int) -> None:
+        """Ask for a change to a lane of the edge, or for staying on it, over the next two steps."""
+        self._sumo.vehicle.changeLane(vehicle, index, 2 * STEP_S)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 

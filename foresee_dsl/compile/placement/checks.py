@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from foresee_dsl.compile import codes
-from foresee_dsl.compile.bundle import PlacedActor, Signal
+from foresee_dsl.compile.bundle import PlacedActor, Signal, StopPlace
 from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, Spot, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
-from foresee_dsl.compile.roads.polyline import XY, Points
+from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.language import model as m
@@ -21,6 +22,8 @@ NEAR_ROAD_M = 30.0
 """Farthest distance, m, of pedestrians, obstacles and path-followers from a lane (ours: farther away is an error)."""
 GOAL_OFF_M = 5.0
 """A goal farther from the ego's centreline than this, m, is on another road (ours: more than a lane's width)."""
+STOP_LENGTH_M = 15.0
+"""Length of a bus stop that does not say its own. Ours: a city bus of 12 m and a door's width on either side."""
 _TOUCH_M2 = 1e-4
 """Footprints may touch: an overlap smaller than a square centimetre is rounding (ours)."""
 
@@ -134,8 +137,10 @@ class NameChecks:
             for traffic in case.scenario.all(m.Traffic)
             for k in range(1, int(si_of(traffic.count)) + 1)
         }
-        self.places: dict[m.Place, XY] = {}
-        """Where the places of conditions are, m; filled by `problems`."""
+        self.places: dict[m.Place | m.AtStop, XY] = {}
+        """Where the places of conditions and actions are, m; filled by `problems`."""
+        self.stops: dict[str, StopPlace] = {}
+        """The bus stops that actions name; filled by `problems`."""
 
     def problems(self, placed: Iterable[PlacedActor]) -> Iterator[Problem]:
         """Yield what does not fit, given the actors that could be placed."""
@@ -151,8 +156,7 @@ class NameChecks:
                 yield from self._part(kind, part, by_name)
         for when in scenario.all(m.When):
             for action in all_actions(when.actions):
-                if isinstance(action, m.Meets | m.Ignores) and action.junction is not None:
-                    yield from self._junction("", when.kind, word_of(action.junction))
+                yield from self._action(when.kind, action, by_name)
         if not self._case.snapshot:  # a clip's routes do not show junctions that were passed before it begins
             yield from self._meetings(by_name)
 
@@ -233,6 +237,86 @@ class NameChecks:
             if actor is not None and (over := _misses(actor, junction)):
                 message = f"the route of {part.actor} does not go over {junction}"
                 yield Problem("", kind, codes.PLACE, message, f"it goes over {over}", junction)
+
+    def _action(self, kind: str, action: m.Action, placed: Mapping[str, PlacedActor]) -> Iterator[Problem]:
+        match action:
+            case m.Meets() | m.Ignores() if action.junction is not None:
+                yield from self._junction("", kind, word_of(action.junction))
+            case m.TurnsTo():
+                yield from self._turn(kind, action)
+            case m.Limit():
+                yield from self._limit(kind, action)
+            case m.StopsAt():
+                yield from self._stop(kind, action, placed.get(action.actor))
+
+    def _turn(self, kind: str, action: m.TurnsTo) -> Iterator[Problem]:
+        junction, stage = word_of(action.junction), word_of(action.stage)
+        bad = list(self._stage(kind, junction, stage))
+        name, _, light = stage.rpartition("_")
+        if bad and junction in self._signals and light in ("amber", "red"):
+            # `ew_amber` is no stage of its own: it belongs to `ew_go`
+            near = next((s for s in self._signals[junction].stages if s.rpartition("_")[0] == name), None)
+            if near is not None:
+                bad = [replace(bad[0], help=f"amber and red belong to a stage: `{junction} turns to {near} {light}`")]
+        yield from bad
+        if not bad and self._signals[junction].phase_of(stage, action.light) is None:
+            message = f"the stage {stage} at {junction} has no {action.light} of its own"
+            yield Problem("", kind, codes.UNKNOWN, message, f"write `{junction} turns to {stage}`", stage)
+
+    def _limit(self, kind: str, action: m.Limit) -> Iterator[Problem]:
+        name = word_of(action.road)
+        edge = self._network.edges.get(name)
+        if edge is None:
+            message = f"there is no edge called {name}"
+            yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, self._network.edges), name)
+        elif action.lane is not None and si_of(action.lane) > len(edge.drivable):
+            lanes = len(edge.drivable)
+            message = f"{name} has {lanes} lane{'s' if lanes > 1 else ''}, no lane {si_of(action.lane):g}"
+            yield Problem("", kind, codes.PLACE, message, "lanes count from 1, the rightmost for cars", name)
+
+    def _stop(self, kind: str, action: m.StopsAt, actor: PlacedActor | None) -> Iterator[Problem]:
+        """Look for the place where an actor is to stop, and whether it comes there."""
+        where, about = action.where, action.actor
+        found: m.BusStop | None = None
+        place: m.Place
+        if isinstance(where, m.AtStop):
+            found = self._stops().get(where.stop)
+            if found is None:
+                message = f"there is no bus stop called {where.stop}"
+                help = did_you_mean(where.stop, self._stops())
+                help = help or "the network has none: add `stop NAME on ROAD at 40 m`, or name a place"
+                yield Problem("", kind, codes.UNKNOWN, message, help, where.stop)
+                return
+            place, about = m.AlongEdge(edge=found.road, at=found.at), where.stop
+        else:
+            place = where
+        try:
+            spot = self._spot(place)
+        except RouteError as err:
+            yield Problem("", kind, codes.PLACE, str(err), err.help, about)
+            return
+        if not isinstance(where, m.Point):
+            self.places[where] = spot.x, spot.y
+        if found is not None:
+            edge = self._network.edges[found.road]
+            at_m = si_of(found.at)
+            lane = edge.drivable[0]
+            pos_m = at_m if at_m >= 0 else lane.length_m + at_m
+            self.stops[found.name] = StopPlace(lane.id, pos_m, si_of(found.length) if found.length else STOP_LENGTH_M)
+        if actor is None or self._case.snapshot:  # a clip's routes do not show what was passed before it begins
+            return
+        line = actor.line if actor.line is not None else line_of(actor.path) if len(actor.path) else None
+        if line is not None and abs(line.project(spot.x, spot.y)[1]) > GOAL_OFF_M:
+            what = f"the stop {about}" if found is not None else "that place"
+            message = f"{action.actor} does not come by {what}: it is {abs(line.project(spot.x, spot.y)[1]):.0f} m off"
+            on = f" (it is on {found.road})" if found is not None else ""
+            yield Problem("", kind, codes.PLACE, message, f"lead its route there{on}, or name another place", about)
+
+    def _stops(self) -> Mapping[str, m.BusStop]:
+        network = self._case.network
+        if not isinstance(network, m.Network):
+            return {}
+        return {item.name: item for item in network.body if isinstance(item, m.BusStop)}
 
     def _stage(self, kind: str, junction: str, stage: str) -> Iterator[Problem]:
         signal = self._signals.get(junction)

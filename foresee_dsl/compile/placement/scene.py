@@ -128,6 +128,7 @@ class SceneBuilder:
             must_arrive=any(e.mode == "eventually" and _arrives(e.condition) for e in scenario.all(m.Expect)),
             notes=tuple(notes),
             places=self._names.places,
+            stops=self._names.stops,
         )
 
     def background(self, placed: Sequence[PlacedActor]) -> tuple[list[PlacedActor], list[str]]:

@@ -188,7 +188,8 @@ class _Beginning:
 
     def whens(self) -> list[m.When]:
         """Return the triggers that resume what actors are doing, and those of the run."""
-        resumed = [self._resumed(k) for k in self._others]
+        limits = self._triggers.limits()
+        resumed = [*limits, *(self._resumed(k) for k in self._others)]
         kept = [self._ends_keeping(k) for k in self._others]
         return [when for when in (*resumed, *kept) if when is not None] + list(self._later)
 
@@ -288,7 +289,7 @@ class _Beginning:
         orders = self._triggers.told(name)
         if orders.speed is not None:
             action = orders.speed.action
-            if isinstance(action, m.ChangesSpeed | m.Stops) and (name, "speed") not in self._taken:
+            if isinstance(action, m.ChangesSpeed | m.Stops | m.StopsAt) and (name, "speed") not in self._taken:
                 left = self._triggers.rest_of(action, orders.speed.since_s)
                 again += [left] if left else []
         elif orders.cruise is not None and name in self._waiting:

@@ -13,6 +13,7 @@ import numpy as np
 from foresee_dsl.derive.clipping.conditions import Moment, both, rebased, seconds
 from foresee_dsl.derive.clipping.snapshot import present
 from foresee_dsl.language import model as m
+from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import all_actions, si_of
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
@@ -97,7 +98,7 @@ class Triggers:
         found: list[m.Action] = []
         for action in actions:
             if not isinstance(action, m.Then):
-                found += [] if self._is_over(action) else [action]
+                found += [] if self._is_over(action) else [self.placed(action)]
                 continue
             wanted = True if action.condition is None else rebased(action.condition, self.moment)
             condition = both(wanted, until)
@@ -108,14 +109,35 @@ class Triggers:
         return trimmed(found)
 
     def _is_over(self, action: m.Action) -> bool:
-        if isinstance(action, m.Wait | m.Then):
+        if isinstance(action, m.OfNobody):
             return False
         gone = self.moment.gone
         started = isinstance(action, m.Starts) and self.told(action.actor).started_s is not None
         return started or action.actor in gone or getattr(action, "other", None) in gone
 
-    def rest_of(self, action: m.ChangesSpeed | m.Stops, since_s: float) -> m.ChangesSpeed | m.Stops | None:
+    def limits(self) -> tuple[m.When, ...]:
+        """Return the trigger that changes the speed limits again that had been changed."""
+        record = self.trace.director or DirectorRecord()
+        last: dict[tuple[object, object], m.Action] = {}
+        for order in record.limits:
+            if isinstance(order.action, m.Limit) and order.since_s <= self.moment.time_s + 1e-6:
+                last.pop((order.action.road, order.action.lane), None)
+                last[order.action.road, order.action.lane] = order.action
+        return (at_once(*last.values()),) if last else ()
+
+    def placed(self, action: m.Action) -> m.Action:
+        """Return an action with points for its places on routes, which begin elsewhere now."""
+        if isinstance(action, m.StopsAt) and isinstance(action.where, m.AlongRoute | m.PastJunction):
+            point = self.moment.places.get(text_of(action.where, frozenset()))
+            return action if point is None else action.model_copy(update={"where": point})
+        return action
+
+    def rest_of(
+        self, action: m.ChangesSpeed | m.Stops | m.StopsAt, since_s: float
+    ) -> m.ChangesSpeed | m.Stops | m.StopsAt | None:
         """Return what is left of a change of speed or a stop that began at a time, None where it is over."""
+        if isinstance(action, m.StopsAt):
+            return self._rest_of_halt(action)
         if isinstance(action, m.Stops):
             return self._rest_of_stop(action, since_s)
         if not isinstance(action.over, m.Quantity):
@@ -136,6 +158,14 @@ class Triggers:
         stood_s = float(trace.time_s[self.frame] - trace.time_s[began + stands[0]]) if stands.size else 0.0
         left_s = stop.duration.si - stood_s
         return m.Stops(actor=stop.actor, duration=seconds(left_s)) if left_s > 1e-6 else None
+
+    def _rest_of_halt(self, halt: m.StopsAt) -> m.StopsAt | None:
+        """Return what is left of a stop at a place, None where it is over."""
+        placed, stands_s = self.placed(halt), self.told(halt.actor).stands_s
+        if not isinstance(placed, m.StopsAt) or not isinstance(placed.duration, m.Quantity) or stands_s is None:
+            return placed if isinstance(placed, m.StopsAt) else None
+        left_s = placed.duration.si - (self.moment.time_s - stands_s)
+        return placed.model_copy(update={"duration": seconds(left_s)}) if left_s > 1e-6 else None
 
     def still_to_change(self, actor: str, since_s: float) -> bool:
         """Say whether an actor is still on the lane on which it was asked to change: SUMO has not begun the change."""
@@ -230,10 +260,12 @@ class _Rest:
         after_run_s = float(self._triggers.trace.time_s[-1]) + STEP_S
         return [m.Wait(duration=seconds((after_run_s if completes_s is None else completes_s) - self._now_s))]
 
-    def _order(self, action: m.Action, since_s: float) -> m.ChangesSpeed | m.Stops | m.Meets | m.ChangesLane | None:
+    def _order(
+        self, action: m.Action, since_s: float
+    ) -> m.ChangesSpeed | m.Stops | m.StopsAt | m.Meets | m.ChangesLane | None:
         """Return an order to give again."""
         match action:
-            case m.ChangesSpeed() | m.Stops():
+            case m.ChangesSpeed() | m.Stops() | m.StopsAt():
                 return self._triggers.rest_of(action, since_s)
             case m.ChangesLane():
                 return action if self._triggers.still_to_change(action.actor, since_s) else None
@@ -241,7 +273,7 @@ class _Rest:
                 told = self._triggers.told(action.actor)
                 meets = told.speed is not None and told.speed.action == action and told.keeps_mps is None
                 return action if meets and action.actor not in self._triggers.timed else None
-            case m.Ignores() | m.Starts() | m.Wait() | m.Then():
+            case m.Ignores() | m.Starts() | m.TurnsTo() | m.Limit() | m.Wait() | m.Then():
                 return None
 
 

@@ -5,6 +5,7 @@ the file back. A class carries how it is written (`item.Item`); `ITEMS` are all 
 """
 # ruff: noqa: F403, F405 - every class of these modules is part of the model, so that a new one need not be listed here
 
+from foresee_dsl.language.model.actions import *
 from foresee_dsl.language.model.actors import *
 from foresee_dsl.language.model.campaign import *
 from foresee_dsl.language.model.conditions import *

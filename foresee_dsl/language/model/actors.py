@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
+from foresee_dsl.language.model.actions import Limit, StopsAt, TurnsTo
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
 
@@ -389,7 +390,8 @@ class Then(Item):
 
     Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
     lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
-    is through the junction, `ignores` at once. An actor that has left the world holds nothing up.
+    is through the junction, `ignores`, `turns to` and `limit` at once. An actor that has left the world holds nothing
+    up.
     """
 
     pattern = "then [when {condition}] { ...actions }"
@@ -400,9 +402,11 @@ class Then(Item):
 
 
 Action = Annotated[
-    Meets | Ignores | Starts | ChangesSpeed | ChangesLane | Stops | Wait | Then,
+    Meets | Ignores | Starts | ChangesSpeed | ChangesLane | Stops | StopsAt | TurnsTo | Limit | Wait | Then,
     ONE_OF,
 ]
+OfNobody = TurnsTo | Limit | Wait | Then
+"""Actions that are no actor's."""
 
 Then.model_rebuild()
 

@@ -49,7 +49,8 @@ class Junction(Item):
         signals (constant): a junction's control; what an actor ignores | junction j4 at (0 m, 0 m) signals { ... }
         priority (constant): the wider or faster road goes first; what an actor ignores | ignores priority at j4
         right_before_left (constant): a junction's control: vehicles from the right go first | right_before_left
-        stop (constant): a junction's control: all-way stop | junction j4 at (0 m, 0 m) stop
+        stop (statement): a bus stop of a network; as a junction's control: all-way stop
+            | stop market on mill_west at 60 m length 20 m
     """
 
     name: Annotated[v.Name, Names("junction", defines=True)]
@@ -114,7 +115,19 @@ class Building(Item):
     outline: tuple[v.Point, ...] = Field(min_length=3)
 
 
-NetworkItem = Annotated[Doc | Junction | Road | Building, ONE_OF]
+class BusStop(Item, kind="stop"):
+    """`stop market on mill_west at 60 m length 20 m`: a bus stop on the rightmost lane for cars of a road's edge; the
+    front of who stops there stands at that length along it (a negative one counts back from the edge's end)."""
+
+    pattern = "stop {name} on {road} at {at} [length {length}]"
+
+    name: Annotated[v.Name, Names("stop", defines=True)]
+    road: Annotated[v.Name, Names("road")]
+    at: v.Length
+    length: Annotated[v.Length, Bounds(1.0, 200.0)] | None = None  # ours: a moped to a platform for five buses
+
+
+NetworkItem = Annotated[Doc | Junction | Road | Building | BusStop, ONE_OF]
 
 
 class Network(Item):

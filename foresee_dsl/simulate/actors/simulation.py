@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.simulate.actors.limits import Limits
 from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
     Ego,
@@ -74,6 +75,7 @@ class Simulation:
             scene.friction,
             self.cruise_mps,
         )
+        self.limits = Limits(self.network, world)
         self.frame = 0
         self.time_s = 0.0
         self._insert_all(bundle)
@@ -95,6 +97,8 @@ class Simulation:
         left = self._traffic.follow()
         self._ego_lane()
         self._take_over()
+        if self.limits.changed:
+            self.keep_limits()
         return left
 
     def order_speed(self, actor: Actor, speed_mps: float) -> None:
@@ -110,11 +114,28 @@ class Simulation:
                 self.world.set_speed(actor.id, 0.0)
                 self._held.add(actor.id)
                 return
+            if self.limits.changed:
+                speed_mps = self.limits.capped(actor, speed_mps)
             self.world.set_cruise(actor.id, speed_mps)
             self._traffic.set_cruise(actor.id, speed_mps)
             if actor.id in self._held:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
+
+    def keep_to_lane(self, actor: Actor, lane: str) -> None:
+        """Let a vehicle that SUMO drives change to a lane, or stay on it, where it is on its edge."""
+        edge, _, index = lane.rpartition("_")
+        if actor.lane.rpartition("_")[0] == edge and actor.id in self.world:
+            self.world.keep_to_lane(actor.id, int(index))
+
+    def keep_limits(self) -> None:
+        """Let the vehicles that SUMO drives keep to the limits that were changed."""
+        for vehicle in self.sumo_vehicles.values():
+            if vehicle.present and vehicle.id in self.world and vehicle.id not in self._held:
+                speed_mps = self.limits.driven(vehicle, self.cruise_mps[vehicle.id])
+                if speed_mps is not None:
+                    self.world.set_cruise(vehicle.id, speed_mps)
+                    self._traffic.set_cruise(vehicle.id, speed_mps)
 
     def ignore(self, actor: Actor, what: str, *, on: bool = True) -> None:
         """Let an actor ignore `signals` or `priority`, or obey again."""

@@ -6,7 +6,7 @@ A later order to the same actor replaces the one before.
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from foresee_dsl.language.model import Meets
 from foresee_dsl.language.traversal import si_of, word_of
@@ -31,6 +31,11 @@ WAITS_MPS = 3.0
 by it both creep up to the junction and let each other go (a right turn into traffic took 25 s in scenario 9)."""
 HASTE = 1.3
 """It drives at most so many times its cruising speed (the language's definition of `meets`)."""
+HALTS_M = 0.3
+"""An actor that is to stop at a place halts this near to it. Ours: from the speed that it has there it comes to stand
+within 0.3 m with 3 m/s^2."""
+MISSED_M = 5.0
+"""It drives on where it is further past it than this. Ours: about a car's length, the way to stand from 20 km/h."""
 BOUND_FROM_M = 60.0
 """An actor that ignores a rule at one junction does so from here before it. Ours: SUMO's cars begin to brake for a
 red signal within their stopping distance, 35 m at 65 km/h."""
@@ -100,6 +105,60 @@ class Stop:
         if self._stands_since is None or self._duration is None:
             return False
         return time_s >= self._stands_since + self._duration - STEP_S / 100
+
+
+class Halt:
+    """Brakes so that its front comes to stand at a place on its way, stands for a time or for good, drives as before.
+
+    How fast it drives depends on how far the place is and on nothing else: a clip that begins in between continues in
+    the same way.
+    """
+
+    def __init__(self, simulation: Simulation, actor: Actor, place: StopSpot, duration_s: float | None) -> None:
+        self._simulation, self._actor, self._place, self._duration = simulation, actor, place, duration_s
+        self._resumed = False
+        self.stands_s: float | None = None
+        """Since when it stands there."""
+
+    @property
+    def missed(self) -> bool:
+        """Whether the place lies behind it, or it does not come there."""
+        room = self._room()
+        return math.isnan(room) or room < -MISSED_M
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        room, cruise = self._room(), self._simulation.cruise_mps[self._actor.id]
+        if self.stands_s is None and self._actor.speed < STANDS_MPS and room <= max(self._place.long_m, HALTS_M):
+            self.stands_s = time_s
+        if self.stands_s is not None and self._duration is not None:
+            self._resumed = time_s >= self.stands_s + self._duration - STEP_S / 100
+        if self._resumed or not self._actor.present:
+            self._simulation.order_speed(self._actor, cruise)
+            return False
+        if self._place.lane and self.stands_s is None:
+            self._simulation.keep_to_lane(self._actor, self._place.lane)
+        free = math.sqrt(2 * COMFORT_MPS2 * max(room, 0.0))
+        pace = 0.0 if self.stands_s is not None or room < HALTS_M else min(cruise, max(free, CREEPS_MPS))
+        self._simulation.order_speed(self._actor, pace)
+        return True
+
+    def complete(self) -> bool:
+        """Whether it drives again."""
+        return self._resumed
+
+    def _room(self) -> float:
+        """How far its front is before the place, m."""
+        return self._place.s - self._simulation.progress.front(self._actor, self._simulation.frame)
+
+
+class StopSpot(NamedTuple):
+    """Where an actor is to stop: the length along its line, m; NaN where it does not come there. Of a bus stop also its
+    lane, and how far before its end an actor of this length still stands in it, m."""
+
+    s: float
+    lane: str = ""
+    long_m: float = 0.0
 
 
 class Meeting:

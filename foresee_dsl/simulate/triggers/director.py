@@ -17,12 +17,12 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Meeting, Ramp, Stop
+from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Stop, StopSpot
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions
-from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, add
+from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, Order, add
 from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 
 IN_LANE_M = 0.2
@@ -41,6 +41,7 @@ class Director:
         self._bound: list[tuple[Actor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
         self._orders: dict[str, list[ActorOrders]] = {}
+        self._limits: list[Order] = []
         # On a route, places depend on where its actor starts.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
@@ -73,7 +74,8 @@ class Director:
     def record(self) -> DirectorRecord:
         """Return what is recorded of the run so far."""
         orders = {actor: tuple(states) for actor, states in self._orders.items()}
-        return DirectorRecord(tuple(tuple(trigger.states) for trigger in self._triggers), orders, self._places)
+        triggers = tuple(tuple(trigger.states) for trigger in self._triggers)
+        return DirectorRecord(triggers, orders, self._places, tuple(self._limits))
 
     def _update(self, names: Iterable[str]) -> None:
         for name in list(dict.fromkeys(names)):
@@ -85,6 +87,10 @@ class Director:
                 del self._commands[name]
             if isinstance(command, Meeting):
                 self._record_meeting(name, command.keeps_mps, over=not active)
+            elif isinstance(command, Halt) and command.stands_s != self._orders[name][-1].stands_s:
+                self.event("stands", {}, name)
+                stands = replace(self._orders[name][-1], time_s=self._now_s, stands_s=command.stands_s)
+                add(self._orders[name], stands)
 
     def _record_meeting(self, actor: str, keeps_mps: float | None, *, over: bool) -> None:
         orders = self._orders[actor][-1]
@@ -113,6 +119,11 @@ class Director:
             return lambda: self._simulation.time_s >= until - STEP_S / 100
         if isinstance(action, m.Then):
             raise TypeError("a block is no action of its own: `Sequence` goes through it")
+        match action:
+            case m.TurnsTo():
+                return self._turn(action)
+            case m.Limit():
+                return self._limit(action)
         self._record_order(action, action.actor)
         actor = self._simulation.by_id.get(action.actor)
         if actor is None or not actor.present:  # one of the traffic may have found no room
@@ -121,24 +132,29 @@ class Director:
         return lambda: not actor.present or complete()
 
     def _begin_action(
-        self, actor: Actor, action: m.Meets | m.Ignores | m.Starts | m.ChangesSpeed | m.ChangesLane | m.Stops
+        self,
+        actor: Actor,
+        action: m.Meets | m.Ignores | m.Starts | m.ChangesSpeed | m.ChangesLane | m.Stops | m.StopsAt,
     ) -> IsComplete:
         match action:
             case m.Meets():
-                return self._meet(actor, action)
+                complete = self._meet(actor, action)
             case m.Ignores():
                 self._ignore(actor, action.what, None if action.junction is None else word_of(action.junction))
-                return _at_once
+                complete = _at_once
             case m.Starts():
-                return self._start(actor)
+                complete = self._start(actor)
             case m.ChangesSpeed():
-                return self._change_speed(actor, action)
+                complete = self._change_speed(actor, action)
             case m.ChangesLane():
-                return self._change_lane(actor, action)
+                complete = self._change_lane(actor, action)
             case m.Stops():
-                return self._stop(actor, action)
+                complete = self._stop(actor, action)
+            case m.StopsAt():
+                complete = self._halt(actor, action)
             case _:
                 assert_never(action)
+        return complete
 
     def _begin(self) -> None:
         for actor in self._simulation.actors[1:]:
@@ -226,6 +242,47 @@ class Director:
         duration = None if action.duration is None else si_of(action.duration)
         self.event("stops", {"duration_s": duration}, actor.id)
         return self._order(actor, Stop(self._simulation, actor, duration))
+
+    def _halt(self, actor: Actor, action: m.StopsAt) -> IsComplete:
+        duration = None if action.duration is None else si_of(action.duration)
+        spot = self._spot_on(actor, action.where)
+        halt = Halt(self._simulation, actor, spot, duration)
+        detail = {"at": text_of(action.where, frozenset()), "duration_s": duration, "missed": halt.missed}
+        self.event("stops_at", detail, actor.id)
+        if not halt.missed:
+            return self._order(actor, halt)
+        # It drives on, and whatever it was told before is over.
+        self._commands.pop(actor.id, None)
+        self._simulation.order_speed(actor, self._simulation.cruise_mps[actor.id])
+        self._latest[actor.id] = halt
+        return _at_once
+
+    def _spot_on(self, actor: Actor, where: m.AtStop | m.Place) -> StopSpot:
+        """Return where a place is on an actor's way."""
+        scene, progress = self._simulation.scene, self._simulation.progress
+        at = (si_of(where.x), si_of(where.y)) if isinstance(where, m.Point) else scene.places[where]
+        s = progress.along(actor, *at)
+        if not isinstance(where, m.AtStop):
+            return StopSpot(s)
+        stop = scene.stops[where.stop]
+        return StopSpot(s, stop.lane, stop.length_m - actor.length)
+
+    # --- actions of nobody -----------------------------------------------------------------------------------------
+
+    def _turn(self, action: m.TurnsTo) -> IsComplete:
+        junction, stage = word_of(action.junction), word_of(action.stage)
+        self.event("turns_to", {"junction": junction, "stage": stage, "light": action.light})
+        self._simulation.world.signals.turn(junction, stage, action.light)
+        self._recorder.look_again()
+        return _at_once
+
+    def _limit(self, action: m.Limit) -> IsComplete:
+        road, lane = word_of(action.road), None if action.lane is None else int(si_of(action.lane))
+        self.event("limit", {"road": road, "lane": lane, "speed_mps": si_of(action.speed)})
+        self._limits.append(Order(action, self._now_s))
+        self._simulation.limits.change(road, lane, si_of(action.speed))
+        self._simulation.keep_limits()
+        return _at_once
 
     def _keep_bounds(self) -> None:
         """Let actors ignore a rule while they are near the junction that was named, and only there."""

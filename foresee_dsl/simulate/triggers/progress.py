@@ -19,6 +19,9 @@ from foresee_dsl.simulate.actors.states import Actor
 AROUND_M = 2.0
 """Routes are taken to meet in a junction when they do within this much around it. Ours: crossings lie at its edge."""
 
+BESIDE_M = 8.0
+"""An actor comes by a place that is no further than this beside its way. Ours: two lanes and a bit."""
+
 
 class Progress:
     """Lengths along routes and paths; a look-up of one actor at one frame is done once."""
@@ -81,6 +84,14 @@ class Progress:
         for passage in line.passages:
             if passage.exit_s > s and passage.entry_s - front <= within_m:
                 yield passage, passage.entry_s - front
+
+    def along(self, actor: Actor, x: float, y: float) -> float:
+        """Return the length along an actor's line where a place is; NaN without a line, or if it does not come by."""
+        line = self._lines.get(actor.id)
+        if line is None:
+            return math.nan
+        s, beside = line.project(x, y)
+        return s if abs(beside) <= BESIDE_M and 0.0 <= s <= line.length_m else math.nan
 
     def inside(self, actor: Actor, frame: int) -> float:
         """Return how far an actor's front has come into the junction that it is on, m; 0 when it is on none."""

@@ -100,6 +100,7 @@ class ActorOrders:
         cruise: what it drives since then where nothing hinders it.
         keeps_mps: the speed that it keeps near the junction where it meets another; None before.
         lane: the last change of lane that it was asked for. started_s: when a trigger started it first.
+        stands_s: since when it stands at the place where it was told to stop.
     """
 
     time_s: float = 0.0
@@ -109,6 +110,7 @@ class ActorOrders:
     keeps_mps: float | None = None
     lane: Order | None = None
     started_s: float | None = None
+    stands_s: float | None = None
 
     def at(self, time_s: float) -> ActorOrders:
         """Return the same at a later time: a change of speed may be over."""
@@ -130,10 +132,10 @@ class ActorOrders:
                 return replace(now, started_s=time_s if now.started_s is None else now.started_s)
             case m.ChangesSpeed():
                 length_s = 0.0 if action.over is None else si_of(action.over)
-                return replace(now, speed=Order(action, time_s, time_s + length_s), keeps_mps=None)
-            case m.Meets() | m.Stops():
-                return replace(now, speed=Order(action, time_s), keeps_mps=None)
-            case m.Wait() | m.Then():
+                return replace(now, speed=Order(action, time_s, time_s + length_s), keeps_mps=None, stands_s=None)
+            case m.Meets() | m.Stops() | m.StopsAt():
+                return replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
+            case m.TurnsTo() | m.Limit() | m.Wait() | m.Then():
                 return now
             case _:
                 assert_never(action)
@@ -146,12 +148,14 @@ class DirectorRecord:
     Attributes:
         triggers: by trigger, in the scenario's order.
         orders: by actor; those that were never told anything are left out.
-        places: where the places on routes of the triggers' conditions are, m, by their text.
+        places: where the places on routes of the triggers' conditions and actions are, m, by their text.
+        limits: the speed limits that were changed, in the order of time.
     """
 
     triggers: tuple[tuple[TriggerState, ...], ...] = ()
     orders: Mapping[str, tuple[ActorOrders, ...]] = field(default_factory=dict)
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    limits: tuple[Order, ...] = ()
 
     def triggers_at(self, time_s: float) -> tuple[TriggerState, ...]:
         """Return how far each trigger has come at a time."""

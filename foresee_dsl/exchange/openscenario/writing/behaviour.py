@@ -174,7 +174,8 @@ class _Board:
 
     def __post_init__(self) -> None:
         self._placed = {actor.id: actor for actor in self.bundle.scene.actors}
-        self._conditions = Conditions(self._placed.keys(), self.bundle.scene.places)
+        places = {place: xy for place, xy in self.bundle.scene.places.items() if not isinstance(place, m.AtStop)}
+        self._conditions = Conditions(self._placed.keys(), places)
         self._happened: dict[tuple[int, Where], float] = {}
         for happened in self.trace.events:
             if happened.what in ("trigger", "then"):
@@ -232,7 +233,9 @@ class _Board:
             if isinstance(action, m.Then):
                 continue
             exact = exact and isinstance(action, _ENDS)
-            if not isinstance(action, m.Wait) and (made := self._action(action)) is not None:
+            if isinstance(action, m.OfNobody) and not isinstance(action, m.Wait):
+                self.left_out[f"actions: {action.kind}"] += 1
+            if not isinstance(action, m.OfNobody) and (made := self._action(action)) is not None:
                 by_actor.setdefault(action.actor, []).append(made)
         for actor, made in by_actor.items():
             self._add(actor, f"{name}_{actor}", made, starts, every=every)
@@ -252,7 +255,7 @@ class _Board:
         return [done] if then.condition is None else self._start(then.condition, done, index, where)
 
     def _action(self, action: m.Action) -> Xosc:
-        if isinstance(action, m.Then | m.Wait) or action.actor not in self._placed:
+        if isinstance(action, m.OfNobody) or action.actor not in self._placed:
             return None
         actor = self._placed[action.actor]
         if isinstance(action, m.ChangesSpeed):

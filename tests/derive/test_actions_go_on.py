@@ -1,0 +1,59 @@
+"""Clips cut in the middle of actions: stops with a dwell, limits, signals that were turned, and the like."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import pytest
+
+from foresee_dsl.campaign.driving import run_test_case
+from foresee_dsl.campaign.steps.clip import measure_clip
+from foresee_dsl.campaign.steps.forecast import clip_around
+from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.language.model import Clip
+from foresee_dsl.language.parser import parse
+from foresee_dsl.language.printer import print_model
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.trace import Trace
+
+FOLDER = Path(__file__).parent / "following"
+
+
+@lru_cache
+def parent_of(name: str) -> tuple[TestCase, Trace]:
+    case = load_test_case(str(FOLDER / f"{name}.foresee"))
+    return case, run_test_case(case, "idm", 0).trace
+
+
+def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
+    case, trace = parent_of(name)
+    point = RiskyPoint(1, trace.frame_at(at_s), at_s, "", "none", float("nan"), float("nan"), 0.0, "a test")
+    made = clip_around(case, trace, point, FOLDER / "clip.foresee", before_s=0.0, after_s=after_s)
+    clip = parse(print_model(made), str(FOLDER / "clip.foresee")).model
+    assert clip == made
+    return made
+
+
+@pytest.mark.parametrize(
+    ("name", "at_s"),
+    [
+        ("road", 0.75),  # a lane half changed towards a stop; limits not changed yet
+        ("road", 2.0),  # they are; who drove faster brakes
+        ("road", 6.5),  # braking for the stop; the signal shows what it was turned to
+        ("road", 10.0),  # standing at the stop; another one on the way to a place; amber
+    ],
+)
+def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
+    case, trace = parent_of(name)
+    found = measure_clip(cut(name, at_s), case, trace, FOLDER / "clip.foresee", driver="idm", seed=0)[3]
+    assert {actor: far for actor, far in found.actors.items() if far > 0.01 and actor != "ego"} == {}
+    assert found.frames > 60
+
+
+def test_a_stop_goes_on_with_what_is_left_of_it() -> None:
+    text = " ".join(print_model(cut("road", 10.0)).split())
+    assert "liner stops at market for 2.00 s" in text
+    assert "limit on east is 30 km/h limit on east_back lane 1 is 20 km/h" in text
+    assert "signal middle stage main_go elapsed 22.50 s" in text
