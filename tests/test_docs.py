@@ -228,7 +228,7 @@ def test_every_unit_is_listed() -> None:
         ("not under {:g} m/s, enters", "foresee_dsl.simulate.results.metrics.SLOWEST_MPS"),
         ("no nearer than {:g} m to a junction", "foresee_dsl.compile.placement.background_traffic.CORNER_M"),
         ("straight, over {:g} m of the path", "foresee_dsl.compile.placement.starts.LINE_OVER_M"),
-        ("right; {:g} m at most", "foresee_dsl.language.model.actors.WIDEST_LINE_M"),
+        ("right; {:g} m at most", "foresee_dsl.language.model.actions.WIDEST_LINE_M"),
     ],
 )
 def test_figures_of_the_text_are_those_of_the_code(said: str, name: str) -> None:

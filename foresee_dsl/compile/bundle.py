@@ -123,6 +123,15 @@ class RecordedState:
     steer_rad: float
 
 
+@dataclass(frozen=True, slots=True)
+class DoorOf:
+    """Of a door: whose it is, on which side, and whether it is open at the first frame."""
+
+    actor: str
+    side: str
+    is_open: bool = False
+
+
 @dataclass(frozen=True)
 class PlacedActor:
     """One actor at the first frame.
@@ -164,6 +173,8 @@ class PlacedActor:
     line_m: float = 0.0
     recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
+    door: DoorOf | None = None
+    """It is a door, which is there only while it is open."""
     ignores: tuple[tuple[str, str | None], ...] = ()
     """("signals" | "priority", junction or None for all)."""
     meets: tuple[MeetsState, ...] = ()

@@ -43,6 +43,9 @@ accumulators inside SUMO that no clip can restore."""
 LANE_CHANGE_MODEL = {"lcStrategic": "10000", "lookAheadSpeed": "10"}
 """Looks for the lane that its route needs from where it is to its end. Ours: SUMO's vehicles look as far as the speed
 of their last 10 s takes them, which no clip can state (measured with SUMO 1.28: a bus off by 32 m after 10 s)."""
+CLOSE_S, CLOSE_M = 0.1, 0.5
+"""SUMO's headway and gap at a standstill of a vehicle that is told which gap to keep. Ours: two steps, so that it can
+still brake in time."""
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
 """Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
 without the red light."""
@@ -106,6 +109,7 @@ class World:
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._limits: dict[str, float] = {}
         self._changed_limits: dict[str, float] = {}  # what changed lanes had before
+        self._usual: dict[str, tuple[float, float]] = {}  # headway and gap of those that were told another one
         self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
         try:
@@ -155,6 +159,7 @@ class World:
             self._sumo.lane.setMaxSpeed(lane, speed_mps)
             self._limits.pop(lane.rpartition("_")[0], None)
         self._changed_limits.clear()
+        self._usual.clear()
         self._bodies.clear()
         self.signals = Signals(self._sumo, bundle, begins_s)
         self.signals.start(bundle, STEP_S)
@@ -393,6 +398,14 @@ class World:
     def change_lane(self, vehicle: str, side: int) -> None:
         """Ask for a change by one lane: 1 to the next higher index, -1 to the next lower; kept there for 60 s."""
         self._sumo.vehicle.changeLaneRelative(vehicle, side, 60.0)
+
+    def close_up(self, vehicle: str, *, on: bool) -> None:
+        """Let a vehicle come as near to others as it is told, or keep the distance of its type again."""
+        one = self._sumo.vehicle
+        usual = self._usual.setdefault(vehicle, (float(one.getTau(vehicle)), float(one.getMinGap(vehicle))))
+        tau_s, room_m = (CLOSE_S, CLOSE_M) if on else usual
+        one.setTau(vehicle, tau_s)
+        one.setMinGap(vehicle, room_m)
 
     def keep_to_lane(self, vehicle: str, index: int) -> None:
         """Ask for a change to a lane of the edge, or for staying on it, over the next two steps."""

@@ -43,6 +43,9 @@ def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
         ("road", 2.0),  # they are; who drove faster brakes
         ("road", 6.5),  # braking for the stop; the signal shows what it was turned to
         ("road", 10.0),  # standing at the stop; another one on the way to a place; amber
+        ("pairs", 2.0),  # half-way to another line; an open door; a gap and a place for two
+        ("pairs", 5.0),  # beside another; the door is shut again
+        ("pairs", 8.5),  # another gap, for a time; the door is open again
     ],
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
@@ -57,3 +60,14 @@ def test_a_stop_goes_on_with_what_is_left_of_it() -> None:
     assert "liner stops at market for 2.00 s" in text
     assert "limit on east is 30 km/h limit on east_back lane 1 is 20 km/h" in text
     assert "signal middle stage main_go elapsed 22.50 s" in text
+
+
+def test_orders_go_on_with_what_is_left_of_them() -> None:
+    text = " ".join(print_model(cut("pairs", 2.0)).split())
+    assert "beside changes line to 0.6 m over 1.00 s" in text
+    assert "door of parked opens" in text
+    assert "obstacle.door" not in text
+    text = " ".join(print_model(cut("pairs", 5.0)).split())
+    assert "beside keeps 1.1 m left of lead for 2.00 s" in text
+    assert "oncoming synchronises at (-28.3000 m, 4.9500 m) with lead at 20 m along east_back speed 9 m/s" in text
+    assert "tail follows lead gap 25 m for 2.50 s" in " ".join(print_model(cut("pairs", 8.5)).split())

@@ -248,6 +248,9 @@ class NameChecks:
                 yield from self._limit(kind, action)
             case m.StopsAt():
                 yield from self._stop(kind, action, placed.get(action.actor))
+            case m.Synchronises():
+                yield from self._on_the_way(kind, action.place, placed.get(action.actor), action.actor)
+                yield from self._on_the_way(kind, action.there, placed.get(action.other), action.other)
 
     def _turn(self, kind: str, action: m.TurnsTo) -> Iterator[Problem]:
         junction, stage = word_of(action.junction), word_of(action.stage)
@@ -290,27 +293,34 @@ class NameChecks:
             place, about = m.AlongEdge(edge=found.road, at=found.at), where.stop
         else:
             place = where
+        yield from self._on_the_way(kind, place, actor, about, stop=found)
+
+    def _on_the_way(
+        self, kind: str, place: m.Place, actor: PlacedActor | None, about: str, *, stop: m.BusStop | None = None
+    ) -> Iterator[Problem]:
+        """Look for a place that an actor is told to come to, and note where it is."""
         try:
             spot = self._spot(place)
         except RouteError as err:
             yield Problem("", kind, codes.PLACE, str(err), err.help, about)
             return
-        if not isinstance(where, m.Point):
-            self.places[where] = spot.x, spot.y
-        if found is not None:
-            edge = self._network.edges[found.road]
-            at_m = si_of(found.at)
-            lane = edge.drivable[0]
-            pos_m = at_m if at_m >= 0 else lane.length_m + at_m
-            self.stops[found.name] = StopPlace(lane.id, pos_m, si_of(found.length) if found.length else STOP_LENGTH_M)
+        if stop is not None:
+            self.places[m.AtStop(stop=stop.name)] = spot.x, spot.y
+            lane, at_m = self._network.edges[stop.road].drivable[0], si_of(stop.at)
+            length_m = STOP_LENGTH_M if stop.length is None else si_of(stop.length)
+            self.stops[stop.name] = StopPlace(lane.id, at_m if at_m >= 0 else lane.length_m + at_m, length_m)
+        elif not isinstance(place, m.Point):
+            self.places[place] = spot.x, spot.y
         if actor is None or self._case.snapshot:  # a clip's routes do not show what was passed before it begins
             return
         line = actor.line if actor.line is not None else line_of(actor.path) if len(actor.path) else None
-        if line is not None and abs(line.project(spot.x, spot.y)[1]) > GOAL_OFF_M:
-            what = f"the stop {about}" if found is not None else "that place"
-            message = f"{action.actor} does not come by {what}: it is {abs(line.project(spot.x, spot.y)[1]):.0f} m off"
-            on = f" (it is on {found.road})" if found is not None else ""
-            yield Problem("", kind, codes.PLACE, message, f"lead its route there{on}, or name another place", about)
+        off_m = 0.0 if line is None else abs(line.project(spot.x, spot.y)[1])
+        if off_m > GOAL_OFF_M:
+            what = "that place" if stop is None else f"the stop {stop.name}"
+            help = "name a place on its way" if stop is None else f"lead its route over {stop.road}"
+            yield Problem(
+                "", kind, codes.PLACE, f"{actor.id} does not come by {what}: it is {off_m:.0f} m off", help, about
+            )
 
     def _stops(self) -> Mapping[str, m.BusStop]:
         network = self._case.network

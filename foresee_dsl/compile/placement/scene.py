@@ -11,6 +11,7 @@ from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Sc
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
+from foresee_dsl.compile.placement.doors import door_problems, doors_of
 from foresee_dsl.compile.placement.starts import (
     WHEELS,
     CircleError,
@@ -102,6 +103,7 @@ class SceneBuilder:
         self._problems += self._names.problems(placed)
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
+        self._problems += door_problems(self._case.scenario, placed)
         return placed, start_s, goal_s, tuple(dict.fromkeys(self._problems))
 
     def build(self) -> Scene:
@@ -110,6 +112,7 @@ class SceneBuilder:
         placed, start_s, goal_s = self.place()
         more, notes = self.background(placed)
         placed += more
+        placed += doors_of(scenario, placed)
         weather = scenario.one(m.Weather)
         return Scene(
             actors=tuple(placed),

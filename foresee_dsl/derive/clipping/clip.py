@@ -11,8 +11,9 @@ from typing import Literal, assert_never
 
 import numpy as np
 
+from foresee_dsl.compile.placement.doors import door_actions, door_side
 from foresee_dsl.derive.clipping.snapshot import front, has_passed, present, remaining_route
-from foresee_dsl.derive.clipping.triggers import at_once, triggers_at
+from foresee_dsl.derive.clipping.triggers import Resumed, at_once, triggers_at
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.language import model as m
@@ -152,7 +153,8 @@ class _Beginning:
                     assert_never(item)
         self._triggers = triggers_at(case.scenario, trace, frame)
         self.gone = self._triggers.moment.gone
-        self._others = present(trace, frame)[1:]
+        doors = {m.door_name(action.actor, door_side(action)) for action in door_actions(case.scenario)}
+        self._others = tuple(k for k in present(trace, frame)[1:] if trace.actors[k].id not in doors)
         running, self._taken = self._triggers.under_way()
         later = (*running, *self._triggers.pending())
         self._later = (*later, *self._triggers.held_back(later))
@@ -188,8 +190,7 @@ class _Beginning:
 
     def whens(self) -> list[m.When]:
         """Return the triggers that resume what actors are doing, and those of the run."""
-        limits = self._triggers.limits()
-        resumed = [*limits, *(self._resumed(k) for k in self._others)]
+        resumed = [*self._triggers.things(), *(self._resumed(k) for k in self._others)]
         kept = [self._ends_keeping(k) for k in self._others]
         return [when for when in (*resumed, *kept) if when is not None] + list(self._later)
 
@@ -203,7 +204,9 @@ class _Beginning:
         source = self._source(info.id)
         timing = next((si_of(item.factor) for item in source if isinstance(item, m.Timing)), 1.0)
         cruise = self._cruise(info, orders) if orders.keeps_mps is None else _quantity(orders.keeps_mps, "speed")
-        carried = (found for item in source for found in self._carried(item, info, orders))
+        carried = [found for item in source for found in self._carried(item, info, orders)]
+        if orders.line_m is not None:
+            carried.append(m.Line(left=_quantity(orders.line_m, "length")))
         return m.Actor(
             kind=_kind(info),
             name=info.id,
@@ -251,7 +254,7 @@ class _Beginning:
             case m.Timing():
                 return (item,)
             case m.Line():
-                return () if info.path else (item,)  # a path has it in its points
+                return () if info.path or orders.line_m is not None else (item,)  # a path has it in its points
             case m.Delay():
                 if info.id in self._waiting:  # it begins when the actor is started
                     return (item,)
@@ -289,11 +292,15 @@ class _Beginning:
         orders = self._triggers.told(name)
         if orders.speed is not None:
             action = orders.speed.action
-            if isinstance(action, m.ChangesSpeed | m.Stops | m.StopsAt) and (name, "speed") not in self._taken:
+            if isinstance(action, Resumed) and (name, "speed") not in self._taken:
                 left = self._triggers.rest_of(action, orders.speed.since_s)
                 again += [left] if left else []
         elif orders.cruise is not None and name in self._waiting:
             again.append(m.ChangesSpeed(actor=name, to=orders.cruise))  # it moves, although it was not started yet
+        sideways = None if (name, "sideways") in self._taken else orders.sideways
+        if sideways is not None and isinstance(sideways.action, Resumed):
+            left = self._triggers.rest_of(sideways.action, sideways.since_s)
+            again += [left] if left else []
         lane = None if (name, "lane") in self._taken else orders.lane
         if lane is not None and self._triggers.still_to_change(name, lane.since_s):
             again.append(lane.action)

@@ -7,20 +7,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from foresee_dsl.compile.placement.doors import door_side
 from foresee_dsl.derive.clipping.conditions import Moment, both, rebased, seconds
 from foresee_dsl.derive.clipping.snapshot import present
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
-from foresee_dsl.language.traversal import all_actions, si_of
+from foresee_dsl.language.traversal import all_actions, fields_of, si_of
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.trace import SPEED, STEP_S, Trace
 from foresee_dsl.simulate.triggers.record import ActorOrders, BlockState, DirectorRecord, Place, Runs, TriggerState
 
 PLACE_DIGITS = 4
 """As `derive.clipping.clip.DIGITS`."""
+
+
+Resumed = m.ChangesSpeed | m.Stops | m.StopsAt | m.KeepsGap | m.KeepsBeside | m.ChangesLine | m.Synchronises
+"""Orders of which something may be left."""
+_Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.KeepsBeside)
 
 
 @dataclass(frozen=True)
@@ -115,35 +122,65 @@ class Triggers:
         started = isinstance(action, m.Starts) and self.told(action.actor).started_s is not None
         return started or action.actor in gone or getattr(action, "other", None) in gone
 
-    def limits(self) -> tuple[m.When, ...]:
-        """Return the trigger that changes the speed limits again that had been changed."""
+    def things(self) -> tuple[m.When, ...]:
+        """Return the trigger that changes the speed limits again that had been changed, and opens the doors that were
+        open."""
         record = self.trace.director or DirectorRecord()
-        last: dict[tuple[object, object], m.Action] = {}
-        for order in record.limits:
-            if isinstance(order.action, m.Limit) and order.since_s <= self.moment.time_s + 1e-6:
-                last.pop((order.action.road, order.action.lane), None)
-                last[order.action.road, order.action.lane] = order.action
+        last: dict[tuple[object, ...], m.Action] = {}
+        for order in record.things:
+            if order.since_s > self.moment.time_s + 1e-6:
+                break
+            match order.action:
+                case m.Limit() as limit:
+                    key: tuple[object, ...] = limit.road, limit.lane
+                case m.Door() as door:
+                    key = "door", door.actor, door_side(door)
+                case _:
+                    continue
+            last.pop(key, None)
+            if not isinstance(order.action, m.Door) or (
+                order.action.what == "opens" and order.action.actor not in self.moment.gone
+            ):
+                last[key] = order.action
         return (at_once(*last.values()),) if last else ()
 
     def placed(self, action: m.Action) -> m.Action:
         """Return an action with points for its places on routes, which begin elsewhere now."""
-        if isinstance(action, m.StopsAt) and isinstance(action.where, m.AlongRoute | m.PastJunction):
-            point = self.moment.places.get(text_of(action.where, frozenset()))
-            return action if point is None else action.model_copy(update={"where": point})
-        return action
+        found: dict[str, m.Point] = {}
+        for field, value in fields_of(action):
+            if isinstance(value, m.AlongRoute | m.PastJunction):
+                point = self.moment.places.get(text_of(value, frozenset()))
+                found |= {} if point is None else {field: point}
+        return action.model_copy(update=found) if found else action
 
-    def rest_of(
-        self, action: m.ChangesSpeed | m.Stops | m.StopsAt, since_s: float
-    ) -> m.ChangesSpeed | m.Stops | m.StopsAt | None:
-        """Return what is left of a change of speed or a stop that began at a time, None where it is over."""
-        if isinstance(action, m.StopsAt):
-            return self._rest_of_halt(action)
-        if isinstance(action, m.Stops):
-            return self._rest_of_stop(action, since_s)
-        if not isinstance(action.over, m.Quantity):
-            return action
-        left_s = since_s + action.over.si - self.moment.time_s
-        return action.model_copy(update={"over": seconds(left_s)}) if left_s > 1e-6 else None
+    def rest_of(self, action: Resumed, since_s: float) -> Resumed | None:
+        """Return what is left of an order that began at a time, None where it is over."""
+        left: Resumed | None
+        match action:
+            case m.StopsAt():
+                left = self._rest_of_halt(action)
+            case m.Stops():
+                left = self._rest_of_stop(action, since_s)
+            case m.ChangesSpeed():
+                left = self._until(action, "over", since_s, goes_on=True)
+            case m.ChangesLine():
+                left = self._until(action, "over", since_s, goes_on=False)
+            case m.KeepsGap():
+                left = self._until(action, "duration", since_s, goes_on=True)
+            case m.KeepsBeside():
+                left = self._until(action, "duration", since_s, goes_on=True)
+            case m.Synchronises():
+                placed = self.placed(action)
+                left = placed if isinstance(placed, m.Synchronises) else None
+        return left
+
+    def _until(self, action: _Timed, field: str, since_s: float, *, goes_on: bool) -> _Timed | None:
+        """Return an order with what is left of its time; `goes_on`: without a time it is not over."""
+        length = getattr(action, field)
+        if not isinstance(length, m.Quantity):
+            return action if goes_on else None
+        left_s = since_s + length.si - self.moment.time_s
+        return action.model_copy(update={field: seconds(left_s)}) if left_s > 1e-6 else None
 
     def _rest_of_stop(self, stop: m.Stops, since_s: float) -> m.Stops | None:
         """Return what is left of a stop, None where it is over: its time counts from when the actor stands.
@@ -253,19 +290,25 @@ class _Rest:
             return [m.Wait(duration=seconds(max(0.0, end_s - self._now_s)))]
         left = self._order(action, since_s)
         if left is not None:
-            self.taken.add((left.actor, "lane" if isinstance(left, m.ChangesLane) else "speed"))
+            self.taken.add((left.actor, _sets(left)))
             return [left]
         # It continues by itself (a lane is half changed, a junction half crossed): its end is known from the run.
         completes_s = self._completes_after(self._index, place, self._now_s)
         after_run_s = float(self._triggers.trace.time_s[-1]) + STEP_S
         return [m.Wait(duration=seconds((after_run_s if completes_s is None else completes_s) - self._now_s))]
 
-    def _order(
-        self, action: m.Action, since_s: float
-    ) -> m.ChangesSpeed | m.Stops | m.StopsAt | m.Meets | m.ChangesLane | None:
+    def _order(self, action: m.Action, since_s: float) -> Resumed | m.Meets | m.ChangesLane | None:
         """Return an order to give again."""
         match action:
-            case m.ChangesSpeed() | m.Stops() | m.StopsAt():
+            case (
+                m.ChangesSpeed()
+                | m.Stops()
+                | m.StopsAt()
+                | m.KeepsGap()
+                | m.KeepsBeside()
+                | m.ChangesLine()
+                | m.Synchronises()
+            ):
                 return self._triggers.rest_of(action, since_s)
             case m.ChangesLane():
                 return action if self._triggers.still_to_change(action.actor, since_s) else None
@@ -273,8 +316,15 @@ class _Rest:
                 told = self._triggers.told(action.actor)
                 meets = told.speed is not None and told.speed.action == action and told.keeps_mps is None
                 return action if meets and action.actor not in self._triggers.timed else None
-            case m.Ignores() | m.Starts() | m.TurnsTo() | m.Limit() | m.Wait() | m.Then():
+            case m.Ignores() | m.Starts() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
                 return None
+
+
+def _sets(action: Resumed | m.Meets | m.ChangesLane) -> str:
+    """Return what of an actor an order sets: the next one of that kind replaces it."""
+    if isinstance(action, m.ChangesLane):
+        return "lane"
+    return "sideways" if isinstance(action, m.ChangesLine | m.KeepsBeside) else "speed"
 
 
 def _then(condition: m.Condition | bool, inner: tuple[m.Action, ...]) -> m.Then:

@@ -38,7 +38,10 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     for group in groups:
         for k, model in enumerate(group.models):
             _known_class(findings, group, f"models.{k}", model)
-    _check_mentions(findings, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups})
+    doors = {
+        door_of(part) for item in body if isinstance(item, m.When) for part in walk(item) if isinstance(part, m.Door)
+    }
+    _check_mentions(findings, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups}, doors)
 
 
 def _check_place(findings: Findings, actor: m.Ego | m.Actor) -> None:
@@ -130,15 +133,22 @@ def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bo
     return False
 
 
-def _check_mentions(findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str]) -> None:
-    """Every actor that is named exists; one of the traffic is named `others_03`."""
+def door_of(action: m.Door) -> str:
+    """Return what the door is called that an action opens or shuts."""
+    return m.door_name(action.actor, action.side if isinstance(action.side, str) else "left")
+
+
+def _check_mentions(
+    findings: Findings, body: Sequence[m.Item], actors: set[str], groups: set[str], doors: set[str]
+) -> None:
+    """Every actor that is named exists; one of the traffic is named `others_03`, an open door `van_door`."""
     for root in body:
         for item in walk(root):
             place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS  # its `other` is a junction
             named = [(field, getattr(item, field, None)) for field in (("actor",) if place else ("actor", "other"))]
             for field, name in ((field, name) for field, name in named if isinstance(name, str)):
                 group = re.fullmatch(r"(.+)_[0-9]+", name)
-                if name in actors or (group is not None and group[1] in groups):
+                if name in actors or name in doors or (group is not None and group[1] in groups):
                     continue
                 help = did_you_mean(name, sorted(actors))
                 if name in groups:

@@ -225,6 +225,8 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
 
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
     """Return why an actor cannot do something, and what would help; None when it can."""
+    if isinstance(action, m.Door):
+        return None  # parked ones have doors, and so has the ego
     if isinstance(actor, m.Ego):
         return "the ego cannot be told what to do: the driver under test drives it", "name another actor"
     if actor.kind == "obstacle":
@@ -233,7 +235,9 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
     if not ways and actor.state is None:
         help = f"give '{actor.name}' a `path [PLACE, PLACE]`"
         return f"'{actor.name}' has no way to go, so it stands where it is", help
-    if isinstance(action, m.ChangesLane) and (actor.kind == "pedestrian" or m.Path in ways):
+    if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside) and (
+        actor.kind == "pedestrian" or m.Path in ways
+    ):
         return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead"
     return None
 

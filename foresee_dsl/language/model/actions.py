@@ -59,3 +59,106 @@ class StopsAt(Item):
     actor: v.ActorName
     where: Annotated[AtStop | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction, ONE_OF]
     duration: v.Time | None = None
+
+
+WIDEST_LINE_M = 5.0
+"""The farthest that a `line` lies beside. Ours: more than a lane's width beside its way is another way."""
+
+
+class ChangesLine(Item):
+    """`cutter changes line to 0.8 m over 2 s`: it keeps that far to the left of its lane's middle from now on
+    (negative: right), as the statement `line` says of the beginning.
+
+    It moves over linearly in that time, without one with 1 m/s; never faster than a quarter of its speed.
+    """
+
+    pattern = "{actor} changes line to {to} [over {over}]"
+
+    actor: v.ActorName
+    to: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
+    over: Annotated[v.Time, Bounds(0.0)] | None = None
+
+
+class KeepsBeside(Item):
+    """`cutter keeps 1.2 m left of ego for 4 s`: so much room between the sides of the two footprints, measured across
+    its lane; within 5 m of its lane's middle. Afterwards it stays where it is across its lane.
+    """
+
+    pattern = "{actor} keeps {room} {side} of {other} [for {duration}]"
+    words = "keeps (action): so much room to the side of another actor | cutter keeps 1.2 m left of ego for 4 s"
+
+    actor: v.ActorName
+    room: Annotated[v.Length, Bounds(0.0, 20.0)]  # ours: six lanes
+    side: Literal["left", "right"] | v.Ref
+    other: v.ActorName
+    duration: v.Time | None = None
+
+
+class KeepsGap(Item):
+    """`lead follows ego gap 1.5 s`, `lead follows ego gap 20 m for 8 s`, `lead leads ego gap 20 m`: its speed is set so
+    that it stays so far behind the other (or ahead of it), from bumper to bumper along its own way; a time counts at
+    the speed of the one behind.
+
+    Within its model's limits. What it would do for the gap itself it does, also where that is too near to be safe.
+    """
+
+    pattern = "{actor} {way} {other} gap {gap} [for {duration}]"
+    words = """
+        follows (action): keeps a gap behind another actor | lead follows ego gap 1.5 s
+        leads (action): keeps a gap ahead of another actor | lead leads ego gap 20 m
+        gap (link): how far behind or ahead: a time or a length | lead follows ego gap 1.5 s
+    """
+
+    actor: v.ActorName
+    way: Literal["follows", "leads"]
+    other: v.ActorName
+    gap: v.Value
+    duration: v.Time | None = None
+
+    @property
+    def gap_is_time(self) -> bool:
+        """Whether the gap is a time; a parameter's dimension shows in its value."""
+        return isinstance(self.gap, v.Quantity) and self.gap.dimension == "time"
+
+
+class Synchronises(Item):
+    """`cutter synchronises at 5 m before j4 on cutter.route with ego at 10 m before j4 on ego.route speed 8 m/s`: its
+    speed is set so that its front is at its place when the other's is at the other place, within its model's limits.
+
+    The other's speed is taken as at least 3 m/s. With a `speed` it has that there, and drives it from then on; without
+    one it drives on as before.
+    """
+
+    pattern = "{actor} synchronises at {place} with {other} at {there} [speed {speed}]"
+    words = """
+        synchronises (action): is at a place when another actor is at another one
+            | cutter synchronises at (10 m, 2 m) with ego at (12 m, 5 m)
+    """
+
+    actor: v.ActorName
+    place: v.Place
+    other: v.ActorName
+    there: v.Place
+    speed: Annotated[v.Speed, Bounds(0.0)] | None = None
+
+
+class Door(Item):
+    """`door of van opens left`, `door of van closes left`: the front door of a car, van or truck, parked or not, stands
+    out to its side; what runs into it has a collision. Left when no side is given.
+    """
+
+    pattern = "door of {actor} {what} [{side}]"
+    words = """
+        door (action): the front door of a car, van or truck, on its left or right | door of van opens left
+        opens (action): a door stands out to the side | door of van opens left
+        closes (action): an open door is shut | door of van closes left
+    """
+
+    actor: v.ActorName
+    what: Literal["opens", "closes"]
+    side: Literal["left", "right"] | v.Ref | None = None
+
+
+def door_name(actor: str, side: str) -> str:
+    """Return what an actor's door is called in a run: `van_door`, on the right `van_right_door`."""
+    return f"{actor}_door" if side == "left" else f"{actor}_{side}_door"

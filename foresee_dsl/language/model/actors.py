@@ -5,7 +5,17 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import values as v
-from foresee_dsl.language.model.actions import Limit, StopsAt, TurnsTo
+from foresee_dsl.language.model.actions import (
+    WIDEST_LINE_M,
+    ChangesLine,
+    Door,
+    KeepsBeside,
+    KeepsGap,
+    Limit,
+    StopsAt,
+    Synchronises,
+    TurnsTo,
+)
 from foresee_dsl.language.model.conditions import Condition
 from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
 
@@ -170,10 +180,6 @@ class Delay(Item):
     words = "delay (statement): an actor moves off that much later | delay 0.5 s"
 
     time: Annotated[v.Time, Bounds(0.0)]
-
-
-WIDEST_LINE_M = 5.0
-"""The farthest that a `line` lies beside. Ours: more than a lane's width beside its way is another way."""
 
 
 class Line(Item):
@@ -390,8 +396,9 @@ class Then(Item):
 
     Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
     lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
-    is through the junction, `ignores`, `turns to` and `limit` at once. An actor that has left the world holds nothing
-    up.
+    is through the junction, `ignores`, `turns to`, `limit` and `door` at once, `changes line` when it is there,
+    `follows` and `keeps` with a time when that is over, without one as soon as they have what they keep, `synchronises`
+    when it is at its place. An actor that has left the world holds nothing up.
     """
 
     pattern = "then [when {condition}] { ...actions }"
@@ -402,7 +409,22 @@ class Then(Item):
 
 
 Action = Annotated[
-    Meets | Ignores | Starts | ChangesSpeed | ChangesLane | Stops | StopsAt | TurnsTo | Limit | Wait | Then,
+    Meets
+    | Ignores
+    | Starts
+    | ChangesSpeed
+    | ChangesLane
+    | ChangesLine
+    | KeepsBeside
+    | KeepsGap
+    | Synchronises
+    | Stops
+    | StopsAt
+    | Door
+    | TurnsTo
+    | Limit
+    | Wait
+    | Then,
     ONE_OF,
 ]
 OfNobody = TurnsTo | Limit | Wait | Then

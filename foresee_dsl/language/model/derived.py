@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from foresee_dsl.language.model import actors as a
+from foresee_dsl.language.model.actions import WIDEST_LINE_M
 from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
@@ -94,8 +95,8 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
         "line": Property(
             (a.Line, "left"),
             0,
-            lambda left: -a.WIDEST_LINE_M <= left <= a.WIDEST_LINE_M,
-            f"a line is at most {a.WIDEST_LINE_M:g} m to the left (positive) or right of the actor's way",
+            lambda left: -WIDEST_LINE_M <= left <= WIDEST_LINE_M,
+            f"a line is at most {WIDEST_LINE_M:g} m to the left (positive) or right of the actor's way",
         ),
         "moving": Property(
             (a.Walked, "along"), None, lambda along: along >= 0, "how far it has come along its path is zero or more"

@@ -179,6 +179,10 @@ class StaticActor(Actor):
         self.stand_in = StandIn(world, network, actor.id, edge)
         self.positions = _blocked(self, network)
 
+    def look(self, network: RoadNetwork) -> None:
+        """Find the lanes that it blocks where it is now."""
+        self.positions = _blocked(self, network)
+
 
 class PathActor(Actor):
     """A pedestrian, cyclist or vehicle that follows a path."""

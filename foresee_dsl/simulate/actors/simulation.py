@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.limits import Limits
 from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
@@ -60,6 +61,9 @@ class Simulation:
         self.static_actors = [actor for actor in self.actors if isinstance(actor, StaticActor)]
         self.steered = [actor for actor in self.actors if isinstance(actor, SteeredVehicle)]
         self.by_id = {actor.id: actor for actor in self.actors}
+        self.doors = [actor for actor in self.actors if isinstance(actor, OpenDoor)]
+        for door in self.doors:
+            door.belongs_to(self.by_id)
         self.cruise_mps = {a.id: with_timing(a.placed).cruise_mps or a.placed.model.max_speed_mps for a in self.actors}
         self.ignored_rules: dict[str, set[str]] = {actor.id: set() for actor in self.actors}
         self.progress = Progress(self.network, self.actors)
@@ -78,6 +82,8 @@ class Simulation:
         self.limits = Limits(self.network, world)
         self.frame = 0
         self.time_s = 0.0
+        for door in self.doors:
+            door.follow()
         self._insert_all(bundle)
 
     def step(self, control: Control) -> tuple[str, ...]:
@@ -99,6 +105,8 @@ class Simulation:
         self._take_over()
         if self.limits.changed:
             self.keep_limits()
+        for door in self.doors:
+            door.follow()
         return left
 
     def order_speed(self, actor: Actor, speed_mps: float) -> None:
@@ -121,6 +129,11 @@ class Simulation:
             if actor.id in self._held:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
+
+    def close_up(self, actor: Actor, *, on: bool) -> None:
+        """Let a vehicle that SUMO drives come as near to others as it is told, or keep its usual distance again."""
+        if actor.id in self.world:
+            self.world.close_up(actor.id, on=on)
 
     def keep_to_lane(self, actor: Actor, lane: str) -> None:
         """Let a vehicle that SUMO drives change to a lane, or stay on it, where it is on its edge."""
@@ -154,6 +167,8 @@ class Simulation:
     def _make(self, actor: PlacedActor, edge: str) -> Actor:
         if actor.control == "path":
             return PathActor(actor, self.world, self.network, edge, self.scene.friction)
+        if actor.door is not None:
+            return OpenDoor(actor, actor.door, self.world, self.network, edge)
         if actor.control == "static":
             return StaticActor(actor, self.world, self.network, edge)
         if actor.steering is not None:

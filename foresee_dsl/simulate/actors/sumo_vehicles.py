@@ -56,6 +56,20 @@ class SumoVehicle(Actor):
         if actor.lane:
             self._find_lane(network.lanes[actor.lane])
 
+    @property
+    def line_m(self) -> float:
+        """How far to the left of its lane's middle it keeps, m."""
+        return float(self.record["line"])
+
+    @line_m.setter
+    def line_m(self, left_m: float) -> None:
+        self.record["line"] = left_m
+
+    @property
+    def beside_m(self) -> float:
+        """How far to the left of where SUMO has it it is, m."""
+        return float(self.record["offset"])
+
     def _first_record(self) -> sumo_traffic.SumoVehicle:
         model, x, y = self.placed.model, self.placed.x, self.placed.y
         return sumo_traffic.SumoVehicle(

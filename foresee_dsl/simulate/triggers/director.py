@@ -12,10 +12,14 @@ from dataclasses import replace
 from itertools import count
 from typing import Any, assert_never
 
+from foresee_dsl.compile.placement.doors import door_side
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.simulate.actors.doors import OpenDoor
+from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOrder
+from foresee_dsl.simulate.actors.pair_orders import Gap, Synchrony
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Stop, StopSpot
 from foresee_dsl.simulate.actors.states import Actor
@@ -38,10 +42,12 @@ class Director:
         self._latest: dict[str, Command] = {}
         self._new: list[str] = []
         self._starts: dict[str, float] = {}
+        self._sideways: dict[str, SidewaysOrder] = {}
+        self._latest_sideways: dict[str, SidewaysOrder] = {}
         self._bound: list[tuple[Actor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
         self._orders: dict[str, list[ActorOrders]] = {}
-        self._limits: list[Order] = []
+        self._things: list[Order] = []
         # On a route, places depend on where its actor starts.
         self._places = {text_of(place, frozenset()): at for place, at in simulation.scene.places.items()}
         self._begin()
@@ -49,7 +55,7 @@ class Director:
 
     def step(self) -> None:
         """Look at the frame that the simulation is at; what follows takes effect in the next step."""
-        if not (self._triggers or self._commands or self._starts or self._bound):
+        if not (self._triggers or self._commands or self._starts or self._bound or self._sideways):
             return
         time_s = self._simulation.time_s
         self._new.clear()
@@ -68,6 +74,8 @@ class Director:
             if not self._new:
                 break
             self._update(self._new)
+        for name, order in list(self._sideways.items()):
+            self._update_sideways(name, order)
         for trigger in self._triggers:
             trigger.record()
 
@@ -75,7 +83,7 @@ class Director:
         """Return what is recorded of the run so far."""
         orders = {actor: tuple(states) for actor, states in self._orders.items()}
         triggers = tuple(tuple(trigger.states) for trigger in self._triggers)
-        return DirectorRecord(triggers, orders, self._places, tuple(self._limits))
+        return DirectorRecord(triggers, orders, self._places, tuple(self._things))
 
     def _update(self, names: Iterable[str]) -> None:
         for name in list(dict.fromkeys(names)):
@@ -97,6 +105,14 @@ class Director:
         if over or keeps_mps != orders.keeps_mps:
             speed, keeps_mps = (None, None) if over else (orders.speed, keeps_mps)
             add(self._orders[actor], replace(orders, time_s=self._now_s, speed=speed, keeps_mps=keeps_mps))
+
+    def _update_sideways(self, name: str, order: SidewaysOrder) -> None:
+        """Let an order about where across its lane an actor keeps have its effect, and record what it comes to."""
+        actor = self._simulation.sumo_vehicles[name]
+        if not actor.present or not order.update(self._simulation.time_s):
+            del self._sideways[name]
+        if self._orders[name][-1].line_m != actor.line_m:
+            add(self._orders[name], replace(self._orders[name][-1], time_s=self._now_s, line_m=actor.line_m))
 
     def _record_order(self, action: m.Action, actor: str) -> None:
         states = self._orders.setdefault(actor, [])
@@ -124,6 +140,8 @@ class Director:
                 return self._turn(action)
             case m.Limit():
                 return self._limit(action)
+            case m.Door():
+                return self._door(action)
         self._record_order(action, action.actor)
         actor = self._simulation.by_id.get(action.actor)
         if actor is None or not actor.present:  # one of the traffic may have found no room
@@ -134,7 +152,17 @@ class Director:
     def _begin_action(
         self,
         actor: Actor,
-        action: m.Meets | m.Ignores | m.Starts | m.ChangesSpeed | m.ChangesLane | m.Stops | m.StopsAt,
+        action: m.Meets
+        | m.Ignores
+        | m.Starts
+        | m.ChangesSpeed
+        | m.ChangesLane
+        | m.ChangesLine
+        | m.KeepsBeside
+        | m.KeepsGap
+        | m.Synchronises
+        | m.Stops
+        | m.StopsAt,
     ) -> IsComplete:
         match action:
             case m.Meets():
@@ -152,6 +180,12 @@ class Director:
                 complete = self._stop(actor, action)
             case m.StopsAt():
                 complete = self._halt(actor, action)
+            case m.KeepsGap():
+                complete = self._keep_gap(actor, action)
+            case m.Synchronises():
+                complete = self._synchronise(actor, action)
+            case m.ChangesLine() | m.KeepsBeside():
+                complete = self._keep_sideways(actor, action)
             case _:
                 assert_never(action)
         return complete
@@ -178,6 +212,9 @@ class Director:
 
     def _order(self, actor: Actor, command: Command) -> IsComplete:
         """Give an order; it is over when it is done, or when another one replaces it."""
+        was = self._commands.get(actor.id)
+        if isinstance(was, Gap):
+            was.release()
         self._commands[actor.id] = self._latest[actor.id] = command
         self._new.append(actor.id)
         return lambda: self._latest[actor.id] is not command or command.complete()
@@ -267,6 +304,41 @@ class Director:
         stop = scene.stops[where.stop]
         return StopSpot(s, stop.lane, stop.length_m - actor.length)
 
+    def _keep_gap(self, actor: Actor, action: m.KeepsGap) -> IsComplete:
+        detail = {"way": action.way, "other": action.other, "gap": si_of(action.gap), "timed": action.gap_is_time}
+        self.event("keeps_gap", detail, actor.id)
+        if action.other not in self._simulation.by_id:
+            return _at_once
+        return self._order(actor, Gap(self._simulation, actor, action))
+
+    def _synchronise(self, actor: Actor, action: m.Synchronises) -> IsComplete:
+        other = self._simulation.by_id.get(action.other)
+        final = None if action.speed is None else si_of(action.speed)
+        self.event("synchronises", {"other": action.other, "speed_mps": final}, actor.id)
+        if other is None:
+            return _at_once
+        places = self._spot_on(actor, action.place).s, self._spot_on(other, action.there).s
+        return self._order(actor, Synchrony(self._simulation, actor, other, places, final))
+
+    def _keep_sideways(self, actor: Actor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
+        order: SidewaysOrder
+        vehicle = self._simulation.sumo_vehicles.get(actor.id)
+        if isinstance(action, m.ChangesLine):
+            self.event("changes_line", {"to_m": si_of(action.to)}, actor.id)
+        else:
+            detail = {"other": action.other, "side": word_of(action.side), "room_m": si_of(action.room)}
+            self.event("keeps_beside", detail, actor.id)
+        if vehicle is None or vehicle.id not in self._simulation.world:
+            return _at_once  # it follows no lane
+        if isinstance(action, m.ChangesLine):
+            order = Shift(self._simulation, vehicle, action)
+        elif action.other in self._simulation.by_id:
+            order = Beside(self._simulation, vehicle, action)
+        else:
+            return _at_once
+        self._sideways[actor.id] = self._latest_sideways[actor.id] = order
+        return lambda: self._latest_sideways[actor.id] is not order or order.complete()
+
     # --- actions of nobody -----------------------------------------------------------------------------------------
 
     def _turn(self, action: m.TurnsTo) -> IsComplete:
@@ -279,9 +351,18 @@ class Director:
     def _limit(self, action: m.Limit) -> IsComplete:
         road, lane = word_of(action.road), None if action.lane is None else int(si_of(action.lane))
         self.event("limit", {"road": road, "lane": lane, "speed_mps": si_of(action.speed)})
-        self._limits.append(Order(action, self._now_s))
+        self._things.append(Order(action, self._now_s))
         self._simulation.limits.change(road, lane, si_of(action.speed))
         self._simulation.keep_limits()
+        return _at_once
+
+    def _door(self, action: m.Door) -> IsComplete:
+        side, opens = door_side(action), action.what == "opens"
+        self.event("door", {"of": action.actor, "side": side, "opens": opens})
+        self._things.append(Order(action, self._now_s))
+        door = self._simulation.by_id.get(m.door_name(action.actor, side))
+        if isinstance(door, OpenDoor):
+            door.swing(opens=opens)
         return _at_once
 
     def _keep_bounds(self) -> None:

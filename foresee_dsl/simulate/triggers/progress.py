@@ -93,6 +93,18 @@ class Progress:
         s, beside = line.project(x, y)
         return s if abs(beside) <= BESIDE_M and 0.0 <= s <= line.length_m else math.nan
 
+    def ahead_of(self, actor: Actor, other: Actor) -> float:
+        """Return how far another actor's centre is ahead of an actor's along its line, m; NaN without a line."""
+        line = self._lines.get(actor.id)
+        if line is None:
+            return math.nan
+        return line.project(other.x, other.y)[0] - line.project(actor.x, actor.y)[0]
+
+    def beside(self, actor: Actor, other: Actor) -> float:
+        """Return how far another actor's centre is to the left of an actor's line, m; NaN without a line."""
+        line = self._lines.get(actor.id)
+        return math.nan if line is None else line.project(other.x, other.y)[1]
+
     def inside(self, actor: Actor, frame: int) -> float:
         """Return how far an actor's front has come into the junction that it is on, m; 0 when it is on none."""
         if not actor.lane.startswith(":"):

@@ -101,6 +101,7 @@ class ActorOrders:
         keeps_mps: the speed that it keeps near the junction where it meets another; None before.
         lane: the last change of lane that it was asked for. started_s: when a trigger started it first.
         stands_s: since when it stands at the place where it was told to stop.
+        sideways: what it was told last about where across its lane it keeps. line_m: what it keeps now.
     """
 
     time_s: float = 0.0
@@ -111,6 +112,8 @@ class ActorOrders:
     lane: Order | None = None
     started_s: float | None = None
     stands_s: float | None = None
+    sideways: Order | None = None
+    line_m: float | None = None
 
     def at(self, time_s: float) -> ActorOrders:
         """Return the same at a later time: a change of speed may be over."""
@@ -125,20 +128,26 @@ class ActorOrders:
         now = replace(self.at(time_s), time_s=time_s)
         match action:
             case m.Ignores():
-                return replace(now, ignores=(*now.ignores, action))
+                after = replace(now, ignores=(*now.ignores, action))
             case m.ChangesLane():
-                return replace(now, lane=Order(action, time_s))
+                after = replace(now, lane=Order(action, time_s))
             case m.Starts():
-                return replace(now, started_s=time_s if now.started_s is None else now.started_s)
+                after = replace(now, started_s=time_s if now.started_s is None else now.started_s)
             case m.ChangesSpeed():
                 length_s = 0.0 if action.over is None else si_of(action.over)
-                return replace(now, speed=Order(action, time_s, time_s + length_s), keeps_mps=None, stands_s=None)
-            case m.Meets() | m.Stops() | m.StopsAt():
-                return replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
-            case m.TurnsTo() | m.Limit() | m.Wait() | m.Then():
-                return now
+                after = replace(now, speed=Order(action, time_s, time_s + length_s), keeps_mps=None, stands_s=None)
+            case m.ChangesLine() | m.KeepsBeside():
+                after = replace(now, sideways=Order(action, time_s))
+            case m.KeepsGap():
+                until_s = None if action.duration is None else time_s + si_of(action.duration)
+                after = replace(now, speed=Order(action, time_s, until_s), keeps_mps=None, stands_s=None)
+            case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises():
+                after = replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
+            case m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
+                after = now
             case _:
                 assert_never(action)
+        return after
 
 
 @dataclass(frozen=True)
@@ -149,13 +158,13 @@ class DirectorRecord:
         triggers: by trigger, in the scenario's order.
         orders: by actor; those that were never told anything are left out.
         places: where the places on routes of the triggers' conditions and actions are, m, by their text.
-        limits: the speed limits that were changed, in the order of time.
+        things: the speed limits that were changed and the doors that were opened or shut, in the order of time.
     """
 
     triggers: tuple[tuple[TriggerState, ...], ...] = ()
     orders: Mapping[str, tuple[ActorOrders, ...]] = field(default_factory=dict)
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    limits: tuple[Order, ...] = ()
+    things: tuple[Order, ...] = ()
 
     def triggers_at(self, time_s: float) -> tuple[TriggerState, ...]:
         """Return how far each trigger has come at a time."""

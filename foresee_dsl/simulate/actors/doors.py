@@ -1,0 +1,54 @@
+"""Doors: bodies at the side of a vehicle, which are there while they are open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from foresee_dsl.compile.bundle import DoorOf, PlacedActor
+from foresee_dsl.compile.placement.doors import DOOR_OPEN_DEG, hinge_m
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.simulate.actors.moved_actors import StaticActor
+from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.world import World
+
+
+class OpenDoor(StaticActor):
+    """A door of an actor; it moves with it."""
+
+    __slots__ = ("_network", "_of", "is_open", "owner")
+
+    def __init__(self, actor: PlacedActor, of: DoorOf, world: World, network: RoadNetwork, edge: str) -> None:
+        """Be shut."""
+        super().__init__(actor, world, network, edge)
+        self._network, self._of = network, of
+        self.owner: Actor = self
+        self.is_open = of.is_open
+        self.present = False
+        self.positions = ()
+
+    def belongs_to(self, actors: Mapping[str, Actor]) -> None:
+        """Find the actor whose door it is."""
+        self.owner = actors[self._of.actor]
+
+    def swing(self, *, opens: bool) -> None:
+        """Be open, or shut."""
+        self.is_open = opens
+        self.follow()
+
+    def follow(self) -> None:
+        """Be where its owner is."""
+        self.present = self.is_open and self.owner.present
+        if not self.present:
+            self.positions = ()
+            return
+        owner, left = self.owner, 1.0 if self._of.side == "left" else -1.0
+        out = math.pi - left * math.radians(DOOR_OPEN_DEG)
+        ahead, beside = hinge_m(owner.length), left * owner.width / 2
+        c, s = math.cos(owner.heading), math.sin(owner.heading)
+        heading = math.remainder(owner.heading + out, math.tau)
+        x = owner.x + ahead * c - beside * s + self.length / 2 * math.cos(heading)
+        y = owner.y + ahead * s + beside * c + self.length / 2 * math.sin(heading)
+        if (x, y, heading) != (self.x, self.y, self.heading) or not self.positions:
+            self.move(x, y, heading, 0.0)
+            self.look(self._network)

@@ -1,0 +1,85 @@
+"""Orders about where across its lane a vehicle keeps: a change of its `line`, so much room beside another actor.
+
+A later order to the same actor replaces the one before.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from foresee_dsl.language.model import ChangesLine, KeepsBeside
+from foresee_dsl.language.model.actions import WIDEST_LINE_M
+from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.simulate.actors.simulation import Simulation
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
+from foresee_dsl.simulate.trace import STEP_S
+
+THERE_M = 0.05
+"""A vehicle this near to its `line` is on it. Ours: five times what clips round to, at the end of a curve that fades
+out."""
+
+
+class SidewaysOrder(Protocol):
+    """Sets where across its lane a vehicle keeps, for a while."""
+
+    def update(self, time_s: float) -> bool:
+        """Set it for the step that begins now; False when there is nothing left to do."""
+        ...
+
+    def complete(self) -> bool:
+        """Whether what was ordered is done."""
+        ...
+
+
+class Shift:
+    """Moves to another `line`, linearly over a time, or as fast as vehicles do."""
+
+    def __init__(self, simulation: Simulation, actor: SumoVehicle, action: ChangesLine) -> None:
+        self._simulation, self._actor = simulation, actor
+        self._from_m, self._to_m = actor.line_m, si_of(action.to)
+        self._over_s = 0.0 if action.over is None else si_of(action.over)
+        self._since_s = simulation.time_s
+
+    def update(self, time_s: float) -> bool:
+        """See `SidewaysOrder`."""
+        share = 1.0 if self._over_s <= 0 else min(1.0, (time_s + STEP_S - self._since_s) / self._over_s)
+        self._actor.line_m = self._from_m + (self._to_m - self._from_m) * share
+        return share < 1.0
+
+    def complete(self) -> bool:
+        """Whether the time is over and it is there."""
+        over = self._simulation.time_s >= self._since_s + self._over_s - STEP_S / 100
+        return over and abs(self._actor.beside_m - self._to_m) <= THERE_M
+
+
+class Beside:
+    """Keeps so much room to the side of another actor, within `WIDEST_LINE_M` of its lane's middle."""
+
+    def __init__(self, simulation: Simulation, actor: SumoVehicle, action: KeepsBeside) -> None:
+        self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
+        apart_m = si_of(action.room) + (actor.width + self._other.width) / 2
+        self._apart_m = apart_m if word_of(action.side) == "left" else -apart_m
+        self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
+
+    def update(self, time_s: float) -> bool:
+        """See `SidewaysOrder`."""
+        if self._over(time_s):
+            return False
+        if self._other.present:
+            self._actor.line_m = max(-WIDEST_LINE_M, min(WIDEST_LINE_M, self._actor.beside_m + self._missing_m()))
+        return True
+
+    def complete(self) -> bool:
+        """Whether the time is over; without one, whether it has the room."""
+        if self._until_s is not None:
+            return self._over(self._simulation.time_s)
+        return not self._other.present or abs(self._missing_m()) <= THERE_M
+
+    def _over(self, time_s: float) -> bool:
+        return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
+
+    def _missing_m(self) -> float:
+        """How far to the left of where it is it would have the room."""
+        line, frame = self._simulation.progress, self._simulation.frame
+        here, there = line.of(self._actor, frame)[1], line.beside(self._actor, self._other)
+        return there + self._apart_m - here
