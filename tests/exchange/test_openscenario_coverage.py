@@ -34,7 +34,10 @@ PRIVATE = {
     "LateralDistanceAction": '<LateralAction><LateralDistanceAction entityRef="Ego" distance="2" continuous="false" '
                              'freespace="true"/></LateralAction>',
     "VisibilityAction": '<VisibilityAction graphics="true" sensors="true" traffic="true"/>',
-    "SynchronizeAction": '<SynchronizeAction masterEntityRef="Ego"/>',
+    "SynchronizeAction": '<SynchronizeAction masterEntityRef="Ego"><TargetPositionMaster>'
+                         f'{_AT.removeprefix("<Position>").removesuffix("</Position>")}</TargetPositionMaster>'
+                         f'<TargetPosition>{_AT.removeprefix("<Position>").removesuffix("</Position>")}'
+                         '</TargetPosition></SynchronizeAction>',
     "ActivateControllerAction": '<ActivateControllerAction longitudinal="true"/>',
     "AssignControllerAction": '<ControllerAction><AssignControllerAction/></ControllerAction>',
     "OverrideControllerValueAction": '<ControllerAction><OverrideControllerValueAction/></ControllerAction>',

@@ -310,23 +310,22 @@ def test_without_a_name_the_ego_is_the_first_vehicle_on_a_lane(tmp_path: Path) -
 
 # ---- nothing is lost in silence -------------------------------------------------------------------------------------
 
-_OFFSET = """<LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics dynamicsShape="step"/>
-  <LaneOffsetTarget><AbsoluteTargetLaneOffset value="1"/></LaneOffsetTarget></LaneOffsetAction></LateralAction>"""
+_LIGHT = "<AppearanceAction><LightStateAction/></AppearanceAction>"
 
 
 def test_an_import_that_loses_something_fails_unless_it_may(tmp_path: Path) -> None:
-    text = events(osc.event("swerve", _OFFSET, on_time(2)), osc.event("slow", osc.speed_action("3"), on_time(5)))
+    text = events(osc.event("swerve", _LIGHT, on_time(2)), osc.event("slow", osc.speed_action("3"), on_time(5)))
     file, out = osc.write(tmp_path / "in", text), tmp_path / "out"
     refused = CliRunner().invoke(app, ["import", "openscenario", str(file), "--out", str(out)])
     assert refused.exit_code == 1
-    assert "1 actions: LaneOffsetAction" in str(refused.exception)
+    assert "1 actions: LightStateAction" in str(refused.exception)
     assert "--partial" in str(refused.exception)
     assert not out.exists()
     taken = CliRunner().invoke(app, ["import", "openscenario", str(file), "--out", str(out), "--partial"])
     assert taken.exit_code == 0
-    assert "lost:\n  1 actions: LaneOffsetAction" in taken.stdout
+    assert "lost:\n  1 actions: LightStateAction" in taken.stdout
     written = (out / "cut_in.foresee").read_text()
-    assert "  # Lost: actions: LaneOffsetAction, event 'swerve' of Target-1, Target-1.\n  when time > 5 s {" in written
+    assert "  # Lost: actions: LightStateAction, event 'swerve' of Target-1, Target-1.\n  when time > 5 s {" in written
 
 
 def test_an_event_that_waits_for_what_is_lost_is_lost_too_and_said(tmp_path: Path) -> None:

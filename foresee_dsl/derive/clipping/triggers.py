@@ -25,9 +25,11 @@ PLACE_DIGITS = 4
 """As `derive.clipping.clip.DIGITS`."""
 
 
-Resumed = m.ChangesSpeed | m.Stops | m.StopsAt | m.KeepsGap | m.KeepsBeside | m.ChangesLine | m.Synchronises
+Resumed = (
+    m.ChangesSpeed | m.Stops | m.StopsAt | m.KeepsGap | m.MatchesSpeed | m.KeepsBeside | m.ChangesLine | m.Synchronises
+)
 """Orders of which something may be left."""
-_Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.KeepsBeside)
+_Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside)
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,8 @@ class Triggers:
                 left = self._until(action, "over", since_s, goes_on=False)
             case m.KeepsGap():
                 left = self._until(action, "duration", since_s, goes_on=True)
+            case m.MatchesSpeed():
+                left = self._until(action, "duration", since_s, goes_on=True)
             case m.KeepsBeside():
                 left = self._until(action, "duration", since_s, goes_on=True)
             case m.Synchronises():
@@ -305,6 +309,7 @@ class _Rest:
                 | m.Stops()
                 | m.StopsAt()
                 | m.KeepsGap()
+                | m.MatchesSpeed()
                 | m.KeepsBeside()
                 | m.ChangesLine()
                 | m.Synchronises()
@@ -316,7 +321,7 @@ class _Rest:
                 told = self._triggers.told(action.actor)
                 meets = told.speed is not None and told.speed.action == action and told.keeps_mps is None
                 return action if meets and action.actor not in self._triggers.timed else None
-            case m.Ignores() | m.Starts() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
+            case m.Ignores() | m.Starts() | m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
                 return None
 
 

@@ -214,8 +214,8 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
     for when in case.scenario.all(m.When):
         for action in walk(when):
             actor_ = actors.get(getattr(action, "actor", ""))
-            if actor_ is None or not isinstance(action, _ACTIONS):
-                continue
+            if actor_ is None or not isinstance(action, _ACTIONS) or isinstance(action, m.Door):
+                continue  # parked ones have doors, and so has the ego
             reason = _cannot(action, actor_)
             if reason:
                 yield Found(action, "", c.CANNOT_DO, *reason)
@@ -225,14 +225,12 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
 
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
     """Return why an actor cannot do something, and what would help; None when it can."""
-    if isinstance(action, m.Door):
-        return None  # parked ones have doors, and so has the ego
     if isinstance(actor, m.Ego):
         return "the ego cannot be told what to do: the driver under test drives it", "name another actor"
-    if actor.kind == "obstacle":
+    if actor.kind == "obstacle" and not isinstance(action, m.Leaves):
         return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or remove this"
     ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path}
-    if not ways and actor.state is None:
+    if not ways and actor.state is None and not isinstance(action, m.Leaves):
         help = f"give '{actor.name}' a `path [PLACE, PLACE]`"
         return f"'{actor.name}' has no way to go, so it stands where it is", help
     if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside) and (

@@ -88,7 +88,7 @@ class KeepsBeside(Item):
     words = "keeps (action): so much room to the side of another actor | cutter keeps 1.2 m left of ego for 4 s"
 
     actor: v.ActorName
-    room: Annotated[v.Length, Bounds(0.0, 20.0)]  # ours: six lanes
+    room: Annotated[v.Length, Bounds(-20.0, 20.0)]  # ours: six lanes; negative: they overlap across the lane
     side: Literal["left", "right"] | v.Ref
     other: v.ActorName
     duration: v.Time | None = None
@@ -119,6 +119,34 @@ class KeepsGap(Item):
     def gap_is_time(self) -> bool:
         """Whether the gap is a time; a parameter's dimension shows in its value."""
         return isinstance(self.gap, v.Quantity) and self.gap.dimension == "time"
+
+
+class MatchesSpeed(Item):
+    """`lead matches ego plus 2 m/s`, `lead matches ego times 0.8 for 4 s`: its speed is the other's at each moment,
+    times a ratio, and so much more (or less: `plus -2 m/s`); within its model's limits.
+    """
+
+    pattern = "{actor} matches {other} [times {factor}] [plus {more}] [for {duration}]"
+    words = """
+        matches (action): has another actor's speed at each moment | lead matches ego times 0.9 plus 2 m/s
+        times (link): so many times the other's speed | lead matches ego times 0.9
+        plus (link): so much more than the other's speed; negative: less | lead matches ego plus 2 m/s
+    """
+
+    actor: v.ActorName
+    other: v.ActorName
+    factor: Annotated[v.Ratio, Bounds(0.0, 10.0)] | None = None
+    more: v.Speed | None = None
+    duration: v.Time | None = None
+
+
+class Leaves(Item):
+    """`lead leaves`: it is gone from now on."""
+
+    pattern = "{actor} leaves"
+    words = "leaves (action): an actor is gone from now on | lead leaves"
+
+    actor: v.ActorName
 
 
 class Synchronises(Item):

@@ -11,7 +11,9 @@ from foresee_dsl.language.model.actions import (
     Door,
     KeepsBeside,
     KeepsGap,
+    Leaves,
     Limit,
+    MatchesSpeed,
     StopsAt,
     Synchronises,
     TurnsTo,
@@ -396,9 +398,9 @@ class Then(Item):
 
     Complete is: `starts` when the actor moves off, `changes speed` when its speed or the time is reached, `changes
     lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
-    is through the junction, `ignores`, `turns to`, `limit` and `door` at once, `changes line` when it is there,
-    `follows` and `keeps` with a time when that is over, without one as soon as they have what they keep, `synchronises`
-    when it is at its place. An actor that has left the world holds nothing up.
+    is through the junction, `ignores`, `turns to`, `limit`, `door` and `leaves` at once, `changes line` when it is
+    there, `follows`, `matches` and `keeps` with a time when that is over, without one as soon as they have what they
+    keep, `synchronises` when it is at its place. An actor that has left the world holds nothing up.
     """
 
     pattern = "then [when {condition}] { ...actions }"
@@ -417,7 +419,9 @@ Action = Annotated[
     | ChangesLine
     | KeepsBeside
     | KeepsGap
+    | MatchesSpeed
     | Synchronises
+    | Leaves
     | Stops
     | StopsAt
     | Door

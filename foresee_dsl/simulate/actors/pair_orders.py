@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 
-from foresee_dsl.language.model import KeepsGap
+from foresee_dsl.language.model import KeepsGap, MatchesSpeed
 from foresee_dsl.language.traversal import si_of
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import WAITS_MPS
 from foresee_dsl.simulate.actors.states import Actor
@@ -66,6 +67,36 @@ class Gap:
         gap = (-ahead if self._leads else ahead) - (self._actor.length + self._other.length) / 2
         behind = self._other if self._leads else self._actor
         return (self._gap * behind.speed if self._timed else self._gap) - gap
+
+
+class Match:
+    """Has another actor's speed at each moment, times a ratio, and so much more."""
+
+    def __init__(self, simulation: Simulation, actor: Actor, action: MatchesSpeed) -> None:
+        self._simulation, self._actor, self._other = simulation, actor, simulation.by_id[action.other]
+        self._factor = 1.0 if action.factor is None else si_of(action.factor)
+        self._more = 0.0 if action.more is None else si_of(action.more)
+        self._until_s = None if action.duration is None else simulation.time_s + si_of(action.duration)
+
+    def update(self, time_s: float) -> bool:
+        """See `speed_orders.Command`."""
+        if self._over(time_s) or not self._other.present:
+            self._simulation.order_speed(self._actor, self._simulation.cruise_mps[self._actor.id])
+            return False
+        self._simulation.order_speed(self._actor, self._asked())
+        return True
+
+    def complete(self) -> bool:
+        """Whether the time is over; without one, whether it has that speed."""
+        if self._until_s is not None:
+            return self._over(self._simulation.time_s)
+        return not self._other.present or abs(self._actor.speed - self._asked()) < STANDS_MPS
+
+    def _over(self, time_s: float) -> bool:
+        return self._until_s is not None and time_s >= self._until_s - STEP_S / 100
+
+    def _asked(self) -> float:
+        return max(0.0, self._other.speed * self._factor + self._more)
 
 
 class Synchrony:

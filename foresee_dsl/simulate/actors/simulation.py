@@ -130,6 +130,17 @@ class Simulation:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
 
+    def leave(self, actor: Actor) -> None:
+        """Take an actor out of the world for good."""
+        actor.present = False
+        if isinstance(actor, SumoVehicle):
+            self.world.remove(actor.id)
+            self._traffic.drop(actor.id)
+        elif isinstance(actor, PathActor | StaticActor):
+            actor.stand_in.show(())
+            self.path_actors = [other for other in self.path_actors if other is not actor]
+            self.static_actors = [other for other in self.static_actors if other is not actor]
+
     def close_up(self, actor: Actor, *, on: bool) -> None:
         """Let a vehicle that SUMO drives come as near to others as it is told, or keep its usual distance again."""
         if actor.id in self.world:

@@ -19,7 +19,7 @@ from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOrder
-from foresee_dsl.simulate.actors.pair_orders import Gap, Synchrony
+from foresee_dsl.simulate.actors.pair_orders import Gap, Match, Synchrony
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Stop, StopSpot
 from foresee_dsl.simulate.actors.states import Actor
@@ -160,6 +160,8 @@ class Director:
         | m.ChangesLine
         | m.KeepsBeside
         | m.KeepsGap
+        | m.MatchesSpeed
+        | m.Leaves
         | m.Synchronises
         | m.Stops
         | m.StopsAt,
@@ -180,10 +182,10 @@ class Director:
                 complete = self._stop(actor, action)
             case m.StopsAt():
                 complete = self._halt(actor, action)
-            case m.KeepsGap():
-                complete = self._keep_gap(actor, action)
-            case m.Synchronises():
-                complete = self._synchronise(actor, action)
+            case m.KeepsGap() | m.MatchesSpeed() | m.Synchronises():
+                complete = self._by_another(actor, action)
+            case m.Leaves():
+                complete = self._leave(actor)
             case m.ChangesLine() | m.KeepsBeside():
                 complete = self._keep_sideways(actor, action)
             case _:
@@ -304,21 +306,31 @@ class Director:
         stop = scene.stops[where.stop]
         return StopSpot(s, stop.lane, stop.length_m - actor.length)
 
-    def _keep_gap(self, actor: Actor, action: m.KeepsGap) -> IsComplete:
-        detail = {"way": action.way, "other": action.other, "gap": si_of(action.gap), "timed": action.gap_is_time}
-        self.event("keeps_gap", detail, actor.id)
-        if action.other not in self._simulation.by_id:
-            return _at_once
-        return self._order(actor, Gap(self._simulation, actor, action))
-
-    def _synchronise(self, actor: Actor, action: m.Synchronises) -> IsComplete:
+    def _by_another(self, actor: Actor, action: m.KeepsGap | m.MatchesSpeed | m.Synchronises) -> IsComplete:
+        detail: dict[str, Any] = {"other": action.other}
+        if isinstance(action, m.KeepsGap):
+            detail |= {"way": action.way, "gap": si_of(action.gap), "timed": action.gap_is_time}
+        self.event(action.kind, detail, actor.id)
         other = self._simulation.by_id.get(action.other)
-        final = None if action.speed is None else si_of(action.speed)
-        self.event("synchronises", {"other": action.other, "speed_mps": final}, actor.id)
-        if other is None:
+        if other is None:  # one of the traffic may have found no room
             return _at_once
-        places = self._spot_on(actor, action.place).s, self._spot_on(other, action.there).s
-        return self._order(actor, Synchrony(self._simulation, actor, other, places, final))
+        command: Command
+        match action:
+            case m.KeepsGap():
+                command = Gap(self._simulation, actor, action)
+            case m.MatchesSpeed():
+                command = Match(self._simulation, actor, action)
+            case m.Synchronises():
+                final = None if action.speed is None else si_of(action.speed)
+                places = self._spot_on(actor, action.place).s, self._spot_on(other, action.there).s
+                command = Synchrony(self._simulation, actor, other, places, final)
+        return self._order(actor, command)
+
+    def _leave(self, actor: Actor) -> IsComplete:
+        self.event("leaves", {}, actor.id)
+        self._simulation.leave(actor)
+        self._commands.pop(actor.id, None)
+        return _at_once
 
     def _keep_sideways(self, actor: Actor, action: m.ChangesLine | m.KeepsBeside) -> IsComplete:
         order: SidewaysOrder

@@ -138,12 +138,12 @@ class ActorOrders:
                 after = replace(now, speed=Order(action, time_s, time_s + length_s), keeps_mps=None, stands_s=None)
             case m.ChangesLine() | m.KeepsBeside():
                 after = replace(now, sideways=Order(action, time_s))
-            case m.KeepsGap():
+            case m.KeepsGap() | m.MatchesSpeed():
                 until_s = None if action.duration is None else time_s + si_of(action.duration)
                 after = replace(now, speed=Order(action, time_s, until_s), keeps_mps=None, stands_s=None)
             case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises():
                 after = replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
-            case m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
+            case m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
                 after = now
             case _:
                 assert_never(action)

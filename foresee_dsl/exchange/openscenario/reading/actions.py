@@ -9,9 +9,16 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.conditions import Step
-from foresee_dsl.exchange.openscenario.reading.entities import Entity
+from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
-from foresee_dsl.exchange.openscenario.reading.places import lane_beside
+from foresee_dsl.exchange.openscenario.reading.places import Places, lane_beside
+from foresee_dsl.exchange.openscenario.reading.relations import (
+    RELATED,
+    lateral_of,
+    longitudinal_of,
+    offset_of,
+    synchrony_of,
+)
 from foresee_dsl.exchange.openscenario.reading.storyboard import Event
 from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
 from foresee_dsl.exchange.outcome import NotExpressed
@@ -19,7 +26,6 @@ from foresee_dsl.language import model as m
 
 ROUTING = ("AssignRouteAction", "AcquirePositionAction", "FollowTrajectoryAction")
 FRAME_S = 0.05
-KEEPING = "keeping to another's speed (it is taken once)"
 _GROUPS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction", "AppearanceAction")
 _HOLDERS = (*_GROUPS, "InfrastructureAction", "EntityAction", "TrafficAction", "TrailerAction")
 """Elements around the action that is meant."""
@@ -33,30 +39,12 @@ _AT_ONCE = (
 
 
 @dataclass
-class EntityState:
-    """What is known of an entity while its actions are read.
-
-    Attributes:
-        speed_mps: what it drives as far as is known, m/s.
-        lane: its lane's id, where its road is known; ahead: it looks in the road's direction.
-        on_lanes: it follows lanes, and can change them.
-        profile: the speeds of its trajectory; actions follow it once the trajectory begins.
-    """
-
-    entity: Entity
-    speed_mps: float | None = None
-    lane: int | None = None
-    ahead: bool = True
-    on_lanes: bool = False
-    profile: SpeedProfile | None = None
-
-
-@dataclass
 class TriggerBuilder:
     """Makes triggers of events; `plain_controllers` are properties of those that only follow lanes."""
 
     states: Mapping[str, EntityState]
     losses: Losses
+    places: Places
     _used: set[str] = field(default_factory=set)
 
     def whens(self, events: Sequence[Event]) -> Iterator[m.When]:
@@ -98,6 +86,7 @@ class TriggerBuilder:
         """Return an action of one entity; of one that is lost only how long it takes, for those that wait for it."""
         inner = next(iter(kind), None)
         what = next(iter(inner), None) if inner is not None and inner.tag in _GROUPS else None
+        what = inner if inner is not None and inner.tag == "SynchronizeAction" else what
         tag = action_name(kind)
         state = self.states.get(ref)
         try:
@@ -105,6 +94,8 @@ class TriggerBuilder:
                 if tag not in ROUTING:
                     self.losses.leave(f"actions of the ego, whose driver decides: {tag}", event.title)
                 return self._time_of(what, state, event)
+            if kind.tag == "GlobalAction" and inner is not None and inner.find("DeleteEntityAction") is not None:
+                return self._leaves(inner.get("entityRef", ""))
             if kind.tag != "PrivateAction" or inner is None:
                 raise NotExpressed(f"actions: {tag}")
             if state is None:
@@ -113,6 +104,14 @@ class TriggerBuilder:
         except NotExpressed as err:
             self.losses.lose(str(err), event.title if state is None else f"{event.title}, {state.entity.ref}")
             return self._time_of(what, state, event)
+
+    def _leaves(self, ref: str) -> list[m.Action]:
+        gone = self.states.get(ref)
+        if gone is None:
+            raise NotExpressed("actions of entities that were left out")
+        if gone.entity.name == "ego":
+            raise NotExpressed("actions: DeleteEntityAction (of the ego)")
+        return [m.Leaves(actor=gone.entity.name)]
 
     def _time_of(self, what: Element | None, state: EntityState | None, event: Event) -> list[m.Action]:
         """Return a wait for as long as an action takes that is not taken over, where others wait for its end."""
@@ -139,7 +138,19 @@ class TriggerBuilder:
             return self._profile(what, state)
         if what is not None and tag == "LaneChangeAction":
             return self._lane(what, state)
+        if what is not None and tag in RELATED:
+            return self._related(tag, what, state)
         raise NotExpressed(f"actions: {tag}")
+
+    def _related(self, tag: str, action: Element, state: EntityState) -> list[m.Action]:
+        """Return an action that keeps an actor somewhere across its lane, or by another actor."""
+        if tag == "LaneOffsetAction":
+            return [offset_of(action, state, self.states, self.places)]
+        if tag == "LateralDistanceAction":
+            return [lateral_of(action, state, self.states, self.places, self.losses)]
+        if tag == "LongitudinalDistanceAction":
+            return [longitudinal_of(action, state, self.states, self.places, self.losses)]
+        return [synchrony_of(action, state, self.states, self.places, self.losses)]
 
     def _follows(self, state: EntityState) -> list[m.Action]:
         """Return the changes of speed along a trajectory, once."""
@@ -150,11 +161,28 @@ class TriggerBuilder:
 
     def _speed(self, action: Element, state: EntityState, *, at_once: bool) -> list[m.Action]:
         """Return a change of speed; none where it is at once and the actor begins with that speed."""
+        relative = action.find("SpeedActionTarget/RelativeTargetSpeed")
+        if relative is not None and relative.get("continuous") == "true":
+            return [self._matches(relative, state)]
         was, to = state.speed_mps, self.target_speed(action)
         state.speed_mps = to
         dynamics = action.find("SpeedActionDynamics")
         took = _over(dynamics, was, to)
         return [] if at_once and took == 0 and was == to else [_changes(state.entity.name, to, took)]
+
+    def _matches(self, relative: Element, state: EntityState) -> m.MatchesSpeed:
+        """Return the action of an actor that keeps to another's speed."""
+        other = self.states.get(relative.get("entityRef", ""))
+        if other is None:
+            raise NotExpressed("actions: SpeedAction (relative to somebody who was left out)")
+        value, factor = number(relative, "value"), relative.get("speedTargetValueType") == "factor"
+        state.speed_mps = None
+        return m.MatchesSpeed(
+            actor=state.entity.name,
+            other=other.entity.name,
+            factor=quantity(max(value, 0.0), "ratio") if factor else None,
+            more=None if factor or not value else quantity(value, "speed"),
+        )
 
     def target_speed(self, action: Element) -> float:
         """Return the speed that a `<SpeedAction>` leads to; `NotExpressed` where it cannot be known beforehand."""
@@ -166,10 +194,6 @@ class TriggerBuilder:
             raise NotExpressed("actions: SpeedAction (without a target)")
         other = self._other_speed(relative, "SpeedAction")
         value = number(relative, "value")
-        if relative.get("continuous") == "true":
-            self.losses.lose(
-                "keeping to another's speed (it is taken once)", f"relative to {relative.get('entityRef')}"
-            )
         return max(other * value if relative.get("speedTargetValueType") == "factor" else other + value, 0.0)
 
     def _other_speed(self, target: Element, tag: str) -> float:

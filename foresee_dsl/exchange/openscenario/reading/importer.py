@@ -16,7 +16,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import name_of, number, quantity, sentence
-from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, EntityState, TriggerBuilder
+from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, TriggerBuilder
 from foresee_dsl.exchange.openscenario.reading.actors import ActorBuilder, trajectory_of
 from foresee_dsl.exchange.openscenario.reading.conditions import ConditionReader
 from foresee_dsl.exchange.openscenario.reading.entities import (
@@ -25,6 +25,7 @@ from foresee_dsl.exchange.openscenario.reading.entities import (
     possible_egos,
     read_participants,
 )
+from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.handedness import is_left_handed
 from foresee_dsl.exchange.openscenario.reading.inits import Inits
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
@@ -180,7 +181,7 @@ class _Import:
         built = {ref: self.entities[ref] for ref in states}
         reader = self._reader(dataclasses.replace(self._reader(), entities=built))
         arrange(self.events, reader)
-        builder = TriggerBuilder(states, self.losses)
+        builder = TriggerBuilder(states, self.losses, self.places)
         for when in builder.whens([*self.inits.events, *self.events]):
             self._add(when)
         self._add(m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")))
@@ -277,8 +278,8 @@ class _Import:
         return states
 
     def _lane_changers(self) -> set[str]:
-        """Return the entities that change lanes."""
-        changes, events = "LateralAction/LaneChangeAction", (*self.events, *self.inits.events)
+        """Return the entities that change lanes, or where they keep across theirs."""
+        changes, events = "LateralAction", (*self.events, *self.inits.events)
         return {ref for e in events if any(kind.find(changes) is not None for kind in e.actions) for ref in e.refs}
 
     def _beginnings(self) -> dict[str, tuple[Pose, float]]:

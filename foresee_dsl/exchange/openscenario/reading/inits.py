@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element  # the type only; files are parsed by 
 
 from foresee_dsl.compile.placement.scene import DRY_FRICTION, WET_FRICTION
 from foresee_dsl.exchange.naming import number, quantity
-from foresee_dsl.exchange.openscenario.reading.actions import KEEPING, ROUTING, action_name
+from foresee_dsl.exchange.openscenario.reading.actions import ROUTING, action_name
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.source import Source
 from foresee_dsl.exchange.openscenario.reading.storyboard import Event
@@ -119,7 +119,7 @@ class Inits:
             self.speeds[ref] = speed
             relative = private.find("LongitudinalAction/SpeedAction/SpeedActionTarget/RelativeTargetSpeed")
             if relative is not None and relative.get("continuous") == "true" and ref != ego:
-                losses.lose(KEEPING, f"'{ref}' relative to {relative.get('entityRef')}")
+                self.events.append(Event("", (ref,), (private,)))  # it begins with that speed, and keeps to it
         elif inner is not None:
             self.routing[ref] = inner
         elif tag in _CONTROLLING or tag == "ControllerAction":
