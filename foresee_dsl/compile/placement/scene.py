@@ -149,7 +149,7 @@ class SceneBuilder:
     @property
     def places(self) -> Mapping[m.Place, XY]:
         """Where the places of conditions are, m, once the actors were placed."""
-        return self._names.places
+        return {place: xy for place, xy in self._names.places.items() if not isinstance(place, m.AtStop)}
 
     def _add(self, actor: str, at: str, code: str, message: str, help: str = "") -> None:
         self._problems.append(Problem(actor, at, code, message, help))
