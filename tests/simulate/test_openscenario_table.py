@@ -105,8 +105,8 @@ CHECKS: dict[str, Callable[[Run], bool]] = {
         near(run.of("profiled", SPEED, 3.2), 5.0, 0.3) and near(run.of("profiled", SPEED, 6.3), 9.0, 0.3)
     ),
     "LongitudinalDistanceAction": lambda run: (
-        near(run.apart("tail", "lead", 12.0), 1.5 * run.of("tail", SPEED, 12.0), 0.3)
-        and near(run.apart("leader", "ego", 8.0), 25.0, 2.0)
+        near(run.apart("tail", "lead", 14.0), 1.5 * run.of("tail", SPEED, 14.0), 0.3)
+        and near(run.apart("leader", "ego", 8.0), 25.0, 1.0)
     ),
     "LaneChangeAction": lambda run: near(run.of("mover", Y, 5.0) - run.of("mover", Y, 0.0), -3.3, 0.1),
     "LaneOffsetAction": lambda run: near(run.of("shifted", Y, 3.5) - run.of("shifted", Y, 0.0), 0.5, 0.05),
