@@ -299,6 +299,8 @@ class NameChecks:
         self, kind: str, place: m.Place, actor: PlacedActor | None, about: str, *, stop: m.BusStop | None = None
     ) -> Iterator[Problem]:
         """Look for a place that an actor is told to come to, and note where it is."""
+        if isinstance(place, m.OfActor):
+            return  # where its actor is when the trigger fires
         try:
             spot = self._spot(place)
         except RouteError as err:

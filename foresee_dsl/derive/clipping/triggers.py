@@ -146,9 +146,12 @@ class Triggers:
                 last[key] = order.action
         return (at_once(*last.values()),) if last else ()
 
-    def placed(self, action: m.Action) -> m.Action:
-        """Return an action with points for its places on routes, which begin elsewhere now."""
+    def placed(self, action: m.Action, *, now: bool = False) -> m.Action:
+        """Return an action with points for its places on routes, which begin elsewhere now; `now`: it is under way."""
         found: dict[str, m.Point] = {}
+        told = self.told(getattr(action, "actor", "")).speed
+        if told is not None and type(told.action) is type(action) and now:
+            action = told.action  # with points for places relative to actors
         for field, value in fields_of(action):
             if isinstance(value, m.AlongRoute | m.PastJunction):
                 point = self.moment.places.get(text_of(value, frozenset()))
@@ -174,7 +177,7 @@ class Triggers:
             case m.KeepsBeside():
                 left = self._until(action, "duration", since_s, goes_on=True)
             case m.Synchronises():
-                placed = self.placed(action)
+                placed = self.placed(action, now=True)
                 left = placed if isinstance(placed, m.Synchronises) else None
         return left
 
@@ -202,7 +205,7 @@ class Triggers:
 
     def _rest_of_halt(self, halt: m.StopsAt) -> m.StopsAt | None:
         """Return what is left of a stop at a place, None where it is over."""
-        placed, stands_s = self.placed(halt), self.told(halt.actor).stands_s
+        placed, stands_s = self.placed(halt, now=True), self.told(halt.actor).stands_s
         if not isinstance(placed, m.StopsAt) or not isinstance(placed.duration, m.Quantity) or stands_s is None:
             return placed if isinstance(placed, m.StopsAt) else None
         left_s = placed.duration.si - (self.moment.time_s - stands_s)

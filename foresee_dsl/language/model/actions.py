@@ -57,7 +57,10 @@ class StopsAt(Item):
     pattern = "{actor} stops at {where} [for {duration}]"
 
     actor: v.ActorName
-    where: Annotated[AtStop | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction, ONE_OF]
+    where: Annotated[
+        AtStop | v.Point | v.AlongEdge | v.AlongRoute | v.PastJunction | v.AheadOf | v.BehindOf | v.Beside | v.PlaceOf,
+        ONE_OF,
+    ]
     duration: v.Time | None = None
 
 

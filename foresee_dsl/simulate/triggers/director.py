@@ -7,16 +7,17 @@ actor's route is), and what each actor does. What a clip needs that begins in be
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import count
-from typing import Any, assert_never
+from typing import Any, TypeVar, assert_never
 
 from foresee_dsl.compile.placement.doors import door_side
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
-from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.language.traversal import fields_of, si_of, word_of
 from foresee_dsl.simulate.actors.doors import OpenDoor
 from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOrder
 from foresee_dsl.simulate.actors.pair_orders import Gap, Match, Synchrony
@@ -29,6 +30,7 @@ from foresee_dsl.simulate.triggers.conditions import Conditions
 from foresee_dsl.simulate.triggers.record import ActorOrders, DirectorRecord, Order, add
 from foresee_dsl.simulate.triggers.trigger import IsComplete, Trigger
 
+_Told = TypeVar("_Told", bound=m.Item)
 IN_LANE_M = 0.2
 """An actor this near to a lane's middle is in the lane. Ours: the slack that drivers keep in a lane is larger."""
 
@@ -142,6 +144,7 @@ class Director:
                 return self._limit(action)
             case m.Door():
                 return self._door(action)
+        action = self._settled(action)
         self._record_order(action, action.actor)
         actor = self._simulation.by_id.get(action.actor)
         if actor is None or not actor.present:  # one of the traffic may have found no room
@@ -296,9 +299,22 @@ class Director:
         self._latest[actor.id] = halt
         return _at_once
 
+    def _settled(self, action: _Told) -> _Told:
+        """Return an action with points for the places relative to actors, which move on: those where they are now."""
+        found: dict[str, m.Point] = {}
+        for field, value in fields_of(action):
+            if isinstance(value, m.OfActor):
+                pose = self._conditions.ways.place(value)
+                x, y = (math.nan, math.nan) if pose is None else pose[:2]
+                if not math.isnan(x):
+                    found[field] = m.Point(x=m.Quantity.of(x, "length", 4), y=m.Quantity.of(y, "length", 4))
+        return action.model_copy(update=found) if found else action
+
     def _spot_on(self, actor: Actor, where: m.AtStop | m.Place) -> StopSpot:
         """Return where a place is on an actor's way."""
         scene, progress = self._simulation.scene, self._simulation.progress
+        if isinstance(where, m.OfActor):  # its actor is not there
+            return StopSpot(math.nan)
         at = (si_of(where.x), si_of(where.y)) if isinstance(where, m.Point) else scene.places[where]
         s = progress.along(actor, *at)
         if not isinstance(where, m.AtStop):
