@@ -48,10 +48,27 @@ def codes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         "not time >= 0 s",
         "ego.speed > 5 m/s and (runner.speed > 1 m/s and ego.speed <= 5 m/s)",
         "ego.speed > 5 m/s for 90 s",
+        "runner.speed > 400 km/h",
+        "crate.speed > 0 m/s",
+        "arrived(crate)",
+        "not (time >= 0 s or arrived(ego))",
+        "runner in junction side_end",
+        "ego.signal(j4) is red and ego.signal(j4) is green",
+        "signal(j4) is ns_go and signal(j4) is ew_go",
+        "ego ahead of runner and ego behind runner",
+        "ego ahead of ego",
+        "ego in lane 1 and ego in lane 2",
+        "collision(runner) and not collision(runner)",
+        "ego within 5 m of runner and distance(ego, runner) > 6 m",
+        "lateral(ego, runner) < 0 m",
+        "ego.offset > 6 m",
+        "overlap(ego, runner) > 12 m",
+        "relative_speed(runner, ego) > 900 km/h",
     ],
 )
 def test_a_trigger_that_can_never_fire(codes, condition: str):
-    assert codes(f"  when {condition} {{\n    runner stops\n  }}") == [("FS303", f"when {condition} {{")]
+    crate = "  obstacle crate: obstacle.crate { start at 70 m along ego.route }\n" if "crate" in condition else ""
+    assert codes(f"{crate}  when {condition} {{\n    runner stops\n  }}") == [("FS303", f"when {condition} {{")]
 
 
 @pytest.mark.parametrize(
@@ -65,13 +82,86 @@ def test_a_trigger_that_can_never_fire(codes, condition: str):
         "time > 5 s and time < 6 s",
         "ego.speed >= 5 m/s and ego.speed <= 5 m/s",
         "ego.speed > 5 m/s and runner.speed < 4 m/s",
-        "time > 70 s or ego.speed > 1 m/s",
         "not time > 3 s",
+        "runner.speed > 100 km/h",
+        "ego.signal(j4) is red or ego.signal(j4) is green",
+        "ego in junction west_end",  # where its road begins
+        "relative_speed(ego, runner) < 0 m/s",
+        "overlap(ego, runner) > 4 m",
+        "ego ahead of runner or ego behind runner",
         "ego.speed > 5 m/s for 2 s",
     ],
 )
 def test_a_trigger_that_may_fire(codes, condition: str):
     assert codes(f"  when {condition} {{\n    runner stops\n  }}") == []
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "time > 70 s or ego.speed > 1 m/s",
+        "ego.speed > 1 m/s and not time > 70 s",
+        "ego.speed > 1 m/s and ego.speed >= 0 m/s",
+        "ego.speed > 1 m/s or (runner.speed > 900 km/h and ego.speed > 2 m/s)",
+        "distance(ego, ego) < 5 m",
+        "ttc(runner, runner) < 5 s and ego.speed > 1 m/s",
+    ],
+)
+def test_a_part_of_a_condition_that_says_nothing(codes, condition: str):
+    assert codes(f"  when {condition} {{\n    runner stops\n  }}") == [("FS315", f"when {condition} {{")]
+    assert [code for code, _ in codes(f"  expect never ({condition})")] == ["FS315"]
+
+
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [
+        ("runner stops\n then { wait 1 s }", ["FS303"]),
+        ("runner stops for 2 s\n then { wait 1 s }", []),
+        ("wait 61 s\n then { runner stops }", ["FS303"]),
+        ("wait 30 s\n then { wait 20 s\n then { wait 20 s }\n then { runner stops } }", []),
+        ("wait 30 s\n then { wait 31 s\n then { runner stops } }", ["FS303"]),
+        ("then when time > 70 s { runner stops }", ["FS303"]),
+        ("then when time > 70 s or ego.speed > 3 m/s { runner stops }", ["FS315"]),
+    ],
+)
+def test_steps_that_never_come(codes, steps: str, expected: list[str]):
+    assert [code for code, _ in codes(f"  when time > 5 s {{\n{steps}\n  }}")] == expected
+
+
+def test_a_stop_that_another_trigger_ends_is_no_end(codes):
+    again = "  when time > 9 s {\n    runner changes speed to 3 m/s\n  }\n"
+    assert codes(f"{again}  when time > 5 s {{\n    runner stops\n    then {{ wait 1 s }}\n  }}") == []
+
+
+@pytest.mark.parametrize(
+    ("requirement", "expected"),
+    [
+        ("gap > 5 s", ["FS053"]),
+        ("gap <= 4 s", ["FS315"]),
+        ("gap > 1 s", []),
+        ("gap < long", ["FS315"]),
+        ("kind is car.sports", ["FS033"]),
+        ("kind is car.compact or gap > 9 s", ["FS315"]),
+        ("kind is car.compact or gap > 1 s", []),
+        ("any > 20 s or kind is car.compact", []),
+    ],
+)
+def test_requirements_that_say_nothing(codes, requirement: str, expected: list[str]):
+    params = """  param gap: time = 2 s in 0 s..4 s
+  param long: time = 8 s in [6 s, 8 s]
+  param any: time = 30 s
+  param kind: model = car.compact in [car.compact, car.suv]
+  vehicle more: kind { route from north straight over j4 }
+  when time > gap and time < long and time < any { runner stops }
+"""
+    found = codes(f"{params}  require {requirement}\n  case a {{ gap = 3 s }}")
+    assert [code for code, _ in found] == expected
+
+
+def test_only_the_ego_sees(codes):
+    assert codes("  when ego sees runner {\n    runner stops\n  }") == []
+    found = codes("  when runner sees ego or time > 3 s {\n    runner stops\n  }")
+    assert found == [("FS316", "when runner sees ego or time > 3 s {")]
 
 
 def test_the_end_of_the_run_counts(codes):

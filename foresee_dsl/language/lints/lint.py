@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import get_args
 
 from foresee_dsl.errors import Diagnostic, Span
@@ -11,10 +11,13 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.evaluate import case_values, needed_by
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.codes.code import every_code
+from foresee_dsl.language.lints import dead_text
 from foresee_dsl.language.lints.allowances import without_allowed
 from foresee_dsl.language.lints.arithmetic import divisions_by_zero
+from foresee_dsl.language.lints.certain import Limits, always, never
+from foresee_dsl.language.lints.found import Found
 from foresee_dsl.language.lints.hidden import hidden_characters
-from foresee_dsl.language.lints.logic import Limits, always, never
+from foresee_dsl.language.lints.roads import Roads, junctions_of
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.concretise import SETTLED
 from foresee_dsl.language.project.document import Document, TestCase
@@ -38,7 +41,8 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
             Found(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
             for item, message, help in divisions_by_zero(document.model)
         )
-        for lint_ in (*_unused_parameters(document.model), *_dead_cases(document.model), *divisions):
+        of_text = (*_unused_parameters(document.model), *_dead_cases(document.model), *divisions)
+        for lint_ in (*of_text, *dead_text.dead_requirements(document.model)):
             _add(found, document, lint_)
     for case in cases:
         if case.clip is None and case.mutant is None:
@@ -109,24 +113,16 @@ def _of_case(case: TestCase) -> Iterator[Found]:
     scenario = case.scenario
     end = scenario.one(m.End)
     end_s = end.after.si if end is not None and isinstance(end.after, m.Quantity) else DEFAULT_END_S
-    limits = Limits(end_s, frozenset(actor.name for actor in scenario.actors))
+    limits, actions = dead_text.limits_of(case, end_s), dead_text.actions_of(scenario)
     for when in scenario.all(m.When):
-        yield from _triggers(when, limits)
+        yield from dead_text.dead_triggers(when, limits, actions)
     for expect in scenario.all(m.Expect):
         yield from _expectation(expect, limits)
     yield from _nothing_expected(scenario)
+    yield from dead_text.blind_actors(scenario)
+    yield from dead_text.of_itself(scenario)
     yield from actor_lints(case)
     yield from route_lints(case)
-
-
-def _triggers(when: m.When, limits: Limits) -> Iterator[Found]:
-    for part in walk(when):
-        if isinstance(part, m.When | m.Then) and part.condition is not None:
-            reason = never(part.condition, limits)
-            if reason:
-                help = "change the condition, or remove what it sets off"
-                yield Found(part, "condition", c.NEVER_FIRES, f"this can never happen: {reason}", help)
-                return  # what comes after it is as dead
 
 
 def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
@@ -135,9 +131,10 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
         message = f"the run ends after {limits.end_s:g} s, before the {written(expect.within)} are over"
         help = f"write `end after {written(expect.within)}`, or a shorter time"
         yield Found(expect, "within", c.CUT_SHORT, message, help)
-    inside = Limits(min(until, limits.end_s), limits.actors)
+    inside = replace(limits, end_s=min(until, limits.end_s))
     cannot, must = never(expect.condition, inside), always(expect.condition, inside)
     if not (cannot or must):
+        yield from dead_text.dead_parts(expect.condition, inside)
         return
     met = bool(cannot) if expect.mode == "never" else bool(must)
     message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
@@ -193,17 +190,6 @@ _SLACK = 1.01
 """Speeds that much over the model's are rounding (ours; the compiler's check takes the same)."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """A lint before it has its place: the item and its field, the code, what is unusual, what to write instead."""
-
-    item: m.Item
-    field: str
-    code: str
-    message: str
-    help: str = ""
-
-
 def actor_lints(case: TestCase) -> Iterator[Found]:
     """Return the lints about one concrete scenario's actors and their actions."""
     actors: dict[str, m.Ego | m.Actor] = {actor.name: actor for actor in case.scenario.actors}
@@ -253,58 +239,25 @@ def _too_fast(
         yield Found(item, field, c.OVER_TOP_SPEED, message, help)
 
 
-class _Roads:
-    """The directed edges of a network: `west` and, where the road has two directions, `west_back`."""
-
-    def __init__(self, network: m.Network) -> None:
-        self.edges: dict[str, tuple[str, str]] = {}
-        self.junctions = {item.name for item in network.body if isinstance(item, m.Junction)}
-        for road in network.body:
-            if isinstance(road, m.Road):
-                self.edges[road.name] = (road.start, road.end)
-                if not (isinstance(road.back, m.Quantity) and road.back.value == 0):
-                    self.edges[f"{road.name}_back"] = (road.end, road.start)
-
-    def reached(self, edges: Iterable[str]) -> set[str]:
-        """Return the junctions that come first along some edges: one only drives on where there is one way on."""
-        found: set[str] = set()
-        open_ = list(edges)
-        seen = set(open_)
-        while open_:
-            edge = open_.pop()
-            junction = self.edges[edge][1]
-            found.add(junction)
-            onward = self.leaving(junction, but=self.edges[edge])
-            if len(onward) == 1 and onward[0] not in seen:
-                seen.add(onward[0])
-                open_ += onward
-        return found
-
-    def leaving(self, junction: str, but: tuple[str, str] | None = None) -> list[str]:
-        """Return the edges that leave a junction, without the way back to where one comes from."""
-        back = but[::-1] if but is not None else None
-        return [edge for edge, ends in self.edges.items() if ends[0] == junction and ends != back]
-
-
 def route_lints(case: TestCase) -> Iterator[Found]:
     """Return the lints about one concrete scenario's routes; none where the network is a foreign file."""
     if not isinstance(case.network, m.Network):
         return
-    roads = _Roads(case.network)
+    roads = Roads(case.network)
     passed: dict[str, set[str]] = {}
     for actor in case.scenario.actors:
         for item in actor.body:
             gap = _gap(item, roads)
             if gap is not None:
                 yield gap
-            elif (junctions := _passed(item, roads)) is not None:
+            elif (junctions := junctions_of(item, roads)) is not None:
                 passed[actor.name] = junctions
     for statement in case.scenario.body:
         if isinstance(statement, m.When | m.Expect):
             yield from _off_the_way(statement, roads, passed)
 
 
-def _gap(item: m.Item, roads: _Roads) -> Found | None:
+def _gap(item: m.Item, roads: Roads) -> Found | None:
     if isinstance(item, m.EdgeRoute) and not item.shortest:
         for one, other in zip(item.edges, item.edges[1:], strict=False):
             if one in roads.edges and other in roads.edges and roads.edges[one][1] != roads.edges[other][0]:
@@ -316,7 +269,7 @@ def _gap(item: m.Item, roads: _Roads) -> Found | None:
     return None
 
 
-def _gap_between_legs(route: m.Route, roads: _Roads) -> Found | None:
+def _gap_between_legs(route: m.Route, roads: Roads) -> Found | None:
     edges = [edge for edge in (str(route.start), f"{route.start}_back") if edge in roads.edges]
     before = f"road '{route.start}'"
     for leg in route.legs:
@@ -332,23 +285,7 @@ def _gap_between_legs(route: m.Route, roads: _Roads) -> Found | None:
     return None
 
 
-def _passed(item: m.Item, roads: _Roads) -> set[str] | None:
-    """Return every junction that a route may come to; None where that is unknown."""
-    if isinstance(item, m.EdgeRoute) and not item.shortest:
-        named = [edge for edge in item.edges if isinstance(edge, str) and edge in roads.edges]
-        return {roads.edges[edge][1] for edge in named} if len(named) == len(item.edges) else None
-    if not isinstance(item, m.Route) or not isinstance(item.start, str):
-        return None
-    edges = [edge for edge in (item.start, f"{item.start}_back") if edge in roads.edges]
-    found = roads.reached(edges)
-    for leg in item.legs:
-        if not isinstance(leg.junction, str):
-            return None
-        found |= {leg.junction} | roads.reached(roads.leaving(leg.junction))
-    return found
-
-
-def _off_the_way(statement: m.When | m.Expect, roads: _Roads, passed: dict[str, set[str]]) -> Iterator[Found]:
+def _off_the_way(statement: m.When | m.Expect, roads: Roads, passed: dict[str, set[str]]) -> Iterator[Found]:
     for part in walk(statement):
         if not isinstance(part, m.Measure) or part.what not in ("eta", "distance") or part.actor not in passed:
             continue

@@ -1,67 +1,13 @@
-"""What is certain about conditions before the run: what can or must hold, and which expectation implies another."""
+"""Which expectation implies another; comparisons and their opposites."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.printer import written
 
 TURNED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
 """The opposite of a comparison."""
-_NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "headway")
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What is known of a run: how long it lasts, and its actors (the distance to an actor is never negative)."""
-
-    end_s: float
-    actors: frozenset[str]
-
-
-def never(condition: m.Condition, limits: Limits) -> str:
-    """Return why a condition cannot hold at any frame, or nothing when it may."""
-    reason = ""
-    match condition:
-        case m.Comparison():
-            reason = _out_of_reach(condition, limits)
-        case m.Not():
-            reason = always(condition.condition, limits)
-        case m.Both(conditions=parts):
-            reason = next(filter(None, (never(part, limits) for part in parts)), "") or _contradiction(parts)
-        case m.Either(conditions=parts):
-            reason = _of_all(never(part, limits) for part in parts)
-        case m.Sustained(since=since, duration=duration):
-            before_s = -since.si if isinstance(since, m.Quantity) else 0.0
-            if isinstance(duration, m.Quantity) and duration.si - before_s > limits.end_s:
-                return f"the run lasts {limits.end_s:g} s"
-            reason = never(condition.condition, limits)
-        case m.Within(distance=m.Quantity() as distance) if distance.si < 0:
-            reason = "a distance is never under 0 m"
-    return reason
-
-
-def always(condition: m.Condition, limits: Limits) -> str:
-    """Return why a condition holds at every frame at which it is defined, or nothing when it may not."""
-    match condition:
-        case m.Comparison():
-            return _out_of_reach(negated(condition), limits)
-        case m.Not():
-            return never(condition.condition, limits)
-        case m.Both(conditions=parts):
-            return _of_all(always(part, limits) for part in parts)
-        case m.Either(conditions=parts):
-            return next(filter(None, (always(part, limits) for part in parts)), "")
-    return ""
-
-
-def _of_all(reasons: Iterable[str]) -> str:
-    """Return the first reason where there is one for every part, or nothing."""
-    found = list(reasons)
-    return found[0] if all(found) else ""
 
 
 def negated(comparison: m.Comparison) -> m.Comparison:
@@ -72,45 +18,6 @@ def negated(comparison: m.Comparison) -> m.Comparison:
 def holds_for_some(op: str, value: float, low: float, high: float) -> bool:
     """Return whether some number from `low` to `high` (both included) satisfies `number op value`."""
     return {"<": low < value, "<=": low <= value, ">": high > value, ">=": high >= value}[op]
-
-
-def _out_of_reach(comparison: m.Comparison, limits: Limits) -> str:
-    left, right = comparison.left, comparison.right
-    if not isinstance(left, m.Measure) or not isinstance(right, m.Quantity):
-        return ""
-    never_negative = left.what in _NEVER_NEGATIVE or (left.what == "distance" and left.other in limits.actors)
-    low, high = 0.0 if never_negative else -math.inf, limits.end_s if left.what == "time" else math.inf
-    if holds_for_some(comparison.op, right.si, low, high):
-        return ""
-    if left.what == "time" and comparison.op in (">", ">="):
-        return f"the run ends after {limits.end_s:g} s"
-    return f"`{written(left)}` is never under 0"
-
-
-def _contradiction(conditions: Sequence[m.Condition]) -> str:
-    """Return which two comparisons of one number exclude each other."""
-    known = [c for c in _all_of(conditions) if isinstance(c.left, m.Measure) and isinstance(c.right, m.Quantity)]
-    pairs = ((one, other) for k, one in enumerate(known) for other in known[:k])
-    found = ((one, other) for one, other in pairs if one.left == other.left and _exclude(one, other))
-    return next((f"`{written(other)}` and `{written(one)}` exclude each other" for one, other in found), "")
-
-
-def _all_of(conditions: Sequence[m.Condition]) -> Iterator[m.Comparison]:
-    for condition in conditions:
-        if isinstance(condition, m.Both):
-            yield from _all_of(condition.conditions)
-        elif isinstance(condition, m.Not) and isinstance(condition.condition, m.Comparison):
-            yield negated(condition.condition)
-        elif isinstance(condition, m.Comparison):
-            yield condition
-
-
-def _exclude(one: m.Comparison, other: m.Comparison) -> bool:
-    upper, lower = (one, other) if one.op[0] == "<" else (other, one)
-    top, bottom = upper.right, lower.right
-    if upper.op[0] == lower.op[0] or not isinstance(top, m.Quantity) or not isinstance(bottom, m.Quantity):
-        return False
-    return top.si < bottom.si or (top.si == bottom.si and (upper.op, lower.op) != ("<=", ">="))
 
 
 def weaker(old: m.Expect, new: m.Expect) -> bool | None:

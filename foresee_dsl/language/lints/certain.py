@@ -1,0 +1,283 @@
+"""What is certain about conditions before the run: what can never hold, what always does, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.lints.logic import holds_for_some, negated
+from foresee_dsl.language.printer import written
+
+_NEVER_NEGATIVE = ("time", "speed", "eta", "ttc", "headway", "lateral")
+_OF_TWO = (m.Ahead, m.Behind, m.SameLane, m.Sees, m.InSight)
+_WIDEST_LANE_M = 10.0
+"""The widest lane that a road can have: no middle of an actor is farther from that of its own lane than half of it."""
+_SLACK = 1.02
+"""Speeds that much over the model's are rounding. Ours; the simulation keeps to the model's to the last digit."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What is known of an actor.
+
+    Attributes:
+        moves: it has somewhere to go. top_mps: the highest speed of its model, None where the catalogue does not say.
+        model: the model's name. length_m: of its footprint from corner to corner; infinite where it is unknown.
+        junctions: those that it may come to or begin at; None where that is unknown.
+    """
+
+    moves: bool = True
+    top_mps: float | None = None
+    model: str = ""
+    length_m: float = math.inf
+    junctions: frozenset[str] | None = None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is known of a run: how long it lasts, and its actors; of a scenario with parameters these, where a
+    requirement is looked at."""
+
+    end_s: float
+    actors: Mapping[str, About] = field(default_factory=dict)
+    parameters: Mapping[str, m.Param] = field(default_factory=dict)
+
+
+def never(condition: m.Condition, limits: Limits) -> str:
+    """Return why a condition cannot hold at any frame, or nothing when it may."""
+    match condition:
+        case m.Comparison():
+            reason = _out_of_reach(condition, limits)
+        case m.Equals():
+            reason = _no_option(condition, limits)
+        case m.Not():
+            reason = always(condition.condition, limits)
+        case m.Both(conditions=parts):
+            reason = next(filter(None, (never(part, limits) for part in parts)), "") or _contradiction(parts)
+        case m.Either(conditions=parts):
+            reason = _of_all(never(part, limits) for part in parts)
+        case m.Sustained():
+            reason = _too_long(condition, limits) or never(condition.condition, limits)
+        case m.Within(distance=m.Quantity() as distance) if distance.si < 0:
+            reason = "a distance is never under 0 m"
+        case _:
+            reason = _cannot_concern(condition, limits)
+    return reason
+
+
+def always(condition: m.Condition, limits: Limits) -> str:
+    """Return why a condition holds at every frame at which it is defined, or nothing when it may not."""
+    match condition:
+        case m.Comparison():
+            return _out_of_reach(negated(condition), limits)
+        case m.Equals(left=m.Ref(name=name), right=word) if _options(limits.parameters.get(name)) == {word}:
+            return f"'{name}' has no other value"
+        case m.Not():
+            return never(condition.condition, limits)
+        case m.Both(conditions=parts):
+            return _of_all(always(part, limits) for part in parts)
+        case m.Either(conditions=parts):
+            return next(filter(None, (always(part, limits) for part in parts)), "") or _no_way_out(parts)
+    return ""
+
+
+def earliest_s(condition: m.Condition) -> float:
+    """Return a time, s, before which a condition certainly does not hold."""
+    match condition:
+        case m.Comparison(left=m.Measure(what="time"), op=">" | ">=", right=m.Quantity() as right):
+            return right.si
+        case m.Both(conditions=parts):
+            return max(earliest_s(part) for part in parts)
+        case m.Either(conditions=parts):
+            return min(earliest_s(part) for part in parts)
+        case m.Sustained(duration=m.Quantity() as duration, since=None):
+            return earliest_s(condition.condition) + duration.si
+    return 0.0
+
+
+def _of_all(reasons: Iterable[str]) -> str:
+    """Return the first reason where there is one for every part, or nothing."""
+    found = list(reasons)
+    return found[0] if all(found) else ""
+
+
+def _too_long(condition: m.Sustained, limits: Limits) -> str:
+    since, duration = condition.since, condition.duration
+    before_s = -since.si if isinstance(since, m.Quantity) else 0.0
+    late = isinstance(duration, m.Quantity) and duration.si - before_s > limits.end_s
+    return f"the run lasts {limits.end_s:g} s" if late else ""
+
+
+def _cannot_concern(condition: m.Condition, limits: Limits) -> str:
+    """Return why a fact is none of that actor's."""
+    about = limits.actors.get(getattr(condition, "actor", None) or "")
+    if about is None:
+        return ""
+    match condition:
+        case m.Predicate(what="arrived", actor=actor) if not about.moves:
+            return f"'{actor}' has no way to go, so it never arrives"
+        case m.Shows(actor=actor) if not about.moves:
+            return f"'{actor}' has no way to go, so no signal shows it anything"
+        case m.InJunction(actor=actor, junction=str(junction)) if about.junctions is not None:
+            if junction not in about.junctions:
+                return f"the route of '{actor}' does not go over '{junction}'"
+        case m.Ahead() | m.Behind() | m.SameLane() | m.Sees() | m.InSight():
+            if condition.actor == condition.other:
+                return f"'{condition.actor}' is compared with itself"
+    return ""
+
+
+# ---- ranges ---------------------------------------------------------------------------------------------------------
+
+
+def _out_of_reach(comparison: m.Comparison, limits: Limits) -> str:
+    left, right = comparison.left, comparison.right
+    if isinstance(left, m.Ref):
+        return _out_of_range(comparison, left, limits)
+    if not isinstance(left, m.Measure) or not isinstance(right, m.Quantity):
+        return ""
+    low, high, why = _range(left, limits)
+    if holds_for_some(comparison.op, right.si, low, high):
+        return ""
+    if left.what == "time" and comparison.op in (">", ">="):
+        return f"the run ends after {limits.end_s:g} s"
+    if comparison.op in (">", ">="):
+        return f"`{written(left)}` is never over {why}"
+    return f"`{written(left)}` is never under {low:g}{' m' if low and left.what != 'relative_speed' else ''}"
+
+
+def _range(left: m.Measure, limits: Limits) -> tuple[float, float, str]:
+    """Return the smallest and the largest that a measure can be, SI, and the largest in words."""
+    one, other = limits.actors.get(left.actor or ""), limits.actors.get(str(left.other or ""))
+    low = 0.0 if left.what in _NEVER_NEGATIVE or (left.what == "distance" and other is not None) else -math.inf
+    high, why = math.inf, ""
+    if left.what == "time":
+        high = limits.end_s
+    elif left.what == "speed" and one is not None:
+        top = 0.0 if not one.moves else one.top_mps
+        if top is not None:
+            high, why = top * _SLACK, f"{top * 3.6:.4g} km/h, the most of {one.model}" if top else "0: it never moves"
+    elif left.what == "offset":
+        low, high, why = -_WIDEST_LANE_M / 2, _WIDEST_LANE_M / 2, f"{_WIDEST_LANE_M / 2:g} m, half of the widest lane"
+    elif left.what == "overlap" and one is not None and other is not None:
+        high = min(one.length_m, other.length_m)
+        why = f"{high:.2f} m, the length of the shorter one"
+    elif left.what == "relative_speed" and one is not None and other is not None:
+        tops = [0.0 if not a.moves else a.top_mps for a in (one, other)]
+        if None not in tops:
+            high = sum(top or 0.0 for top in tops) * _SLACK
+            low, why = -(tops[1] or 0.0) * _SLACK, "what both can go together"
+    return low, high, why
+
+
+def _out_of_range(comparison: m.Comparison, left: m.Ref, limits: Limits) -> str:
+    """Return why a requirement excludes every value of its parameter."""
+    mine = _interval(limits.parameters.get(left.name))
+    right = comparison.right
+    theirs = (right.si, right.si) if isinstance(right, m.Quantity) else None
+    if isinstance(right, m.Ref):
+        theirs = _interval(limits.parameters.get(right.name))
+    if mine is None or theirs is None:
+        return ""
+    bound = theirs[1] if comparison.op[0] == "<" else theirs[0]
+    if holds_for_some(comparison.op, bound, *mine):
+        return ""
+    parameter = limits.parameters[left.name]
+    values = written(parameter.range) if parameter.range is not None else ", ".join(sorted(_texts(parameter)))
+    return f"the values of '{left.name}' are {values}"
+
+
+def _interval(parameter: m.Param | None) -> tuple[float, float] | None:
+    """Return the smallest and the largest value of a parameter; None where a case may give it any."""
+    if parameter is None:
+        return None
+    if parameter.range is not None:
+        return parameter.range.low.si, parameter.range.high.si
+    numbers = [option.si for option in parameter.options or () if isinstance(option, m.Quantity)]
+    return (min(numbers), max(numbers)) if numbers else None
+
+
+def _no_option(condition: m.Equals, limits: Limits) -> str:
+    name = condition.left.name
+    options = _options(limits.parameters.get(name))
+    if not options or condition.right in options:
+        return ""
+    return f"the values of '{name}' are {', '.join(sorted(options))}"
+
+
+def _options(parameter: m.Param | None) -> set[str]:
+    return {option for option in parameter.options or () if isinstance(option, str)} if parameter is not None else set()
+
+
+def _texts(parameter: m.Param) -> Iterator[str]:
+    for option in parameter.options or ():
+        yield written(option) if isinstance(option, m.Quantity) else option
+
+
+# ---- parts that exclude each other ----------------------------------------------------------------------------------
+
+
+def _contradiction(conditions: Sequence[m.Condition]) -> str:
+    """Return which two parts exclude each other."""
+    known = list(_all_of(conditions))
+    pairs = ((one, other) for k, one in enumerate(known) for other in known[:k])
+    found = ((one, other) for one, other in pairs if _exclude(one, other))
+    return next((f"`{written(other)}` and `{written(one)}` exclude each other" for one, other in found), "")
+
+
+def _no_way_out(conditions: Sequence[m.Condition]) -> str:
+    """Return which two parts of an `or` leave nothing out."""
+    facts = [c for c in conditions if not isinstance(c, m.Not)]
+    found = (c.condition for c in conditions if isinstance(c, m.Not) and c.condition in facts)
+    return next((f"`{written(c)}` holds or it does not" for c in found), "")
+
+
+def _all_of(conditions: Sequence[m.Condition]) -> Iterator[m.Condition]:
+    for condition in conditions:
+        if isinstance(condition, m.Both):
+            yield from _all_of(condition.conditions)
+        elif isinstance(condition, m.Not) and isinstance(condition.condition, m.Comparison):
+            yield negated(condition.condition)
+        else:
+            yield condition
+
+
+def _exclude(one: m.Condition, other: m.Condition) -> bool:
+    if isinstance(one, m.Not) or isinstance(other, m.Not):
+        inner, outer = (one.condition, other) if isinstance(one, m.Not) else (other.condition, one)  # type: ignore[union-attr]
+        return inner == outer
+    first, second = _compared(one), _compared(other)
+    if first is not None and second is not None:
+        return first.left == second.left and _apart(first, second)
+    if isinstance(one, m.Shows) and isinstance(other, m.Shows):
+        same = (one.actor, one.junction) == (other.actor, other.junction)
+        return same and one.state != other.state and isinstance(one.state, str) and isinstance(other.state, str)
+    if isinstance(one, m.InLane) and isinstance(other, m.InLane):
+        numbers = isinstance(one.number, m.Quantity) and isinstance(other.number, m.Quantity)
+        return numbers and (one.actor, one.road) == (other.actor, other.road) and one.number != other.number
+    kinds = {type(one), type(other)}
+    return kinds == {m.Ahead, m.Behind} and _pair(one) == _pair(other)
+
+
+def _pair(condition: m.Condition) -> tuple[str, str]:
+    return getattr(condition, "actor", ""), getattr(condition, "other", "")
+
+
+def _compared(condition: m.Condition) -> m.Comparison | None:
+    """Return a comparison of a measure with a number; a distance to an actor that must not be exceeded is one."""
+    if isinstance(condition, m.Within) and isinstance(condition.of, m.Named):
+        left = m.Measure(what="distance", actor=condition.actor, other=condition.of.name)
+        condition = m.Comparison(left=left, op="<=", right=condition.distance)
+    if not isinstance(condition, m.Comparison) or not isinstance(condition.right, m.Quantity):
+        return None
+    return condition if isinstance(condition.left, m.Measure) else None
+
+
+def _apart(one: m.Comparison, other: m.Comparison) -> bool:
+    upper, lower = (one, other) if one.op[0] == "<" else (other, one)
+    top, bottom = upper.right, lower.right
+    if upper.op[0] == lower.op[0] or not isinstance(top, m.Quantity) or not isinstance(bottom, m.Quantity):
+        return False
+    return top.si < bottom.si or (top.si == bottom.si and (upper.op, lower.op) != ("<=", ">="))
