@@ -55,16 +55,6 @@ USAGE = MappingProxyType(
 )
 """How each statement is written, by its first word."""
 
-TAKEN = frozenset(
-    (
-        *("then", "wait", "once", "every", "next", "never", "always", "eventually", "within", "not"),
-        *("time", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"),
-        *("collision", "arrived", "signal"),
-    )
-)
-"""Words that begin a condition or an action, or stand before one: an actor or a label of that name could not be told
-from them. A test holds the list against the grammar."""
-
 
 def words_of(*groups: Group) -> tuple[str, ...]:
     """Return the words of some groups, sorted."""

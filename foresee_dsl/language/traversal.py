@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from decimal import Decimal
 from typing import TypeGuard, get_args
 
 from foresee_dsl.language import model as m
 
+PLAIN = frozenset({str, bool, int, float, Decimal, type(None)})
+"""Types of most values of fields, which hold no items: asked first, as `isinstance` of a pydantic class is slow."""
 _KINDS: tuple[type[m.Item], ...] = get_args(get_args(m.Condition)[0])
 
 
@@ -20,12 +23,14 @@ def walk(item: m.Item) -> Iterator[m.Item]:
 def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:
     """Return the items that are direct parts of an item, with the names of their fields (`legs.1` in a tuple)."""
     for name, value in vars(item).items():  # the fields and nothing else: `model_fields` is four times slower
-        if isinstance(value, m.Item):
-            yield name, value
-        elif isinstance(value, tuple):
+        if type(value) in PLAIN:
+            continue
+        if type(value) is tuple:
             for k, part in enumerate(value):
-                if isinstance(part, m.Item):
+                if type(part) not in PLAIN and isinstance(part, m.Item):
                     yield f"{name}.{k}", part
+        elif isinstance(value, m.Item):
+            yield name, value
 
 
 def is_condition(value: object) -> TypeGuard[m.Condition]:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator, Sequence
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.keywords import TAKEN
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
@@ -24,7 +23,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     for other in [actor for actor in named if actor.name == "ego"][:1]:
         findings.add(other, "name", "FS030", "only the ego is called 'ego'", "give this actor another name")
     for other in named:
-        if other.name in TAKEN or other.name in m.OWNERS:
+        if other.name in m.TAKEN or other.name in m.OWNERS:
             message = f"'{other.name}' is a word of the language"
             findings.add(other, "name", "FS049", message, "give this actor another name")
     findings.unique([*((a, "name", a.name) for a in named), *((g, "name", g.name) for g in groups)], "actors")

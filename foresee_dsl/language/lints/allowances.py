@@ -9,11 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.project.document import Document
-from foresee_dsl.language.syntax.scan import Lines, Raw, scan
+
+if TYPE_CHECKING:
+    from foresee_dsl.language.syntax.scan import Lines, Raw
 
 _COMMENT = re.compile(r'"[^"\n]*"?|#[^\n]*')
 _ALLOW = re.compile(r"#\s*foresee:\s*allow\b([^\n]*)")
@@ -59,6 +62,8 @@ def _allowed(found: Diagnostic, allowances: Sequence[_Allowance]) -> bool:
 def _allowances(text: str) -> Iterator[_Allowance]:
     if "foresee:" not in text:
         return
+    from foresee_dsl.language.syntax.scan import Lines, scan  # few files have such a comment
+
     lines = Lines(text)
     statements = list(_statements(scan(text, lines)[0], lines))
     definition = max((s for s in statements if s[2]), default=(1, 1, True))

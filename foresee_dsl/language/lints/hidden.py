@@ -15,9 +15,9 @@ def hidden_characters(text: str, path: str) -> Iterator[Diagnostic]:
     A sign that changes the direction of writing (U+202E) lets an editor show a line as something else than what is
     read; a byte order mark at the beginning is none.
     """
-    if text.isascii() and text.isprintable():
-        return
     for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
+        if line.isprintable():
+            continue
         found = next((k for k, sign in enumerate(line) if is_hidden(sign)), None)
         if found is not None:
             sign = line[found]

@@ -308,3 +308,13 @@ Sustained.model_rebuild()
 Not.model_rebuild()
 Both.model_rebuild()
 Either.model_rebuild()
+
+TAKEN = frozenset(
+    (
+        *("then", "wait", "once", "every", "next", "never", "always", "eventually", "within", "not"),
+        *("time", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"),
+        *("collision", "arrived", "signal"),
+    )
+)
+"""Words that begin a condition or an action, or stand before one: an actor or a label of that name could not be told
+from them. A test holds the list against the grammar."""

@@ -16,6 +16,7 @@ from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.printer import value_text
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.sampling.draws import case_names, draw
+from foresee_dsl.language.traversal import PLAIN
 from foresee_dsl.language.units import UNITS
 
 _ItemT = TypeVar("_ItemT", bound=m.Item)
@@ -147,6 +148,8 @@ def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
     refs: dict[str, m.Ref | m.Expression] = {}
 
     def replaced(name: str, part: object) -> object:
+        if type(part) in PLAIN:
+            return part
         if isinstance(part, _WORKED_OUT):
             refs[name] = part
             return replace(item, name, part)
@@ -155,12 +158,11 @@ def _walk(item: m.Item, replace: _Replace, refused: _Refused) -> m.Item:
             return parts if any(a is not b for a, b in zip(parts, part, strict=True)) else part
         return _walk(part, replace, refused) if isinstance(part, m.Item) else part
 
-    fields = {name: getattr(item, name) for name in type(item).model_fields}
-    changed = {name: new for name, old in fields.items() if (new := replaced(name, old)) is not old}
+    changed = {name: new for name, old in vars(item).items() if (new := replaced(name, old)) is not old}
     if not changed:
         return item
     try:
-        return type(item).model_validate(fields | changed)
+        return type(item).model_validate(vars(item) | changed)
     except ValidationError as error:
         place = next((str(part) for part in error.errors()[0]["loc"] if str(part) in refs), next(iter(refs), ""))
         if place:

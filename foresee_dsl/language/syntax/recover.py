@@ -14,7 +14,7 @@ from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.keywords import TAKEN, USAGE
+from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import Refusal
@@ -158,7 +158,7 @@ class _Recovery:
 
     def _explained(self, error: UnexpectedInput, raw: Raw, head: str, rule: str) -> TextError:
         label = _LABEL.match(head)
-        if label is not None and label[1] in TAKEN:
+        if label is not None and label[1] in m.TAKEN:
             place = self._lines.span(raw.start + label.start(1), raw.start + label.end(1))
             return TextError("FS049", f"'{label[1]}' is a word of the language", "give it another label", place)
         refusal = Refusal(error, head if raw.block is None else head + " {}", rule)
