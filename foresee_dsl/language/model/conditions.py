@@ -311,7 +311,7 @@ Either.model_rebuild()
 
 TAKEN = frozenset(
     (
-        *("then", "wait", "once", "every", "next", "never", "always", "eventually", "within", "not"),
+        *("then", "wait", "once", "every", "next", "never", "always", "eventually", "within", "not", "door", "limit"),
         *("time", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"),
         *("collision", "arrived", "signal"),
     )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -138,8 +138,9 @@ AnyValue = Quantity | Ref | Expression
 
 
 @cache
-def _value_adapter() -> TypeAdapter[AnyValue]:
-    return TypeAdapter(AnyValue)
+def _adapter(also: tuple[type[Item], ...]) -> TypeAdapter[Any]:
+    union: Any = Union[(AnyValue, *also)]
+    return TypeAdapter(union)
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ class OfDimension:
         if isinstance(value, (Ref, *EXPRESSIONS, *self.also)):
             return value
         if isinstance(value, Mapping):
-            made = _value_adapter().validate_python(value)
+            made = _adapter(self.also).validate_python(value)
             return self._fitting(made) if isinstance(made, Quantity) else made
         raise PydanticCustomError("no_value", "needs a value with its unit")
 
