@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from foresee_dsl.editor.symbols import Occurrence, occurrences
-from foresee_dsl.editor.syntax import read_syntax
+from foresee_dsl.editor.syntax import read_syntax, walk
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language import model as m
@@ -110,25 +110,46 @@ class Files:
             return None
         if use.defines:
             return Found(path, use)
-        if use.kind == "stage" and use.owner.kind is not m.Ref:
-            stages = (f for f in self._defined(path, "stage") if f.occurrence.name == use.name)
-            return next((f for f in stages if use.scope in ("", f.occurrence.scope)), None)
         kinds = self._kinds(path, use)
+        if kinds == ("stage",):
+            known = self.definitions(path, "parameter").get(use.name) if use.owner.kind is m.Ref else None
+            junctions = self._junctions(path, use.scope) if use.kind == "word" else {use.scope} - {""}
+            return known or self._stage(path, use.name, junctions)
+        return self._of_kinds(path, use, kinds)
+
+    def _of_kinds(self, path: Path, use: Occurrence, kinds: tuple[SymbolKind, ...]) -> Found | None:
         # A word where a parameter may stand is one if there is one of that name.
         for kind in ("parameter", *kinds) if use.owner.kind is m.Ref else kinds:
-            known = self.definitions(path, kind)
-            if use.name in known:
-                return known[use.name]
+            there = self.definitions(path, kind)
+            if use.name in there:
+                return there[use.name]
             pattern = {"road": _EDGE, "actor": _BACKGROUND}.get(kind)
             base = pattern.fullmatch(use.name) if pattern is not None else None
             if (
                 base is not None
-                and base[1] in known
-                and (kind == "road" or known[base[1]].occurrence.owner.kind is m.Traffic)
+                and base[1] in there
+                and (kind == "road" or there[base[1]].occurrence.owner.kind is m.Traffic)
             ):
-                found = known[base[1]]
+                found = there[base[1]]
                 return Found(found.path, found.occurrence, use.name[len(base[1]) :])
         return None
+
+    def _stage(self, path: Path, name: str, junctions: set[str]) -> Found | None:
+        """Return a stage of one of some junctions; of any where none is known."""
+        stages = (f for f in self._defined(path, "stage") if f.occurrence.name == name)
+        return next((f for f in stages if not junctions or f.occurrence.scope in junctions), None)
+
+    def _junctions(self, path: Path, parameter: str) -> set[str]:
+        """Return the junctions of whose stages a parameter is one: those where it is used, in any file of the scope."""
+        found: set[str] = set()
+        for file in self.scope(path):
+            root = self.root(file)
+            for node, _ in walk(root) if root is not None else ():
+                stage = node.fields.get("state" if node.kind is m.Shows else "stage")
+                named = isinstance(stage, Node) and stage.kind is m.Ref and stage.fields.get("name") == parameter
+                if (named or stage == parameter) and isinstance(junction := node.fields.get("junction"), str):
+                    found.add(junction)
+        return found
 
     def stages(self, path: Path, junction: object) -> tuple[str, ...]:
         """Return the names of a junction's stages."""

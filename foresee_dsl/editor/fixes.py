@@ -11,6 +11,8 @@ from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.messages.suggest import replacement
 
 _SUGGESTED = re.compile(r"`([^`\n]+)`")
+_LISTED = re.compile(r"\bare ((?:[\w./^]+, )*[\w./^]+)$")
+"""`its stages are go, wait`: each is offered in the place of one word."""
 _MOST_TRIED = 12
 """So many edits are tried for one diagnostic at most (ours: each is a check of the file, 20 to 80 ms)."""
 
@@ -40,19 +42,26 @@ def fixes(message: str, code: str, span: Span, positions: Positions, check: Chec
         start, end, right = meant
         where = Span(span.line, span.column + start, span.line, span.column + end)
         return (Fix(f"Write '{right}'", where, right),)
-    suggested = list(dict.fromkeys(_SUGGESTED.findall(message.partition("\n")[2])))
+    help = message.partition("\n")[2]
+    listed = _LISTED.search(help) if re.fullmatch(r"\S+", written) else None
+    each = listed[1].split(", ") if listed is not None else []
+    suggested = list(dict.fromkeys([*each, *_SUGGESTED.findall(help)]))
     suggested = [one for one in suggested if not one.startswith("foresee ") or one == "foresee 1"]
     found: dict[str, Fix] = {}
     tried = 0
-    before = _keys(check(text)) if suggested else []
+    before = {(one.code, one.message) for one in check(text)} if suggested else set()
     first = message.partition("\n")[0]
     for words in suggested:
         for fix in _ways(words, span, positions):
             tried += 1
             if tried > _MOST_TRIED or words in found:
                 break
-            left = _keys(check(applied(text, positions, fix)))
-            if (code, first) not in left and len(left) < len(before):
+            left = [one for one in check(applied(text, positions, fix)) if one.severity == "error"]
+            # what could not be seen before the mistake was mended may be wrong elsewhere, but not where it was mended
+            last = fix.span.end_line + fix.text.count("\n")
+            new = [one for one in left if (one.code, one.message) not in before]
+            here = any(one.span is None or fix.span.line <= one.span.line <= last for one in new)
+            if (code, first) not in {(one.code, one.message) for one in left} and not here:
                 found[words] = fix
     return tuple(found.values())
 
@@ -88,7 +97,3 @@ def _ways(words: str, span: Span, positions: Positions) -> Iterator[Fix]:
     last = next((k for k in range(len(positions.lines), 0, -1) if positions.lines[k - 1].startswith("}")), None)
     if last is not None:
         yield Fix(f"Add `{words}`", Span(last, 1, last, 1), f"  {words}\n")
-
-
-def _keys(found: tuple[Diagnostic, ...]) -> list[tuple[str, str]]:
-    return [(one.code, one.message) for one in found if one.severity == "error"]

@@ -128,6 +128,8 @@ class Server:
         from foresee_dsl.editor.drawing import picture
 
         path, overlay, request = path_of(params["textDocument"]["uri"]), self._session.overlay(), params["foresee/id"]
+        if isinstance(params.get("text"), str):
+            overlay[path] = params["text"]
 
         def work() -> None:
             try:

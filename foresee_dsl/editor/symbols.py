@@ -108,7 +108,9 @@ def _kind_of_word(node: Node, above: tuple[Node, ...]) -> SymbolKind | None:
 
 def _scope(node: Node, above: tuple[Node, ...], kind: SymbolKind) -> str:
     if kind == "stage":
-        junction = node.fields.get("junction") or (above[-1].fields.get("name") if above else "")
+        junction = node.fields.get("junction")
+        if junction is None and above:  # within its junction, or in an extension a word that may be a parameter
+            junction = above[-1].fields.get("name" if above[-1].kind is m.Junction else "junction")
         return junction if isinstance(junction, str) else ""
     if kind == "word":
         name = node.fields.get("left" if node.kind is m.Equals else "name")

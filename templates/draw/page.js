@@ -101,6 +101,7 @@
       select.replaceChildren(...cases.map((name) => new Option(name, name)));
     }
     select.value = state.case;
+    wish.case = state.case;
   };
 
   const show = (state) => {
@@ -168,7 +169,10 @@
   at('fit').addEventListener('click', () => { zoom = null; zoomed(); });
   at('whole').addEventListener('change', (event) => { wish.whole = event.target.checked; wished(); });
   at('cases').addEventListener('change', (event) => { wish.case = event.target.value; wished(); });
-  window.addEventListener('message', (event) => { if (event.data && event.data.type === 'picture') show(event.data.state); });
+  window.addEventListener('message', (event) => {
+    if (event.data && event.data.type === 'picture') show(event.data.state);
+    if (event.data && event.data.type === 'case') wish.case = event.data.case;
+  });
 
   let timer = 0;
   new ResizeObserver(() => {

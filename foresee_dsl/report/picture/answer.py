@@ -18,7 +18,13 @@ NARROWEST, WIDEST = 280.0, 2400.0
 
 
 def answer(
-    file: Path, overlay: Mapping[Path, str] | None = None, *, case: str = "", width: float = 720.0, whole: bool = False
+    file: Path,
+    overlay: Mapping[Path, str] | None = None,
+    *,
+    case: str = "",
+    width: float = 720.0,
+    whole: bool = False,
+    allow_outside: bool = True,
 ) -> dict[str, Any]:
     """Return a picture as plain data.
 
@@ -29,7 +35,7 @@ def answer(
     width = min(max(width, NARROWEST), WIDEST)
     for address in dict.fromkeys((f"{file}::{case}" if case else str(file), str(file))):
         try:
-            drawing = draw(address, overlay, width=width, whole=whole, live=True)
+            drawing = draw(address, overlay, width=width, whole=whole, live=True, allow_outside=allow_outside)
         except InputError as error:
             if case and all(d.code in (c.UNKNOWN_CASE, c.BAD_ADDRESS) for d in error.diagnostics):
                 case = ""

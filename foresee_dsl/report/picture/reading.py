@@ -138,7 +138,8 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
     wrong: dict[str, str] = {}
     for problem in sketch.problems:
         wrong.setdefault(problem.actor, problem.message)
-    named = {actor.name for actor in case.scenario.actors}
+    background = _background(case, project)
+    named = {actor.name for actor in case.scenario.actors if actor.name not in background}
     before = _before(case, project)
     found = []
     tones = 0
@@ -146,7 +147,7 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
         tone: Tone = "traffic"
         if actor.id == "ego":
             tone = "ego"
-        elif actor.control == "static":
+        elif actor.control == "static" and actor.id in named:
             tone = "thing"
         elif actor.id in named:
             tone, tones = TONES[tones % len(TONES)], tones + 1
@@ -167,6 +168,27 @@ def _bodies(case: TestCase, sketch: Sketch, texts: TextPlaces, project: Project)
             )
         )
     return tuple(found)
+
+
+def _background(case: TestCase, project: Project) -> frozenset[str]:
+    """Return the actors of a clip or mutant that were background traffic, and are not what it is about."""
+    document = case.document
+    folder = Path(document.path).parent if document is not None else Path()
+    while document is not None and isinstance(document.model, m.Clip | m.Mutant):
+        folder = Path(document.path).parent
+        parent = folder / document.model.parent
+        try:
+            document = project.document(parent)
+            scenario = None if isinstance(document.model, m.Clip | m.Mutant) else project.whole_scenario(parent)
+        except InputError:
+            return frozenset()
+        if scenario is not None:
+            drawn = {traffic.name for traffic in scenario.all(m.Traffic)}
+            about = {change.actor for change in case.mutant.changes} if case.mutant is not None else set()
+            about |= {case.clip.risk.actor or ""} if case.clip is not None and case.clip.risk is not None else set()
+            names = (actor.name for actor in case.scenario.actors)
+            return frozenset(name for name in names if name.rpartition("_")[0] in drawn and name not in about)
+    return frozenset()
 
 
 def _speed(actor: PlacedActor) -> str:

@@ -36,6 +36,7 @@ class Watched:
     file: Path
     case: str
     whole: bool
+    allow_outside: bool
     _files: tuple[Path, ...] = ()
     _answers: dict[tuple[str, float, bool], dict[str, Any]] = field(default_factory=dict)
     _state: tuple[tuple[int, int] | None, ...] = ()
@@ -52,7 +53,9 @@ class Watched:
                 self._answers.clear()
             key = (case, width, whole)
             if key not in self._answers:
-                self._answers[key] = made = answer(self.file, case=case, width=width, whole=whole)
+                self._answers[key] = made = answer(
+                    self.file, case=case, width=width, whole=whole, allow_outside=self.allow_outside
+                )
                 self._files = tuple(map(Path, made["files"])) if made["svg"] else self._files
                 self._state = self.state() if made["svg"] else now
             return self._answers[key]
@@ -75,7 +78,7 @@ def watch(
     file, case = a.parse_address(address)
     if not a.is_file(file):
         raise a.missing(file)
-    watched = Watched(a.absolute(file), case or "", whole)
+    watched = Watched(a.absolute(file), case or "", whole, allow_outside)
     token = secrets.token_urlsafe(24)
     try:
         server = ThreadingHTTPServer((LOCAL, port), _handler(watched, token))
