@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.diff.wording import NO_MEANING, is_statement, label, text
+from foresee_dsl.language.arithmetic.dimensions import references
+from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
+from foresee_dsl.language.diff.wording import NO_MEANING, field_path, is_statement, join, label, text
 from foresee_dsl.language.meaning import ORDERED, SIGNIFICANT_DIGITS, same_value
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.units import SI_WORD, UNITS, Dimension
@@ -31,7 +34,8 @@ def plain_text(model: m.Definition, *, people: bool = False) -> str:
 
 
 class TextChange(NamedTuple):
-    """A difference that means nothing: of a `doc`, of tags, of an origin. `path`: its label."""
+    """A difference that means nothing: of a `doc`, of tags, of an origin, of how a value is worked out. `path`: its
+    label."""
 
     path: str
     was: str | None
@@ -45,16 +49,40 @@ def texts(a: m.Item, b: m.Item) -> tuple[TextChange, ...]:
     )
     labels = [*before, *(words for words in after if words not in before)]
     found = [(words, before.get(words), after.get(words)) for words in labels]
-    return tuple(
+    unmeant = tuple(
         TextChange(words, text(was) if was else None, text(now) if now else None)
         for words, was, now in found
         if was is None or now is None or not same_value((was,), (now,)) or was != now
     )
+    return (*unmeant, *_respelled("", a, b))
+
+
+def _respelled(path: str, a: m.Item, b: m.Item) -> Iterator[TextChange]:
+    """Return the values that are worked out in another way and always come to the same: `gap + gap`, `2 * gap`."""
+    for name in type(a).model_fields if type(a) is type(b) else ():
+        was, now = getattr(a, name), getattr(b, name)
+        if isinstance(was, tuple) and isinstance(now, tuple):
+            known = {label(part): part for part in now if is_statement(part)}
+            pairs = [(part, known[label(part)]) for part in was if is_statement(part) and label(part) in known]
+            if not pairs and len(was) == len(now):
+                pairs = [(x, y) for x, y in zip(was, now, strict=True) if isinstance(x, m.Item)]
+        else:
+            pairs = [(was, now)] if isinstance(was, m.Item) and isinstance(now, m.Item) else []
+        for one, other in pairs:
+            inside = join(path, label(one)) if is_statement(one) else path
+            if isinstance(one, m.EXPRESSIONS) or isinstance(other, m.EXPRESSIONS):
+                if one != other and same_value(one, other):
+                    yield TextChange(f"{field_path(inside, a, name)}", text(one), text(other))
+            else:
+                yield from _respelled(inside, one, other)
 
 
 def _plain(item: _T, people: bool) -> _T:
     if isinstance(item, m.Quantity):
         return cast(_T, _one_unit(item))
+    if isinstance(item, m.EXPRESSIONS) and not any(references(item)):
+        with contextlib.suppress(ExpressionError):
+            return cast(_T, _one_unit(evaluate(item)))
     fields: dict[str, Any] = {}
     for name in type(item).model_fields:
         value = getattr(item, name)

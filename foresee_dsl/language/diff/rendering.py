@@ -14,6 +14,8 @@ _MARKS = {"changed": "~", "added": "+", "removed": "-", "renamed": "=", "moved":
 _COLOURS = {"changed": "33", "added": "32", "removed": "31", "renamed": "36", "moved": "36"}
 """ANSI: yellow, green, red, cyan."""
 _BOLD = "1"
+_FOR_PEOPLE = ("doc", "tags", "expected", "risk", "fidelity", "origin")
+"""Statements whose text is not shown: that it changed says enough."""
 _LONG_LIST = 12
 """From so many differences on, a group of a pull request's comment is folded (ours: more than a screen shows)."""
 
@@ -29,7 +31,7 @@ def render_groups(changes: Sequence[Difference], texts: Sequence[TextChange] = (
     if not changes:
         blocks.append("no difference in meaning")
     if texts:
-        blocks.append(f"No change of meaning: {', '.join(label for label, _, _ in texts)}")
+        blocks.append(f"No change of meaning: {', '.join(map(_unmeant, texts))}")
     return "\n\n".join(blocks) + "\n"
 
 
@@ -49,6 +51,13 @@ def render_markdown(
     if texts:
         parts.append(f"<sub>No change of meaning: {', '.join(_code(label) for label, _, _ in texts)}</sub>")
     return "\n\n".join(parts) + "\n"
+
+
+def _unmeant(change: TextChange) -> str:
+    """A label; of a value also its two spellings."""
+    if change.was is None or change.now is None or change.path.split()[0] in _FOR_PEOPLE:
+        return change.path
+    return f"{change.path} ({change.was} is {change.now})"
 
 
 def _grouped(changes: Sequence[Difference]) -> list[tuple[Group, list[Difference]]]:

@@ -21,7 +21,7 @@ _ONE_WORD = (m.Route, m.Weather, m.Expect, m.End, m.Param)
 """Statements called by the first word of their pattern alone, although fixed words follow it in the printed text."""
 
 _FIELD_WORDS = {"start": "from", "duration": "for", "lane_width": "lane width"}
-_WRITTEN = (m.Quantity, m.Ref, m.Range, m.Measure, *get_args(get_args(m.Place)[0]))
+_WRITTEN = (m.Quantity, m.Ref, *m.EXPRESSIONS, m.Range, m.Measure, *get_args(get_args(m.Place)[0]))
 """Values and places that are shown as they are written; other parts of statements field by field."""
 _FIELDWISE = (m.Weather, m.SignalState, m.Change)
 """Statements of one line, without a name, that are compared setting by setting."""
@@ -96,7 +96,7 @@ def tail(item: m.Item) -> str:
 
 def is_value(item: m.Item) -> bool:
     """Return whether an item is one value: compared and shown as a whole."""
-    return isinstance(item, m.Quantity | m.Ref | m.Range | m.Leg)
+    return isinstance(item, m.Quantity | m.Ref | m.Expression | m.Range | m.Leg)
 
 
 def text(value: object) -> str:
