@@ -6,12 +6,13 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 from foresee_dsl.editor.files import Files, Found
 from foresee_dsl.editor.probe import Before, Slot, accepted, before, slots, words
 from foresee_dsl.editor.symbols import kind_named
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.results import is_number
 from foresee_dsl.language.keywords import KEYWORDS
 from foresee_dsl.language.messages.words import EXAMPLES
 from foresee_dsl.language.model.item import SymbolKind
@@ -187,16 +188,18 @@ def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
     model = "model" in above.fields
     for name, found in files.definitions(path, "parameter").items():
         type_ = found.occurrence.owner.fields.get("type")
-        if type_ == ("model" if model else dimension) or (dimension is None and not model):
+        free = dimension is None and not model and (above.kind not in _CALCULATIONS or is_number(str(type_)))
+        if type_ == ("model" if model else dimension) or free:
             yield Suggestion(name, "name", _describe(found))
 
 
 def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
     """The dimension that a value has where the slot is."""
-    above = slot.above[-1] if slot.above else slot.node
-    field = next(
-        (f for f, v in above.fields.items() if v is slot.node or (isinstance(v, tuple) and slot.node in v)), ""
-    )
+    inner, outer = slot.node, list(slot.above)
+    while outer and outer[-1].kind in (m.Sum, m.Extreme, m.Negative):  # of the dimension of the whole
+        inner = outer.pop()
+    above = outer[-1] if outer else inner
+    field = next((f for f, v in above.fields.items() if v is inner or (isinstance(v, tuple) and inner in v)), "")
     if above.kind is m.Comparison:
         left = above.fields.get("left")
         if not isinstance(left, Node) or field != "right":
@@ -205,7 +208,7 @@ def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
             return _of_parameter(files.type_of(path, str(left.fields.get("name"))))
         return m.MEASURED.get(str(left.fields.get("what")))
     if above.kind in (m.Param, m.Range, m.Assignment):
-        owner = above if above.kind is not m.Range else slot.above[-2]
+        owner = above if above.kind is not m.Range else outer[-2]
         type_ = owner.fields.get("type") or files.type_of(path, str(owner.fields.get("name")))
         return _of_parameter(str(type_))
     return form_of(above.kind, field).dimension
@@ -213,6 +216,9 @@ def _dimension(files: Files, path: Path, slot: Slot) -> Dimension | None:
 
 def _of_parameter(type_: str) -> Dimension | None:
     return next((dimension for dimension in EXAMPLES if dimension == type_), None)
+
+
+_CALCULATIONS = get_args(m.Expression)
 
 
 def _describe(found: Found) -> str:

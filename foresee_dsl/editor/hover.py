@@ -9,6 +9,7 @@ from pathlib import Path
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.files import Files, Found
 from foresee_dsl.editor.symbols import Occurrence
+from foresee_dsl.editor.worked_out import worked_out
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS
@@ -39,21 +40,25 @@ def hover(files: Files, path: Path, line: int, column: int) -> Hover | None:
     if line > len(lines):
         return None
     found = navigate.at(files, path, line, column)
+    result = worked_out(files, path, line, column)
     if found is not None and (about := _of_name(files, path, found)):
-        return Hover(about, found.span)
+        return Hover(f"{about}\n\n{result[0]}" if result is not None else about, found.span)
     for token in _TOKEN.finditer(lines[line - 1]):
         if not token.start() < column <= token.end() + 1:
             continue
         span = Span(line, token.start() + 1, line, token.end() + 1)
         unit = UNITS.get(token["unit"] or "")
         if token["number"] and unit is not None:
-            return Hover(conversions(float(token["number"]), unit), span)
+            about = conversions(float(token["number"]), unit)
+            return Hover(f"{about}\n\n{result[0]}" if result is not None else about, span)
+        if result is not None:
+            break
         keyword = KEYWORDS.get(token["word"] or token["unit"] or "")
         if keyword is not None:
             if token["number"]:
                 span = Span(line, token.start("unit") + 1, line, token.end() + 1)
             return Hover(f"**{keyword.word}**: {keyword.meaning}\n\n{_code(keyword.example)}", span)
-    return None
+    return Hover(*result) if result is not None else None
 
 
 def conversions(number: float, unit: Unit) -> str:
