@@ -23,6 +23,8 @@ WRITTEN_BY_HAND = {
     m.Quantity: "a number and its unit",
     m.Measure: "its pattern depends on what it measures",
 }
+MADE_FROM = {m.Sum: "calculation", m.Product: "calculation"}
+"""Rules that make several classes."""
 NOT_IN_PATTERNS = {
     m.EdgeRoute: {"shortest"},  # the three dots
 }
@@ -42,7 +44,7 @@ def slots(kind: type[m.Item]) -> set[str]:
 @pytest.mark.parametrize("kind", m.ITEMS, ids=lambda kind: kind.__name__)
 def test_a_class_has_a_rule_and_a_pattern_with_its_fields(kind: type[m.Item]) -> None:
     rule = m.rule_of(kind)
-    assert rule in RULES, f"grammars/foresee.lark has no rule `{rule}` for {kind.__name__}"
+    assert rule in RULES or kind in MADE_FROM, f"grammars/foresee.lark has no rule `{rule}` for {kind.__name__}"
     if kind in WRITTEN_BY_HAND:
         return
     assert kind.pattern, f"{kind.__name__} has no pattern"
