@@ -27,6 +27,9 @@ STOP_LENGTH_M = 15.0
 _TOUCH_M2 = 1e-4
 """Footprints may touch: an overlap smaller than a square centimetre is rounding (ours)."""
 
+_OTHER_COLOURS = {"yellow": "amber", "orange": "amber"}
+"""What people call the light between green and red."""
+
 
 def of_place(actor: m.Ego | m.Actor, placed: PlacedActor, network: RoadNetwork) -> Iterator[Problem]:
     """Yield a problem if an actor is too far from the road, or in a building."""
@@ -229,7 +232,7 @@ class NameChecks:
             help = (
                 f"write `signal({junction}) is {state}` for its stage"
                 if stage
-                else did_you_mean(state, m.SIGNAL_COLOURS)
+                else did_you_mean(_OTHER_COLOURS.get(state, state), m.SIGNAL_COLOURS)
             )
             yield Problem("", kind, codes.UNKNOWN, message, help, state)
         elif not self._case.snapshot:  # in a clip it may have passed the junction

@@ -104,7 +104,7 @@ class SceneBuilder:
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
         self._problems += door_problems(self._case.scenario, placed)
-        return placed, start_s, goal_s, tuple(dict.fromkeys(self._problems))
+        return placed, start_s, goal_s, _each_once(self._problems)
 
     def build(self) -> Scene:
         """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
@@ -269,6 +269,13 @@ class SceneBuilder:
             message = f"the goal is {start - goal:.1f} m behind the ego's start"
             self._add("ego", "goal", codes.GOAL, message, "put it in front, or let the ego start earlier")
         return start, goal
+
+
+def _each_once(problems: Sequence[Problem]) -> tuple[Problem, ...]:
+    """Return the problems without those that repeat what is wrong with a route: all places along it have it too."""
+    routes = {(problem.message, problem.help) for problem in problems if problem.code == codes.ROUTE}
+    unlike = (p for p in problems if p.code == codes.ROUTE or (p.message, p.help) not in routes)
+    return tuple(dict.fromkeys(unlike))
 
 
 def _cruise(actor: m.Ego | m.Actor, spec: ModelSpec, limit_mps: float) -> float:
