@@ -239,8 +239,21 @@ def _named(
         else [first]
     )
     for item in (part for statement in alike for part in walk(statement)):
-        for field in type(item).model_fields:
-            if getattr(item, field) == (problem.about or problem.part) and (id(item), field) not in named:
+        if problem.field[0] not in ("", getattr(item, "kind", "")):
+            continue
+        for field in type(item).model_fields if not problem.field[1] else problem.field[1:]:
+            found = getattr(item, field, None)
+            same = found == (problem.about or problem.part) or _stands_for(document, found, problem.about)
+            if same and (id(item), field) not in named:
                 named.add((id(item), field))
                 return item, field
     return None
+
+
+def _stands_for(document: Document, value: object, word: str) -> bool:
+    """Whether a value is a parameter that has a word, by default or in a case."""
+    if not isinstance(value, m.Ref) or not isinstance(document.model, m.Scenario):
+        return False
+    defaults = (param.default for param in document.model.all(m.Param) if param.name == value.name)
+    given = (v.value for case in document.model.all(m.Case) for v in case.values if v.name == value.name)
+    return any(found == word for found in (*defaults, *given))

@@ -257,7 +257,8 @@ class NameChecks:
 
     def _turn(self, kind: str, action: m.TurnsTo) -> Iterator[Problem]:
         junction, stage = word_of(action.junction), word_of(action.stage)
-        bad = list(self._stage(kind, junction, stage))
+        found = self._stage(kind, junction, stage)
+        bad = [replace(p, field=(action.kind, "junction")) if p.about == junction else p for p in found]
         name, _, light = stage.rpartition("_")
         if bad and junction in self._signals and light in ("amber", "red"):
             # `ew_amber` is no stage of its own: it belongs to `ew_go`
@@ -337,7 +338,11 @@ class NameChecks:
         signal = self._signals.get(junction)
         if signal is None:
             message = f"there is no signal at {junction}"
-            yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(junction, self._signals), junction)
+            help = did_you_mean(junction, self._signals)
+            if not self._signals:
+                help = "no junction has signals: write `signals` and stages where one is defined"
+            field = ("shows" if kind != "signal" else "signal", "junction")
+            yield Problem("", kind, codes.UNKNOWN, message, help, junction, field=field)
         elif stage not in signal.stages:
             message = f"the signal at {junction} has no stage called {stage}"
             help = f"its stages are {', '.join(signal.stages)}"

@@ -121,7 +121,8 @@ class Problem:
 
     `actor`: its name, or "" for the scenario. `item`: the `kind` of the actor's statement that is at fault
     (`route`, `start_at`, `path`, ...), or "" for the actor as a whole. `about`: the name in that statement that is at
-    fault, if it is one; `part`: the place or value. `compile.compiler.diagnose` turns it into a `Diagnostic`.
+    fault, if it is one; `part`: the place or value; `field`: of the name, where others in the statement may be called
+    the same. `compile.compiler.diagnose` turns it into a `Diagnostic`.
     """
 
     actor: str
@@ -131,6 +132,8 @@ class Problem:
     help: str = ""
     about: str = ""
     part: m.Item | None = None
+    field: tuple[str, str] = ("", "")
+    """The kind of the item and its field; "" for any."""
 
 
 class PlacementError(Exception):
