@@ -83,6 +83,14 @@ def _check_results(findings: Findings, scenario: m.Scenario) -> None:
         findings.add(wrong.item, wrong.field, wrong.code, wrong.message, wrong.help)
 
 
+_A_MODEL = {
+    name.partition(".")[0]: f"did you mean `{name}`?"
+    for name in ("car.compact", "van.delivery", "truck.rigid", "bus.city", "motorcycle.street", "bicycle.city",
+                 "pedestrian.adult", "obstacle.crate")
+}  # fmt: skip
+"""A model of each class, for who writes the class alone."""
+
+
 def _not_about_the_world(findings: Findings, item: m.Comparison | m.Equals) -> None:
     """Triggers and expectations are about the running world, in which a parameter never changes."""
     name = written(item.left)
@@ -106,8 +114,8 @@ def _check_reference(
     parameter = parameters.get(reference.name)
     if parameter is None:
         help = did_you_mean(reference.name, parameters)
-        if not parameters and word_of(type(item), field) == "model":
-            help = "models are called class.variant, such as `car.compact`"
+        if word_of(type(item), field) == "model" and "did you mean" not in help:
+            help = _A_MODEL.get(reference.name, "models are called class.variant, such as `car.compact`")
         if not help and (dimension := form_of(type(item), field).dimension) is not None:
             help = f"write {findings.example(dimension)}"
         findings.add(item, field, "FS031", f"unknown parameter '{reference.name}'", help)

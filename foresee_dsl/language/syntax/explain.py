@@ -16,7 +16,8 @@ from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
-from foresee_dsl.language.syntax.grammar import PLACES, statement_parser
+from foresee_dsl.language.syntax.foreign import CODE, foreign
+from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, statement_parser
 from foresee_dsl.language.units import UNITS, Dimension
 
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
@@ -78,6 +79,13 @@ class Refusal:
         self.code, self.message, self.help = self._explain(error)
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
+        other = foreign(self._text, self._rule, self.start) if len(self._text) <= _REACH else None
+        if other is None:
+            return self._explain_ours(error)
+        self.start, self.end = other.start, other.end
+        return CODE, other.message, other.help
+
+    def _explain_ours(self, error: UnexpectedInput) -> tuple[str, str, str]:
         words = _words(self._accepted)
         short = self._rule in ("scenario_item", "action") and len(self._text) <= _REACH  # the patterns are quadratic
         for pattern, message, help_ in _OFTEN if short else ():
@@ -102,7 +110,9 @@ class Refusal:
     def _unexpected(self, error: UnexpectedInput, words: Collection[str], shown: str) -> tuple[str, str, str]:
         usage = self._usage()
         if self._is_word() and (found := closest(self.word, words)) is not None and found != self.word:
-            return "FS004", f"unknown word '{shown}'", f"did you mean '{found}'?"
+            goes_on = self._reads(self._text[: self.start] + found + self._text[self.end :])
+            help = f"did you mean '{found}'?" if goes_on else f"the word is `{found}`{f': {usage}' if usage else ''}"
+            return "FS004", f"unknown word '{shown}'", help
         if (isinstance(error, UnexpectedCharacters) and not self._is_word()) or self.word in _SIGNS:
             return self._stray(shown, usage)
         if self._misspelt_before(error):
@@ -116,7 +126,31 @@ class Refusal:
             return "FS004", f"unknown action '{shown}'", f"an actor can do one of: {', '.join(sorted(words))}"
         if self._expected() == _END and not usage:
             return "FS003", f"unexpected `{shown}`: expected {_END}", "begin a new line, or write `;` between them"
+        missing = self._missing(words)
+        if missing:
+            help = f"did you mean `{missing} {self.word}`?"
+            return "FS003", f"unexpected `{shown}`: expected {self._expected()}", help
         return "FS003", f"unexpected `{shown}`: expected {self._expected()}", usage
+
+    def _missing(self, words: Collection[str]) -> str:
+        """Return the one sign or word with which, in front of the place, the statement could be read; else nothing."""
+        signs = [text for name in self._accepted if (text := _terminal(name)) and not text[0].isalpha()]
+        found = [
+            sign
+            for sign in (*sorted(set(signs) - {"{", "}", ";", "(", "[", "]", "-"}), *words)
+            if self._reads(f"{self._text[: self.start]}{sign} {self._text[self.start :]}")
+        ]
+        return found[0] if len(found) == 1 else ""
+
+    def _reads(self, text: str) -> bool:
+        """Whether the statement, written like this, is one."""
+        if len(text) > _REACH:
+            return False
+        try:
+            parse_tree(text, self._rule)
+        except UnexpectedInput:
+            return False
+        return True
 
     def _behind(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
         """Return what a pattern finds right before the place."""
@@ -166,6 +200,10 @@ class Refusal:
         return "FS003", f"unexpected `{shown}` in {place}", self._usage()
 
     def _stray(self, shown: str, usage: str) -> tuple[str, str, str]:
+        if self.word == "'" and (closed := self._text.find("'", self.start + 1)) > 0:
+            written = self._text[self.start : closed + 1]
+            self.end = closed + 1
+            return "FS015", f"texts stand in double quotes, not as `{written}`", f'did you mean `"{written[1:-1]}"`?'
         if self.word == "'":
             return "FS015", "unexpected `'`", 'texts stand in double quotes: `"like this"`'
         if self.word == "-":

@@ -21,6 +21,7 @@ from foresee_dsl.language.units import UNITS
 _Tree = Tree[Token]
 _Child = _Tree | Token | None
 
+_BEHIND_SPEED = re.compile(r"(\w+)\.speed")
 _BEHIND_DOT = re.compile(r"\{actor\}\.\]?(\w+)")
 """What stands behind an actor's name and a dot in a pattern."""
 _READ_OFF = ("speed", "acceleration", "offset")
@@ -188,6 +189,10 @@ class NodeMaker:
         node = Node(m.Quantity, span_of(tree), {"value": Decimal(str(number))}, {"value": span_of(_token(number))})
         if unit is None:
             return node
+        if str(unit) == "%":
+            written, share = f"{number} %", f"{Decimal(str(number)) / 100:f}"
+            self._error("FS005", f"`{written}`: a share is a plain number", f"did you mean `{share}`?", node.span)
+            return Node(m.Quantity, node.span)
         if str(unit) not in UNITS and self._parameters is not ANY_NAME and str(unit) in self._parameters:
             message = f"between `{number}` and '{unit}' the sign is missing"
             self._error("FS060", message, f"did you mean `{number} * {unit}`?", node.span)
@@ -213,6 +218,9 @@ class NodeMaker:
         measured = isinstance(right, Tree) and right.data == "measure"
         if measured and isinstance(left, Tree) and left.data == "measure":
             help = "compare it with a value, such as `ego.speed < 3 m/s`"
+            speeds = [_BEHIND_SPEED.fullmatch(_as_text(side)) for side in _trees(tree.children)]
+            if speeds[0] is not None and speeds[1] is not None:
+                help = f"did you mean `relative_speed({speeds[0][1]}, {speeds[1][1]}) {op} 0 m/s`?"
             self._error("FS061", "both sides of this are measured while it runs", help, span_of(tree))
         elif measured and isinstance(left, Tree) and isinstance(right, Tree):
             turned = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[str(op)]

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.checks.documents import check_document
+from foresee_dsl.language.checks.network_names import UNKNOWN_JUNCTION, UNKNOWN_ROAD, unknown_names
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model import Definition
 from foresee_dsl.language.project.document import Document
@@ -21,14 +22,15 @@ from foresee_dsl.language.syntax.scan import MOST, Lines, Raw, scan
 
 _WHOLE_FILE = ("FS007", "FS008", "FS009")
 """After these it is not clear what belongs to what."""
-_OF_NAMES = ("FS031", "FS037", "FS040", "FS041")
+_OF_NAMES = ("FS031", "FS037", "FS040", "FS041", UNKNOWN_ROAD, UNKNOWN_JUNCTION)
 _OF_WHAT_IS_THERE = (
-    *("FS010", "FS012", "FS013", "FS030", "FS032", "FS033", "FS034"),
+    *("FS010", "FS012", "FS013", "FS030", "FS032", "FS033", "FS034", "FS060", "FS061", "FS062"),
     *("FS038", "FS039", "FS043", "FS046", "FS047", "FS049", "FS050"),
 )
 """Errors that stay errors whatever the statements that were not read hold."""
 _TAKEN = "FS049"
 _USES = 2
+_CALLED = re.compile(r"called (\S+)$")
 _QUOTED = re.compile(r"'([^']+)'")
 
 
@@ -46,9 +48,10 @@ def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str
     model = builder.build(node) if node is not None else None
     if None in broken or not isinstance(model, Definition):
         return found
+    document = Document(path, text, model, builder.spans)
     more = [
         certain
-        for d in check_document(Document(path, text, model, builder.spans))
+        for d in (*check_document(document), *unknown_names(document))
         if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
     ]
     # Errors at or right behind names that are words of the language go with the name.
@@ -69,7 +72,7 @@ def _is_at(found: Diagnostic, name: str) -> bool:
 def _certain(found: Diagnostic, unread: frozenset[str]) -> Diagnostic | None:
     if found.code in _OF_WHAT_IS_THERE:
         return found
-    name = _QUOTED.search(found.message)
+    name = _QUOTED.search(found.message) or _CALLED.search(found.message)
     if found.code not in _OF_NAMES or name is None or {name[1], name[1].rpartition("_")[0]} & unread:
         return None
     meant = closest(name[1], sorted(unread)) if "did you mean" not in found.help else None

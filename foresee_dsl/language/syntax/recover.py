@@ -18,6 +18,7 @@ from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import Refusal
+from foresee_dsl.language.syntax.foreign import CODE, block_of, without_comments
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
 from foresee_dsl.language.syntax.node import TextError
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH
@@ -48,7 +49,13 @@ def _blocks() -> Mapping[str, str]:
 
 def recover(text: str) -> tuple[_Tree, list[TextError]]:
     """Return a tree of the statements that are well-formed, and what is wrong with the others."""
-    return _Recovery(text).run()
+    readable, comments = without_comments(text)
+    tree, errors = _Recovery(readable).run()
+    lines = Lines(text)
+    elses = {error.span for error in errors if error.code == CODE}  # `} else {`: one mistake
+    errors = [error for error in errors if error.code == CODE or error.span not in elses]
+    others = [TextError(CODE, said.message, said.help, lines.span(said.start, said.end)) for said in comments]
+    return tree, [*others, *errors]
 
 
 class _Recovery:
@@ -110,7 +117,7 @@ class _Recovery:
             return None
         inner = inner or self._inner(raw, rule)
         tree = self._parse(raw, rule)
-        children = self._block(raw, inner) if raw.block is not None and inner is not None else []
+        children = self._block(raw, inner) if raw.block is not None and inner else []
         if tree is None:
             return None
         holder = tree
@@ -132,8 +139,10 @@ class _Recovery:
             word = self._word(raw, 1)
         if rule == "action" and word != "then":
             return None
-        near = closest(word, _blocks()) if word not in _blocks() and raw.block is not None else word
-        return _blocks().get(near or "")
+        if word not in _blocks() and raw.block is not None:
+            near = block_of(word)
+            return near if near is not None else _blocks().get(closest(word, _blocks()) or "")
+        return _blocks().get(word)
 
     def _block(self, raw: Raw, rule: str) -> list[_Tree]:
         if self._depth > MAX_DEPTH:
