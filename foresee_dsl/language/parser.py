@@ -65,7 +65,7 @@ def parse(text: str, path: str) -> Document:
     if errors:
         from foresee_dsl.language.syntax.partial import with_certain
 
-        raise InputError(with_certain(_diagnostics(errors, text, path), nodes, text, path))
+        raise InputError(with_certain(_diagnostics(errors, text, path), nodes, text, path, load))
     model = models[0]
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")

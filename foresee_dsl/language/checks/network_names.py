@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, InputError
@@ -17,10 +17,10 @@ UNKNOWN_ROAD = "FS250"
 UNKNOWN_JUNCTION = "FS251"
 
 
-def unknown_names(document: Document) -> Iterator[Diagnostic]:
-    """Yield the mistakes; none where the network is of another format, or cannot be read."""
+def unknown_names(document: Document, load: Callable[[Path], Document]) -> Iterator[Diagnostic]:
+    """Yield the mistakes; none where the network is of another format, or cannot be read; `load` reads a file."""
     model = document.model
-    network = _network(model, Path(document.path).parent) if isinstance(model, m.Scenario) else None
+    network = _network(model, Path(document.path).parent, load) if isinstance(model, m.Scenario) else None
     if network is None or not isinstance(model, m.Scenario):
         return
     junctions = [item.name for item in network.body if isinstance(item, m.Junction)]
@@ -53,12 +53,10 @@ def _named(statement: m.Item) -> Iterator[tuple[m.Item, str, str, str]]:
                 yield from ((item, f"{field}.{k}", names.kind, v) for k, v in enumerate(value) if isinstance(v, str))
 
 
-def _network(scenario: m.Scenario, folder: Path) -> m.Network | None:
+def _network(scenario: m.Scenario, folder: Path, load: Callable[[Path], Document]) -> m.Network | None:
     inline, used = scenario.one(m.Network), scenario.one(m.UseNetwork)
     if inline is not None or used is None or not used.path.endswith(".foresee") or not (folder / used.path).is_file():
         return inline
-    from foresee_dsl.language.parser import load
-
     try:
         model = load(folder / used.path).model
     except InputError:

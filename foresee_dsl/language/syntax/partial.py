@@ -7,8 +7,9 @@ and a name is unknown only if no statement that was not read holds that word.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.checks.documents import check_document
@@ -34,9 +35,15 @@ _CALLED = re.compile(r"called (\S+)$")
 _QUOTED = re.compile(r"'([^']+)'")
 
 
-def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str, path: str) -> tuple[Diagnostic, ...]:
+def with_certain(
+    found: tuple[Diagnostic, ...],
+    nodes: Sequence[Node],
+    text: str,
+    path: str,
+    load: Callable[[Path], Document],
+) -> tuple[Diagnostic, ...]:
     """Add the errors that are certain, of definitions without what could not be parsed, to those that the text alone
-    shows; in the order of their places."""
+    shows; in the order of their places; `load` reads the network that it uses."""
     if len(nodes) != 1 or len(found) >= MOST or any(d.code in _WHOLE_FILE for d in found):
         return found
     lines = Lines(text)
@@ -51,7 +58,7 @@ def with_certain(found: tuple[Diagnostic, ...], nodes: Sequence[Node], text: str
     document = Document(path, text, model, builder.spans)
     more = [
         certain
-        for d in (*check_document(document), *unknown_names(document))
+        for d in (*check_document(document), *unknown_names(document, load))
         if not any(_around(d, statements, lines) is raw for raw in broken) and (certain := _certain(d, unread))
     ]
     # Errors at or right behind names that are words of the language go with the name.
