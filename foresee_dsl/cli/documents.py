@@ -37,13 +37,15 @@ from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import Child
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
+from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RUN = {
     "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,
     "impact": Impact | None, "near_misses": NearMisses, "duration_s": float, "steps": int,
-    "expectations": list[ExpectationResult], **shape(DriverNotes).__annotations__, "trace": str | None, "digest": str,
+    "expectations": list[ExpectationResult], "unfired": list[Unfired],
+    **shape(DriverNotes).__annotations__, "trace": str | None, "digest": str,
 }  # fmt: skip
 _MUTANT = {"file": str, "operators": list[str], "verdict": Verdict, "with": str, "reason": str, "digest": str}
 _CASE = {"name": str, "values": dict[str, str]}

@@ -150,6 +150,7 @@ def _run_dict(one: CaseRun, trace: Path | None) -> dict[str, object]:
         "duration_s": round(result.duration_s, 2) if result else 0.0,
         "steps": result.steps if result else 0,
         "expectations": result.expectations if result else (),
+        "unfired": result.unfired if result else (),
         **vars(one.notes),
         "trace": trace,
         "digest": result.trace.digest if result else "",

@@ -11,6 +11,7 @@ from rich.text import Text
 from foresee_dsl.campaign.execution.runs import CaseRun
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal import plain_table, print_run_details
+from foresee_dsl.report.unfired import unfired_lines
 from foresee_dsl.report.verdicts import WHOLE, counted, verdicts_line, without_verdict
 from foresee_dsl.simulate.results.verdict import DriverNotes
 
@@ -26,7 +27,8 @@ def print_case_run(console: Console, one: CaseRun, trace: Path | None) -> None:
         text.append(f" ({one.result.duration_s:.1f} s, {one.result.steps} steps)")
     console.print(text, soft_wrap=True)
     if one.result is not None:
-        print_run_details(console, one.result)
+        # In a clip most triggers have no time to fire: that says nothing.
+        print_run_details(console, one.result, triggers=one.case.clip is None)
     print_notes(console, one.notes)
     if trace is not None:
         console.print(Text(f"  trace {safe(trace, WHOLE)}", style="dim"), soft_wrap=True)
@@ -64,10 +66,25 @@ def print_case_runs(console: Console, runs: Sequence[CaseRun], of: int, traces: 
     table = plain_table(headings, rows, align="<<>><")
     table.columns[0].overflow = "fold"
     console.print(table)
+    _print_never_fired(console, runs)
     if len(runs) < of:
         console.print(
             Text(f"stopped at the first failure (--fail-fast): {of - len(runs)} were not run", style="yellow")
         )
+
+
+def _print_never_fired(console: Console, runs: Sequence[CaseRun]) -> None:
+    """Print the triggers and steps that came in none of several cases of one file."""
+    ran = [one for one in runs if one.result is not None and one.case.clip is None]
+    by_file = {str(one.case.source): [other for other in ran if other.case.source == one.case.source] for one in ran}
+    for of_file in by_file.values():
+        unfired = [{(u.index, u.where): u for u in one.result.unfired} for one in of_file if one.result is not None]
+        always = [key for key in unfired[0] if len(unfired) > 1 and all(key in other for other in unfired)]
+        if always:
+            console.print(Text(f"in none of {len(of_file)} cases of {safe(of_file[0].case.source.name, WHOLE)}:"))
+            width = console.width if console.is_terminal else 0
+            for line in unfired_lines([unfired[0][key] for key in always], width):
+                console.print(line, soft_wrap=True)
 
 
 def _held(one: CaseRun) -> str:

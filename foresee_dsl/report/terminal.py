@@ -11,6 +11,7 @@ from rich.text import Text
 
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.report.safe_text import safe
+from foresee_dsl.report.unfired import unfired_lines
 from foresee_dsl.simulate.results.near_misses import NearMiss, NearMisses
 from foresee_dsl.simulate.results.verdict import ExpectationResult, Impact, RunResult
 
@@ -40,12 +41,15 @@ def duration(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
-def print_run_details(console: Console, result: RunResult) -> None:
-    """Print the contact that a run ended with, how near it came to others, and which expectations held."""
+def print_run_details(console: Console, result: RunResult, *, triggers: bool = True) -> None:
+    """Print the contact that a run ended with, how near it came to others, and which expectations held; with `triggers`
+    also which of them never fired."""
     for detail in (*_impact_lines(result.impact), *_near_lines(result.near_misses)):
         console.print(Text(safe(detail), style="dim"), soft_wrap=True)
     for expectation in result.expectations:
         console.print(_expectation_line(expectation), soft_wrap=True)
+    for line in unfired_lines(result.unfired if triggers else (), console.width if console.is_terminal else 0):
+        console.print(line, soft_wrap=True)
 
 
 def _impact_lines(impact: Impact | None) -> list[str]:

@@ -6,11 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from foresee_dsl.campaign.driving import longest_s, run_test_case
+from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
+from foresee_dsl.compile import compile_test_case
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
+from foresee_dsl.simulate.triggers.unfired import unfired
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def run_cases(
 
 def run_here(case: TestCase, driver: str, *, seed: int = 0) -> CaseRun:
     """Run a test case in this process, for a debugger: no deadlines, and prints go where they always go."""
-    return case_run(case, run_test_case(case, driver, seed, deadlines=None))
+    return case_run(case, with_unfired(case, driver, run_test_case(case, driver, seed, deadlines=None)))
 
 
 def case_run(case: TestCase, outcome: RunResult | Broken) -> CaseRun:
@@ -82,4 +84,10 @@ LONGEST_REASON = 1000
 def _run_case(case: TestCase, *, driver: str, seed: int, deadlines: Deadlines) -> RunResult:
     result = run_test_case(case, driver, seed, deadlines=deadlines)
     _ = result.near_misses  # computed here: what imports the kernels is this process
-    return result
+    return with_unfired(case, driver, result)
+
+
+def with_unfired(case: TestCase, driver: str, result: RunResult) -> RunResult:
+    """Return a run's result with the triggers that never fired, and how near they came: worked out from its trace."""
+    found = unfired(case.scenario, lambda: compile_test_case(case), result.trace, sensors_of(driver))
+    return replace(result, unfired=found) if found else result

@@ -21,6 +21,7 @@ from foresee_dsl.report.show.panels import Strip, Up
 from foresee_dsl.report.show.sources import Shown
 from foresee_dsl.report.show.timeline import timeline
 from foresee_dsl.report.strip import make_strip
+from foresee_dsl.report.unfired import unfired_lines
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
@@ -84,6 +85,8 @@ class Page:
         for moment in story.moments:
             text = f"{moment.time_s:6.2f} s  {safe(moment.text)}"
             yield from _wrapped(text, width if wrap else 0, " " * 10)
+        if shown.case.clip is None:
+            yield from unfired_lines(shown.unfired, width if wrap else 0)
         if self.parent is not None:
             yield Text()
             yield from self._differences(self.parent, width if wrap else 0)

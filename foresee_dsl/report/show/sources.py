@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
+from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case, sensors_of
 from foresee_dsl.campaign.findings.asked import asked
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
@@ -17,7 +17,9 @@ from foresee_dsl.language.diff.addresses import parent_address
 from foresee_dsl.language.project.addresses import is_file, parse_address
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.simulate.triggers.unfired import unfired
 
 if TYPE_CHECKING:
     from foresee_dsl.story import Story
@@ -50,6 +52,11 @@ class Shown:
     def bundle(self) -> SumoBundle:
         """The test case, compiled."""
         return compile_test_case(self.case)
+
+    @cached_property
+    def unfired(self) -> tuple[Unfired, ...]:
+        """The triggers that never fired, and how near they came."""
+        return unfired(self.case.scenario, lambda: self.bundle, self.trace, sensors_of(self.driver))
 
 
 @dataclass(frozen=True)

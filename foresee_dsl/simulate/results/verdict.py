@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Literal, Self
 
 from foresee_dsl.simulate.results.near_misses import NearMisses, near_misses
+from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.trace import Trace
 
 Side = Literal["front", "left", "right", "rear"]
@@ -177,6 +178,8 @@ class RunResult:
     """Of a contact, the `invalid` one of the first frame too; None without a contact (off the road as well)."""
     notes: DriverNotes = NO_NOTES
     """What the driver printed, raised, or hung at."""
+    unfired: tuple[Unfired, ...] = ()
+    """Triggers and steps that never came; worked out where somebody asks (`simulate.triggers.unfired`)."""
 
     @cached_property
     def near_misses(self) -> NearMisses:

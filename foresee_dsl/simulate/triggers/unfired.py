@@ -1,0 +1,199 @@
+"""Which triggers and steps of a run never came, and how near they came: worked out afterwards, from the trace.
+
+A condition of several parts joined with `and` is told part by part: those that never held, each at the moment at which
+it was nearest; and where every part held at some time, the moment at which most of them did.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.compile.placement.scene import DEFAULT_END_S
+from foresee_dsl.language import model as m
+from foresee_dsl.language.lints.certain import Limits, never
+from foresee_dsl.language.printer import written
+from foresee_dsl.language.traversal import parts, si_of
+from foresee_dsl.language.units import UNITS
+from foresee_dsl.simulate.mission import mission_of
+from foresee_dsl.simulate.results.unfired import Nearest, Unfired
+from foresee_dsl.simulate.sensing import STANDARD, Sensing, SensorSettings
+from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
+from foresee_dsl.simulate.trace import STEP_S, Trace
+from foresee_dsl.simulate.triggers.condition_history import Watch
+from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
+from foresee_dsl.simulate.triggers.record import Place
+from foresee_dsl.simulate.triggers.replay import Replay
+
+
+def unfired(
+    scenario: m.Scenario, compiled: Callable[[], SumoBundle], trace: Trace, sensors: SensorSettings = STANDARD
+) -> tuple[Unfired, ...]:
+    """Return the triggers and steps of a run that waited and never came, in the file's order.
+
+    Those that no frame could have fired, such as what keeps an actor waiting in a clip, are left out; and of a trigger
+    that never fired its steps are.
+
+    Args:
+        scenario: what was run, concrete. compiled: compiles it; called where something never came.
+        trace: its run. sensors: what the ego's sensors could do in it.
+    """
+    waiting = tuple(_waiting(scenario, trace))
+    if not waiting:
+        return ()
+    bundle = compiled()
+    replay = Replay(bundle, trace)
+    conditions = Conditions(replay, bundle.signals)
+    if any(isinstance(part, m.Sees) for one in waiting for part in parts(one.condition)):
+        conditions.eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors)
+    conditions.sightlines = LinesOfSight(replay)
+    followed = [_Followed(one, conditions) for one in waiting]
+    for frame in range(trace.frames):
+        replay.go_to(frame)
+        for one in followed:
+            one.look()
+    return tuple(one.result() for one in followed)
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A trigger or step that never came: its condition, and from when on it was looked at."""
+
+    index: int
+    name: str
+    condition: m.Condition
+    where: Place = ()
+    since_s: float = 0.0
+
+
+def _waiting(scenario: m.Scenario, trace: Trace) -> Iterator[_Waiting]:
+    whens, record = scenario.all(m.When), trace.director
+    if record is None or len(record.triggers) != len(whens):
+        return
+    end = scenario.one(m.End)
+    limits = Limits(si_of(end.after) if end is not None else DEFAULT_END_S)
+    came = {(e.detail["index"], tuple(e.detail["where"])) for e in trace.events if e.what == "then"}
+    steps = {(e.detail["index"], tuple(e.detail["where"])): e.time_s for e in trace.events if e.what == "waits"}
+    for index, (when, states) in enumerate(zip(whens, record.triggers, strict=True)):
+        name = when.name or ""
+        if all(state.fired_s is None for state in states):
+            if not never(when.condition, limits):
+                yield _Waiting(index, name, when.condition)
+            continue
+        for (of, where), since_s in steps.items():
+            step = _step(when.actions, where) if of == index and (of, where) not in came else None
+            if step is not None and step.condition is not None and not never(step.condition, limits):
+                yield _Waiting(index, name, step.condition, where, since_s)
+
+
+def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
+    first, *rest = where
+    action = actions[first] if first < len(actions) else None
+    if not isinstance(action, m.Then):
+        return None
+    return _step(action.actions, tuple(rest)) if rest else action
+
+
+class _Followed:
+    """A condition that never held, over the frames of its run."""
+
+    def __init__(self, waiting: _Waiting, conditions: Conditions) -> None:
+        self._waiting, self._conditions = waiting, conditions
+        condition = waiting.condition
+        joined = condition.conditions if isinstance(condition, m.Both) else (condition,)
+        self._parts = [_Part(part, conditions) for part in joined]
+        self._most: tuple[int, tuple[Nearest, ...]] = (-1, ())
+
+    def look(self) -> None:
+        """Look at the frame that the replay is at."""
+        if self._conditions.time_s < self._waiting.since_s - STEP_S / 2:
+            return
+        held = [part.look() for part in self._parts]
+        if len(self._parts) > 1 and sum(held) > self._most[0]:
+            left = tuple(part.now() for part, holds in zip(self._parts, held, strict=True) if not holds)
+            self._most = (sum(held), left)
+
+    def result(self) -> Unfired:
+        """Return how near it came."""
+        waiting = self._waiting
+        short = tuple(part.nearest for part in self._parts if not part.ever)
+        found = short or tuple(replace(one, held=True) for one in self._most[1])
+        return Unfired(written(waiting.condition), waiting.name, waiting.index, waiting.where, waiting.since_s, found,
+                       together=not short)  # fmt: skip
+
+
+@dataclass
+class _Part:
+    """One part of a condition: whether it ever held, and how near it came."""
+
+    condition: m.Condition
+    conditions: Conditions
+    ever: bool = False
+    watch: Watch = field(init=False)
+    inner: Watch | None = None
+    best: Outcome | None = None
+    nearest: Nearest = field(init=False)
+    began_s: float | None = None
+
+    def __post_init__(self) -> None:
+        self.watch = Watch(self.condition, self.conditions)
+        if isinstance(self.condition, m.Sustained):
+            self.inner = Watch(self.condition.condition, self.conditions)
+        self.nearest = Nearest(written(self.condition))
+
+    def look(self) -> bool:
+        """Look at this frame; return whether the part holds."""
+        outcome = self.watch.look()
+        if self.inner is not None:
+            self._look_inside(self.inner)
+        if outcome is None:
+            return False
+        self.ever = self.ever or outcome.held
+        if self.nearest.held_s is None and not outcome.held and self._nearer(outcome):
+            self.best, self.nearest = outcome, self.now()
+        return outcome.held
+
+    def now(self) -> Nearest:
+        """Return how near it is at this frame."""
+        outcome, text = self.watch.look(), written(self.condition)
+        if outcome is not None and outcome.decides is not None and isinstance(self.condition, m.Either):
+            text = written(outcome.decides)
+        if outcome is None:
+            return Nearest(text)
+        time_s, unit = round(self.conditions.time_s, 2), outcome.unit
+        if not math.isfinite(outcome.margin):
+            return Nearest(text, time_s, unit=unit)
+        per = UNITS[unit].to_si if unit else 1.0
+        value = self._value(outcome)
+        shown = None if value is None else round(value / per, 6)
+        return Nearest(text, time_s, shown, round(abs(outcome.margin) / per, 6), unit)
+
+    def _nearer(self, outcome: Outcome) -> bool:
+        if self.best is None or math.isnan(self.best.margin):
+            return self.best is None or not math.isnan(outcome.margin)
+        return outcome.dimension == self.best.dimension and outcome.margin > self.best.margin
+
+    def _value(self, outcome: Outcome) -> float | None:
+        """Return what the comparison that decides measures at this frame, SI; None for a fact."""
+        decides = outcome.decides
+        if isinstance(self.condition, m.Sustained) or decides is None:
+            return None
+        if isinstance(decides, m.Comparison) and isinstance(decides.left, m.Measure):
+            return self.conditions.value(decides.left)
+        if isinstance(decides, m.Within):
+            inside = self.conditions.outcome(decides)
+            return None if inside is None else si_of(decides.distance) - inside.margin
+        return None
+
+    def _look_inside(self, inner: Watch) -> None:
+        """Follow for how long what a `for` is about holds."""
+        now_s = self.conditions.time_s
+        if not inner.holds():
+            self.began_s = None
+            return
+        self.began_s = now_s if self.began_s is None else self.began_s
+        held_s = round(now_s - self.began_s, 2)
+        if self.nearest.held_s is None or held_s > self.nearest.held_s:
+            self.nearest = Nearest(written(self.condition), round(now_s, 2), held_s=held_s)
