@@ -173,6 +173,10 @@ class PlacedActor:
     line_m: float = 0.0
     recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
+    joins: bool = False
+    """It drives on along `route` at the end of `path`."""
+    guided: bool = False
+    """A trigger tells it to follow a path."""
     door: DoorOf | None = None
     """It is a door, which is there only while it is open."""
     ignores: tuple[tuple[str, str | None], ...] = ()

@@ -129,6 +129,8 @@ def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Befo
         if slot.token == "DOTTED" and kind == "actor":
             yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in _properties(slot, place))
             continue
+        if slot.node.kind is m.TurnsTo and not files.stages(path, name):
+            continue  # it has no signal
         yield Suggestion(name, "name", _describe(found))
         if kind == "road":
             yield Suggestion(f"{name}_back", "name", "the same road, the other way")

@@ -111,7 +111,7 @@ def _info(actor: PlacedActor) -> ActorInfo:
         length_m=model.length_m,
         width_m=model.width_m,
         wheelbase_m=model.wheelbase_m,
-        route=actor.route if actor.control in ("ego", "sumo") else (),
+        route=actor.route if actor.control in ("ego", "sumo") or actor.joins else (),
         path=tuple((float(x), float(y)) for x, y in actor.path),
         cruise_mps=actor.cruise_mps,
     )

@@ -46,6 +46,9 @@ def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
         ("pairs", 2.0),  # half-way to another line; an open door; a gap and a place for two
         ("pairs", 5.0),  # beside another; the door is shut again
         ("pairs", 8.5),  # another gap, for a time; the door is open again
+        ("joining", 4.5),  # on paths, from the beginning and by a trigger
+        ("joining", 7.15),  # one has just joined the traffic
+        ("joining", 12.5),  # the other has, too
     ],
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:
@@ -71,3 +74,12 @@ def test_orders_go_on_with_what_is_left_of_them() -> None:
     assert "beside keeps 1.1 m left of lead for 2.00 s" in text
     assert "oncoming synchronises at (-28.3000 m, 4.9500 m) with lead at 20 m along east_back speed 9 m/s" in text
     assert "tail follows lead gap 25 m for 2.50 s" in " ".join(print_model(cut("pairs", 8.5)).split())
+
+
+def test_a_path_and_the_way_from_its_end_on_are_restated() -> None:
+    text = " ".join(print_model(cut("joining", 4.5)).split())
+    assert "then joins [west, east_back] moving " in text
+    assert "then joins [east, west_back] moving " in text
+    text = " ".join(print_model(cut("joining", 12.5)).split())
+    assert "joins" not in text
+    assert "{ route [east, west_back] speed 8 m/s }" in text

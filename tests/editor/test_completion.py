@@ -28,6 +28,9 @@ BELOW = HEAD + "}\n  "
 ANYWHERE = {"ego", "vehicle", "bicycle", "when", "expect", "end", "case", "param", "signal", "traffic", "weather"}
 
 
+SIGNALS = ["king_quay", "king_oak", "king_elm", "king_ash", "mill_elm", "park_elm", "park_ash"]
+
+
 def offered(scenarios: Path, text: str) -> list[str]:
     path = scenarios / "new.foresee"
     files = Files({path: text}, [scenarios])
@@ -49,7 +52,10 @@ def offered(scenarios: Path, text: str) -> list[str]:
         (HEAD + 'doc "start ', []),
         (HEAD + "# start ", []),
         (BELOW + "when ego.eta(mill_oak) < 3 s { ego changes lane ", ["left", "right"]),
-        (BELOW + "when time > 3 s { ", ["ego", "runner", "then", "wait"]),
+        (BELOW + "when time > 3 s { ", ["ego", "runner", *SIGNALS, "approach", "door", "limit", "then", "wait"]),
+        (BELOW + "when time > 3 s { king_oak turns to ", ["ew_go", "ns_go"]),
+        (BELOW + "when time > 3 s { door of runner ", ["closes", "opens"]),
+        (BELOW + "when time > 3 s { runner changes ", ["lane", "line", "speed"]),
         (BELOW + "when ego.signal(mill_elm) is ", ["green", "amber", "red"]),
         (BELOW + "when signal(mill_elm) is ", ["ew_go", "ns_go"]),
         (BELOW + "require gap < 2 ", ["s", "ms", "min", "and", "for", "or"]),

@@ -116,6 +116,10 @@ def _reserved() -> frozenset[str]:
         "changes lane left",
         "changes speed to 3 m/s",
         "meets a at b after c",
+        "turns to a",
+        "keeps 1 m left of a",
+        "follows a gap 1 s",
+        "leaves",
     )
     conditions = (
         *(

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 from foresee_dsl.compile import codes
 from foresee_dsl.compile.bundle import PlacedActor, Signal, StopPlace
-from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, Spot, lane_kind
+from foresee_dsl.compile.placement.joining import joined_way
+from foresee_dsl.compile.placement.starts import OFF_ROUTE_M, WHEELS, Spot, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
-from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.project.document import Problem, TestCase
@@ -132,7 +132,7 @@ class NameChecks:
     """
 
     def __init__(
-        self, case: TestCase, network: Topology, signals: Mapping[str, Signal], spot: Callable[[m.Place], Spot]
+        self, case: TestCase, network: RoadNetwork, signals: Mapping[str, Signal], spot: Callable[[m.Place], Spot]
     ) -> None:
         self._case, self._network, self._signals, self._spot = case, network, signals, spot
         self._actors = {actor.name for actor in case.scenario.actors} | {
@@ -251,6 +251,8 @@ class NameChecks:
                 yield from self._limit(kind, action)
             case m.StopsAt():
                 yield from self._stop(kind, action, placed.get(action.actor))
+            case m.FollowsPath():
+                yield from self._path(kind, action, placed.get(action.actor))
             case m.Synchronises():
                 yield from self._on_the_way(kind, action.place, placed.get(action.actor), action.actor)
                 yield from self._on_the_way(kind, action.there, placed.get(action.other), action.other)
@@ -327,6 +329,22 @@ class NameChecks:
             yield Problem(
                 "", kind, codes.PLACE, f"{actor.id} does not come by {what}: it is {off_m:.0f} m off", help, about
             )
+
+    def _path(self, kind: str, action: m.FollowsPath, actor: PlacedActor | None) -> Iterator[Problem]:
+        """Look for the points of a path, and for the way from its end on."""
+        end: XY | None = None
+        for place in action.points:
+            yield from self._on_the_way(kind, place, None, action.actor)
+            end = (si_of(place.x), si_of(place.y)) if isinstance(place, m.Point) else self.places.get(place)
+        if action.edges is None or actor is None:
+            return
+        if actor.model.kind not in WHEELS:
+            yield Problem("", kind, codes.NO_WAY, f"{actor.id} cannot join the traffic", "leave out `then joins`")
+        elif end is not None:
+            try:
+                joined_way(self._network, action.edges, end, lane_kind(actor.model))
+            except RouteError as err:
+                yield Problem("", kind, codes.ROUTE, str(err), err.help, action.actor)
 
     def _stops(self) -> Mapping[str, m.BusStop]:
         network = self._case.network

@@ -12,6 +12,7 @@ from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
+from foresee_dsl.compile.placement.joining import joined_way
 from foresee_dsl.compile.placement.starts import (
     WHEELS,
     CircleError,
@@ -82,6 +83,12 @@ class SceneBuilder:
             for when in scenario.all(m.When)
             for action in all_actions(when.actions)
             if isinstance(action, m.Starts)
+        }
+        self._guided = {
+            action.actor
+            for when in scenario.all(m.When)
+            for action in all_actions(when.actions)
+            if isinstance(action, m.FollowsPath)
         }
         self._names = NameChecks(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.one(m.End)) is not None else DEFAULT_END_S
@@ -215,10 +222,31 @@ class SceneBuilder:
         cruise_mps = _cruise(actor, spec, PATH_LIMIT_MPS)
         pose = (at.x, at.y, at.heading_rad, self._first_speed(actor, cruise_mps))
         placed = PlacedActor(actor.name, spec, "path", *pose, path=at.path, along_m=at.along_m, cruise_mps=cruise_mps)
+        joins = item(actor, m.Joins)
+        if joins is not None:
+            placed = self._joining(actor, placed, joins)
         if spec.kind == "pedestrian":
             stops = Walk(at.path, walkways(self._network).crossings_on(at.path)).stops
             placed = replace(placed, walk_stops=stops)
         return self._with_statements(actor, placed)
+
+    def _joining(self, actor: m.Ego | m.Actor, placed: PlacedActor, joins: m.Joins) -> PlacedActor:
+        """Return an actor on a path with the way that it takes from the path's end on."""
+        if placed.model.kind not in WHEELS:
+            self._add(
+                actor.name,
+                "joins",
+                codes.NO_WAY,
+                f"{actor.name} cannot join the traffic",
+                "end its path where it stays",
+            )
+            return placed
+        found = self._try(
+            actor.name,
+            "joins",
+            lambda: joined_way(self._network, joins.edges, placed.path[-1], lane_kind(placed.model)),
+        )
+        return placed if found is None else replace(placed, route=found[0], line=found[1], joins=True)
 
     def _first_speed(self, actor: m.Ego | m.Actor, cruise_mps: float) -> float:
         """The speed at the first frame, m/s."""
@@ -243,6 +271,7 @@ class SceneBuilder:
             line_m=si(line.left) if line is not None and placed.control == "sumo" else 0.0,
             recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
             steering=_steering(steers) if steers is not None else None,
+            guided=actor.name in self._guided,
             ignores=tuple(
                 (i.what, None if i.junction is None else word_of(i.junction)) for i in items(actor, m.IgnoresRule)
             ),

@@ -213,20 +213,22 @@ class _Beginning:
             model=info.model,
             state=_state(self._trace, k, self._frame, timing if timing > 0 else 1.0),
             body=(
-                *self._way(k),
+                *self._way(k, orders),
                 *((m.CruiseSpeed(speed=cruise),) if cruise is not None else ()),
                 *self._rules(k, orders),
                 *carried,
             ),
         )
 
-    def _way(self, k: int) -> tuple[m.ActorItem, ...]:
+    def _way(self, k: int, orders: ActorOrders) -> tuple[m.ActorItem, ...]:
         info = self._trace.actors[k]
-        if info.path:
-            along = float(self._trace.along[self._frame, k])
+        along = float(self._trace.along[self._frame, k])
+        path, joins = (orders.path, orders.joins) if orders.path else (info.path, info.route if info.path else ())
+        if path and not (joins and math.isnan(along)):
             walked = m.Walked(along=_quantity(0.0 if math.isnan(along) else along, "length"))
-            return m.Path(points=tuple(_at(p) for p in info.path)), walked
-        route = remaining_route(self._trace, k, self._frame)
+            then = (m.Joins(edges=joins),) if joins else ()
+            return m.Path(points=tuple(_at(p) for p in path)), *then, walked
+        route = remaining_route(self._trace, k, self._frame, joins)
         return (m.EdgeRoute(edges=route),) if route else ()
 
     def _cruise(self, info: ActorInfo, orders: ActorOrders) -> m.Value | None:
@@ -271,6 +273,7 @@ class _Beginning:
                 | m.Route()
                 | m.EdgeRoute()
                 | m.Path()
+                | m.Joins()
                 | m.Walked()
                 | m.StartAt()
                 | m.StartSpeed()
@@ -330,6 +333,7 @@ def _kind(info: ActorInfo) -> Literal["vehicle", "bicycle", "pedestrian", "obsta
 def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State:
     info, row = trace.actors[actor], trace.states[frame, actor]
     wheels = info.kind in VEHICLE_KINDS  # placed by the front; a pedestrian or an obstacle by its middle
+    on_lanes = math.isnan(trace.along[frame, actor])
     acceleration, steer = float(row[ACCELERATION]), float(row[STEER])
     heading = math.remainder(float(row[HEADING]), math.tau)
     return m.State(
@@ -337,7 +341,7 @@ def _state(trace: Trace, actor: int, frame: int, timing: float = 1.0) -> m.State
         heading=_quantity(heading, "angle"),
         speed=_quantity(float(row[SPEED]) / timing, "speed"),  # `timing` scales the speed that a file says
         # A path-follower's acceleration decides nothing, as its speed is given; SUMO continues from a vehicle's.
-        acceleration=_unless_zero(acceleration, "acceleration") if wheels and not info.path else None,
+        acceleration=_unless_zero(acceleration, "acceleration") if wheels and on_lanes else None,
         steer=_unless_zero(steer, "angle") if actor == 0 else None,
     )
 

@@ -18,13 +18,14 @@ def front(trace: Trace, actor: int, frame: int) -> tuple[float, float]:
     return float(state[X] + ahead * math.cos(state[HEADING])), float(state[Y] + ahead * math.sin(state[HEADING]))
 
 
-def remaining_route(trace: Trace, actor: int, frame: int) -> tuple[str, ...]:
+def remaining_route(trace: Trace, actor: int, frame: int, given: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return the edges that an actor has still to drive, the first being the one it is on.
 
     On a junction (or off the lanes) that is the edge it came from, as SUMO wants it. The ego's begins as far back as it
-    does not come to the same edge twice: the line that it follows depends on where it came from.
+    does not come to the same edge twice: the line that it follows depends on where it came from. `given`: the route
+    that it has now, if not the one that it began with.
     """
-    route = trace.actors[actor].route
+    route = given or trace.actors[actor].route
     at = 0
     for edge in edges_driven(trace, actor, frame):
         ahead = [k for k in range(at, len(route)) if route[k] == edge]

@@ -156,6 +156,14 @@ class Triggers:
             if isinstance(value, m.AlongRoute | m.PastJunction):
                 point = self.moment.places.get(text_of(value, frozenset()))
                 found |= {} if point is None else {field: point}
+        if isinstance(action, m.FollowsPath):
+            points = tuple(
+                self.moment.places.get(text_of(place, frozenset()), place)
+                if isinstance(place, m.AlongRoute | m.PastJunction)
+                else place
+                for place in action.points
+            )
+            return action.model_copy(update={"points": points})
         return action.model_copy(update=found) if found else action
 
     def rest_of(self, action: Resumed, since_s: float) -> Resumed | None:
@@ -324,7 +332,17 @@ class _Rest:
                 told = self._triggers.told(action.actor)
                 meets = told.speed is not None and told.speed.action == action and told.keeps_mps is None
                 return action if meets and action.actor not in self._triggers.timed else None
-            case m.Ignores() | m.Starts() | m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
+            case (
+                m.Ignores()
+                | m.Starts()
+                | m.FollowsPath()
+                | m.Leaves()
+                | m.TurnsTo()
+                | m.Limit()
+                | m.Door()
+                | m.Wait()
+                | m.Then()
+            ):
                 return None
 
 

@@ -32,6 +32,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     for actor in actors:
         _check_place(findings, actor)
         _check_once(findings, actor)
+        _check_joins(findings, actor)
         _check_recorded(findings, actor)
         _check_class(findings, actor, parameters, cases)
     for group in groups:
@@ -58,6 +59,14 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor) -> None:
         if actor.kind == "obstacle":
             help = "add `start at 20 m along ego.route`, or a position in front of the brace"
         findings.add(actor, "", "FS042", f"'{actor.name}' is nowhere", help, head_only=True)
+
+
+def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    """Who joins the traffic comes from a path."""
+    for item in actor.body:
+        if isinstance(item, m.Joins) and not any(isinstance(other, m.Path) for other in actor.body):
+            help = "write `path [PLACE, PLACE]` before it, or `route [...]` instead"
+            findings.add(item, "", "FS042", f"'{actor.name}' joins the traffic, but has no path", help)
 
 
 def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from pydantic import Field
+
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.item import ONE_OF, Bounds, Item, Names, Phrase
 
@@ -95,6 +97,33 @@ class KeepsBeside(Item):
     side: Literal["left", "right"] | v.Ref
     other: v.ActorName
     duration: v.Time | None = None
+
+
+class FollowsPath(Item):
+    """`cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]`: leaves its lane (or its path) and follows a
+    polyline from where it is, reacting to nobody; at its end it drives on in traffic along these edges, or stays there.
+
+    Between edges that do not touch it takes the shortest way. Only vehicles and bicycles join.
+    """
+
+    pattern = "{actor} follows {points} [then joins {edges}]"
+    words = """
+        joins (action): drives on in the traffic of these edges from the end of a path
+            | cutter follows [(10 m, 4 m), (30 m, 4 m)] then joins [mill_mid]
+    """
+
+    actor: v.ActorName
+    points: Annotated[tuple[v.Place, ...], Field(min_length=1)]
+    edges: Annotated[tuple[v.RoadId, ...], Field(min_length=1)] | None = None
+
+
+class Joins(Item):
+    """`then joins [mill_mid, oak_north]`: of a vehicle or bicycle with a path: at its end it drives on in traffic along
+    these edges. Between edges that do not touch it takes the shortest way."""
+
+    pattern = "then joins {edges}"
+
+    edges: Annotated[tuple[v.RoadId, ...], Field(min_length=1)]
 
 
 class KeepsGap(Item):

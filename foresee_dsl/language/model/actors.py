@@ -9,6 +9,8 @@ from foresee_dsl.language.model.actions import (
     WIDEST_LINE_M,
     ChangesLine,
     Door,
+    FollowsPath,
+    Joins,
     KeepsBeside,
     KeepsGap,
     Leaves,
@@ -238,6 +240,7 @@ ActorItem = Annotated[
     Route
     | EdgeRoute
     | Path
+    | Joins
     | StartAt
     | StartSpeed
     | CruiseSpeed
@@ -400,7 +403,8 @@ class Then(Item):
     lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
     is through the junction, `ignores`, `turns to`, `limit`, `door` and `leaves` at once, `changes line` when it is
     there, `follows`, `matches` and `keeps` with a time when that is over, without one as soon as they have what they
-    keep, `synchronises` when it is at its place. An actor that has left the world holds nothing up.
+    keep, `synchronises` when it is at its place, `follows` with a path at the path's end. An actor that has left the
+    world holds nothing up.
     """
 
     pattern = "then [when {condition}] { ...actions }"
@@ -419,6 +423,7 @@ Action = Annotated[
     | ChangesLine
     | KeepsBeside
     | KeepsGap
+    | FollowsPath
     | MatchesSpeed
     | Synchronises
     | Leaves

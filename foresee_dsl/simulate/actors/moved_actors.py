@@ -15,6 +15,7 @@ import shapely
 
 from foresee_dsl.compile.bundle import PlacedActor, RecordedState
 from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels.boxes import Mover, corner_points
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, lateral_limit_mps2, limits_of
@@ -187,13 +188,13 @@ class StaticActor(Actor):
 class PathActor(Actor):
     """A pedestrian, cyclist or vehicle that follows a path."""
 
-    __slots__ = ("_world", "cruise", "follower", "held_until", "network", "road_at", "stand_in", "stops")
+    __slots__ = ("_world", "cruise", "follower", "friction", "held_until", "network", "road_at", "stand_in", "stops")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Start as far along the path as the scene says."""
         super().__init__(actor)
         model, paced = actor.model, with_timing(actor)
-        self._world, self.network = world, network
+        self._world, self.network, self.friction = world, network, friction
         self.cruise = paced.cruise_mps
         self.follower = PathFollower(
             actor.path,
@@ -223,6 +224,21 @@ class PathActor(Actor):
         heading = math.remainder(pose.heading, math.tau)
         self.move(pose.x, pose.y, heading, pose.speed, pose.acceleration, pose.yaw_rate)
         self.along = follower.along_m
+
+    def follow(self, path: Points) -> None:
+        """Follow another path from now on, from its beginning, as fast as it is."""
+        model, was = self.placed.model, self.follower
+        self.follower = PathFollower(
+            path,
+            pace_mps=was.pace_mps or self.cruise,
+            acceleration_mps2=model.acceleration_mps2 or PUSHED_MPS2,
+            braking_mps2=model.braking_mps2 or PUSHED_MPS2,
+            length_m=0.0 if model.kind == "pedestrian" else model.length_m,
+            speed_mps=self.speed,
+            lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, self.friction),
+        )
+        self.stops, self.along = (), 0.0
+        self.road_at.clear()
 
     def show(self) -> None:
         """Let SUMO's vehicles see it where it is on the road, or about to step on it."""

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
+from foresee_dsl.compile.roads.polyline import XY, distinct, whole_millimetres
+from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
 from foresee_dsl.simulate.actors.doors import OpenDoor
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.limits import Limits
 from foresee_dsl.simulate.actors.moved_actors import (
     STANDS_MPS,
@@ -56,7 +60,11 @@ class Simulation:
         edge = scene.ego.route[0]
         self.ego = Ego(scene.ego, scene.friction)
         self.actors: list[Actor] = [self.ego, *(self._make(actor, edge) for actor in scene.actors[1:])]
-        self.sumo_vehicles = {actor.id: actor for actor in self.actors if isinstance(actor, SumoVehicle)}
+        vehicles = tuple(actor for actor in self.actors if isinstance(actor, SumoVehicle))
+        self.guided = [actor for actor in vehicles if isinstance(actor, GuidedVehicle)]
+        on_paths = {actor.id for actor in self.guided if actor.guide is not None}
+        self.sumo_vehicles = {actor.id: actor for actor in vehicles if actor.id not in on_paths}
+        self._joined: list[SumoVehicle] = []
         self.path_actors = [actor for actor in self.actors if isinstance(actor, PathActor)]
         self.static_actors = [actor for actor in self.actors if isinstance(actor, StaticActor)]
         self.steered = [actor for actor in self.actors if isinstance(actor, SteeredVehicle)]
@@ -71,7 +79,7 @@ class Simulation:
         self.state_table = StateTable(self.actors)
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
         self._traffic = SumoTraffic(
-            tuple(self.sumo_vehicles.values()),
+            vehicles,
             self.state_table,
             rows,
             world,
@@ -79,6 +87,8 @@ class Simulation:
             scene.friction,
             self.cruise_mps,
         )
+        for name in on_paths:
+            self._traffic.drop(name)
         self.limits = Limits(self.network, world)
         self.frame = 0
         self.time_s = 0.0
@@ -93,6 +103,8 @@ class Simulation:
         self.ego.drive(control)
         for actor in self.path_actors:
             actor.step()
+        for guided in self.guided:
+            self._guide(guided)
         self._recover()
         self.frame += 1
         self.time_s = round(self.frame * STEP_S, 6)
@@ -114,6 +126,8 @@ class Simulation:
         speed_mps = min(speed_mps, actor.placed.model.max_speed_mps)
         if isinstance(actor, PathActor):
             actor.follower.pace_mps = speed_mps
+        elif isinstance(actor, GuidedVehicle) and actor.guide is not None:
+            actor.guide.follower.pace_mps = speed_mps
         elif isinstance(actor, SteeredVehicle) and actor.recovery is not None:
             actor.recovery.cruise_mps = speed_mps
         elif actor.id in self.world:
@@ -130,12 +144,60 @@ class Simulation:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
 
+    def path_done(self, actor: Actor) -> bool:
+        """Whether an actor has come to the end of the path that it was told to follow."""
+        if isinstance(actor, PathActor):
+            return actor.follower.arrived
+        return isinstance(actor, GuidedVehicle) and (actor.guide is None or actor.arrived)
+
+    def follow_path(
+        self, actor: Actor, points: Iterable[XY], way: tuple[tuple[str, ...], RouteLine] | None
+    ) -> tuple[XY, ...]:
+        """Let an actor leave its lane, or its path, and follow another path from where it is; at its end it drives on
+        along a way (edges, line), or stays there. Return the path."""
+        path = distinct(whole_millimetres(((actor.x, actor.y), *points)))
+        if isinstance(actor, PathActor):
+            actor.follow(path)
+            self.progress.set_line(actor, actor.follower.line)
+        elif isinstance(actor, GuidedVehicle):
+            if actor.guide is None:
+                self.world.remove(actor.id)
+                self._traffic.drop(actor.id)
+                del self.sumo_vehicles[actor.id]
+            actor.follow(path, None if way is None else way[1], speed_mps=actor.speed)
+            actor.route = () if way is None else way[0]
+            if actor.guide is not None:
+                self.progress.set_line(actor, actor.guide.follower.line)
+            self.order_speed(actor, self.cruise_mps[actor.id])
+        return tuple(path)
+
+    def _guide(self, vehicle: GuidedVehicle) -> None:
+        """Move a vehicle along its path, or give it to SUMO at the path's end."""
+        if vehicle.guide is None or not vehicle.present:
+            return
+        if not vehicle.joins_now:
+            vehicle.step_on_path()
+            return
+        placed = vehicle.hand_over()
+        if placed is None or placed.line is None:
+            return
+        self.world.add_vehicle(replace(placed, cruise_mps=self.cruise_mps[vehicle.id]))
+        self.sumo_vehicles[vehicle.id] = vehicle
+        self._traffic.adopt(vehicle.id, placed.lane, self.cruise_mps[vehicle.id])
+        self.progress.set_line(vehicle, placed.line)
+        for what in self.ignored_rules[vehicle.id]:
+            self.world.ignore(vehicle.id, what)
+        vehicle.speed = placed.speed_mps
+        self._joined.append(vehicle)
+
     def leave(self, actor: Actor) -> None:
         """Take an actor out of the world for good."""
         actor.present = False
         if isinstance(actor, SumoVehicle):
             self.world.remove(actor.id)
             self._traffic.drop(actor.id)
+            if isinstance(actor, GuidedVehicle) and actor.guide is not None:
+                actor.guide.stand_in.show(())
         elif isinstance(actor, PathActor | StaticActor):
             actor.stand_in.show(())
             self.path_actors = [other for other in self.path_actors if other is not actor]
@@ -176,6 +238,8 @@ class Simulation:
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _make(self, actor: PlacedActor, edge: str) -> Actor:
+        if actor.joins or (actor.guided and actor.control == "sumo" and actor.steering is None):
+            return GuidedVehicle(actor, self.world, self.network, edge, self.scene.friction)
         if actor.control == "path":
             return PathActor(actor, self.world, self.network, edge, self.scene.friction)
         if actor.door is not None:
@@ -299,6 +363,9 @@ class Simulation:
     def _show_others(self) -> None:
         for actor in self.path_actors:
             actor.show()
+        for guided in self.guided:
+            if guided.guide is not None and guided.present:
+                guided.guide.show()
         for static in self.static_actors:
             static.stand_in.show(static.positions)
         for steered in self.steered:
@@ -310,6 +377,12 @@ class Simulation:
         self.world.settle(self.ego.id, self.ego.speed, self.ego.acceleration)
         for stand_in in [*(a.stand_in for a in self.path_actors), *(a.stand_in for a in self.static_actors)]:
             stand_in.settle()
+        for guided in self.guided:
+            if guided.guide is not None:
+                guided.guide.stand_in.settle()
+        for joined in self._joined:
+            self.world.settle(joined.id, joined.speed, joined.acceleration)
+        self._joined.clear()
         for steered in self.steered:
             if steered.taken is not None and steered.present:
                 self.world.settle(steered.id, steered.speed, steered.acceleration)

@@ -278,6 +278,14 @@ class SumoTraffic:
         """Leave a vehicle alone from now on: Python moves it."""
         self._driven = self._driven[self._driven != self._numbers[vehicle]]
 
+    def adopt(self, vehicle: str, lane: str, cruise_mps: float) -> None:
+        """Move a vehicle as SUMO does from now on, which was moved by Python until now."""
+        number = self._numbers[vehicle]
+        self._driven = np.append(self._driven[self._driven != number], number)
+        self._vehicles[number].lane = lane
+        self._set_lane(number, lane)
+        self.set_cruise(vehicle, cruise_mps)
+
     def _update_limits(self) -> list[int]:
         """Compute what each may drive; return those for which it is another speed than SUMO was told."""
         found = sumo_traffic.slow_for_bends(

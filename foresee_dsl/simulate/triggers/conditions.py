@@ -21,6 +21,7 @@ from foresee_dsl.compile.bundle import Signal
 from foresee_dsl.kernels.boxes import box_distance, overlaps
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import quantity_of, si_of, word_of
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
@@ -170,6 +171,8 @@ class Conditions:
             return self._simulation.progress.of(actor, self._simulation.frame)[0] >= self._simulation.scene.goal_s
         if isinstance(actor, PathActor):
             return actor.follower.arrived
+        if isinstance(actor, GuidedVehicle) and actor.arrived:
+            return True
         return not actor.present
 
     # --- conditions without parts ------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ actor's route is), and what each actor does. What a clip needs that begins in be
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,12 +15,16 @@ from itertools import count
 from typing import Any, TypeVar, assert_never
 
 from foresee_dsl.compile.placement.doors import door_side
+from foresee_dsl.compile.placement.joining import joined_way
 from foresee_dsl.compile.placement.starts import lane_kind
+from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import fields_of, si_of, word_of
 from foresee_dsl.simulate.actors.doors import OpenDoor
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOrder
+from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.pair_orders import Gap, Match, Synchrony
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Stop, StopSpot
@@ -45,6 +50,7 @@ class Director:
         self._new: list[str] = []
         self._starts: dict[str, float] = {}
         self._sideways: dict[str, SidewaysOrder] = {}
+        self._latest_path: dict[str, object] = {}
         self._latest_sideways: dict[str, SidewaysOrder] = {}
         self._bound: list[tuple[Actor, str, str]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
@@ -163,6 +169,7 @@ class Director:
         | m.ChangesLine
         | m.KeepsBeside
         | m.KeepsGap
+        | m.FollowsPath
         | m.MatchesSpeed
         | m.Leaves
         | m.Synchronises
@@ -187,6 +194,8 @@ class Director:
                 complete = self._halt(actor, action)
             case m.KeepsGap() | m.MatchesSpeed() | m.Synchronises():
                 complete = self._by_another(actor, action)
+            case m.FollowsPath():
+                complete = self._follow_path(actor, action)
             case m.Leaves():
                 complete = self._leave(actor)
             case m.ChangesLine() | m.KeepsBeside():
@@ -303,20 +312,24 @@ class Director:
         """Return an action with points for the places relative to actors, which move on: those where they are now."""
         found: dict[str, m.Point] = {}
         for field, value in fields_of(action):
-            if isinstance(value, m.OfActor):
-                pose = self._conditions.ways.place(value)
-                x, y = (math.nan, math.nan) if pose is None else pose[:2]
-                if not math.isnan(x):
-                    found[field] = m.Point(x=m.Quantity.of(x, "length", 4), y=m.Quantity.of(y, "length", 4))
+            if isinstance(value, m.OfActor) and "." not in field and (at := self._at(value)) is not None:
+                found[field] = m.Point(x=m.Quantity.of(at[0], "length", 4), y=m.Quantity.of(at[1], "length", 4))
         return action.model_copy(update=found) if found else action
+
+    def _at(self, where: m.AtStop | m.Place) -> tuple[float, float] | None:
+        """Return where a place is now, m; None where the actor that it is relative to is not there."""
+        if isinstance(where, m.Point):
+            return si_of(where.x), si_of(where.y)
+        if isinstance(where, m.OfActor):
+            pose = self._conditions.ways.place(where)
+            return None if pose is None or math.isnan(pose[0]) else (pose[0], pose[1])
+        return self._simulation.scene.places[where]
 
     def _spot_on(self, actor: Actor, where: m.AtStop | m.Place) -> StopSpot:
         """Return where a place is on an actor's way."""
         scene, progress = self._simulation.scene, self._simulation.progress
-        if isinstance(where, m.OfActor):  # its actor is not there
-            return StopSpot(math.nan)
-        at = (si_of(where.x), si_of(where.y)) if isinstance(where, m.Point) else scene.places[where]
-        s = progress.along(actor, *at)
+        at = self._at(where)
+        s = math.nan if at is None else progress.along(actor, *at)
         if not isinstance(where, m.AtStop):
             return StopSpot(s)
         stop = scene.stops[where.stop]
@@ -341,6 +354,22 @@ class Director:
                 places = self._spot_on(actor, action.place).s, self._spot_on(other, action.there).s
                 command = Synchrony(self._simulation, actor, other, places, final)
         return self._order(actor, command)
+
+    def _follow_path(self, actor: Actor, action: m.FollowsPath) -> IsComplete:
+        points = [at for place in action.points if (at := self._at(place)) is not None]
+        self.event("follows_path", {"points": points, "joins": action.edges is not None}, actor.id)
+        if len(points) < len(action.points) or not isinstance(actor, PathActor | GuidedVehicle):
+            return _at_once  # an actor whose place is asked for is not there; a steered one has left its way
+        found = None
+        if action.edges is not None and isinstance(actor, GuidedVehicle):
+            with contextlib.suppress(RouteError):  # a place relative to an actor may be on no lane of theirs
+                kind = lane_kind(actor.placed.model)
+                found = joined_way(self._simulation.network, action.edges, points[-1], kind)
+        path = self._simulation.follow_path(actor, points, found)
+        joins = found[0] if found is not None else ()
+        add(self._orders[actor.id], replace(self._orders[actor.id][-1], time_s=self._now_s, path=path, joins=joins))
+        order = self._latest_path[actor.id] = object()
+        return lambda: self._latest_path[actor.id] is not order or self._simulation.path_done(actor)
 
     def _leave(self, actor: Actor) -> IsComplete:
         self.event("leaves", {}, actor.id)

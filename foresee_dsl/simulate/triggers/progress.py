@@ -13,6 +13,7 @@ from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.compile.roads.route_line import Passage
 from foresee_dsl.kernels.arrays import Records
 from foresee_dsl.kernels.lines import project, vertices
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.states import Actor
 
@@ -31,6 +32,8 @@ class Progress:
         self._lines: dict[str, Polyline] = {}
         for actor in actors:
             line = actor.follower.line if isinstance(actor, PathActor) else actor.placed.line
+            if isinstance(actor, GuidedVehicle) and actor.guide is not None:
+                line = actor.guide.follower.line
             if line is not None:
                 self._lines[actor.id] = line
         self._vertices: dict[str, Records] = {}
@@ -84,6 +87,13 @@ class Progress:
         for passage in line.passages:
             if passage.exit_s > s and passage.entry_s - front <= within_m:
                 yield passage, passage.entry_s - front
+
+    def set_line(self, actor: Actor, line: Polyline) -> None:
+        """Measure along another line from now on."""
+        self._lines[actor.id] = line
+        self._vertices.pop(actor.id, None)
+        self._last.pop(actor.id, None)
+        self._spans = {key: span for key, span in self._spans.items() if key[0] != actor.id}
 
     def along(self, actor: Actor, x: float, y: float) -> float:
         """Return the length along an actor's line where a place is; NaN without a line, or if it does not come by."""

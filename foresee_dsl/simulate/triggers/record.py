@@ -101,6 +101,7 @@ class ActorOrders:
         keeps_mps: the speed that it keeps near the junction where it meets another; None before.
         lane: the last change of lane that it was asked for. started_s: when a trigger started it first.
         stands_s: since when it stands at the place where it was told to stop.
+        path: the path that it was told to follow last, from where it was. joins: the edges that it drives over then.
         sideways: what it was told last about where across its lane it keeps. line_m: what it keeps now.
     """
 
@@ -114,6 +115,8 @@ class ActorOrders:
     stands_s: float | None = None
     sideways: Order | None = None
     line_m: float | None = None
+    path: tuple[tuple[float, float], ...] = ()
+    joins: tuple[str, ...] = ()
 
     def at(self, time_s: float) -> ActorOrders:
         """Return the same at a later time: a change of speed may be over."""
@@ -143,7 +146,7 @@ class ActorOrders:
                 after = replace(now, speed=Order(action, time_s, until_s), keeps_mps=None, stands_s=None)
             case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises():
                 after = replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
-            case m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
+            case m.FollowsPath() | m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
                 after = now
             case _:
                 assert_never(action)

@@ -1,0 +1,120 @@
+"""Vehicles that follow a path for a while and SUMO's lanes for the rest: where they change from one to the other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from foresee_dsl.compile.bundle import PlacedActor
+from foresee_dsl.compile.roads.network import RoadNetwork
+from foresee_dsl.compile.roads.polyline import XY, Points, line_of
+from foresee_dsl.compile.roads.route_line import RouteLine
+from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
+from foresee_dsl.simulate.trace import STEP_S
+from foresee_dsl.simulate.world import World
+
+GOES_ON_M = 20.0
+"""So far beyond its path's end the lanes belong to the path of a vehicle that joins them. Ours: a step at any speed,
+and the length of a lorry behind which its heading is drawn."""
+_EVERY_M = 2.0
+
+
+class GuidedVehicle(SumoVehicle):
+    """A vehicle that SUMO drives, but where it follows a path.
+
+    Attributes:
+        guide: what follows the path, while it does; the vehicle is where that is.
+        way: the line of the edges that it joins at the path's end, None where it stays there. route: these edges.
+        ends_m: how long its path is.
+    """
+
+    __slots__ = ("_edge", "_friction", "_roads", "_world", "ends_m", "guide", "route", "way")
+
+    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
+        """Start where the actor is placed: on a path, or on the lanes."""
+        self._world, self._roads, self._edge, self._friction = world, network, edge, friction
+        self.guide: PathActor | None = None
+        self.way: RouteLine | None = None
+        self.route = actor.route
+        self.ends_m = math.inf
+        if actor.control != "path":
+            super().__init__(actor, network)
+            return
+        half = actor.model.length_m / 2
+        front = actor.x + half * math.cos(actor.heading_rad), actor.y + half * math.sin(actor.heading_rad)
+        super().__init__(replace(actor, control="sumo", x=front[0], y=front[1], lane=""), network)
+        self.follow(actor.path, actor.line, along_m=actor.along_m, speed_mps=actor.speed_mps, timing=actor.timing)
+
+    def follow(
+        self, path: Points, way: RouteLine | None, *, along_m: float = 0.0, speed_mps: float, timing: float = 1.0
+    ) -> None:
+        """Follow a path from so far along it on; its speeds are times `timing`."""
+        self.way, self.ends_m = way, line_of(path).length_m
+        placed = replace(
+            self.placed,
+            control="path",
+            path=_going_on(path, way),
+            along_m=along_m,
+            x=self.x,
+            y=self.y,
+            heading_rad=self.heading,
+            speed_mps=speed_mps,
+            timing=timing,
+            walk_stops=(),
+        )
+        self.guide = PathActor(placed, self._world, self._roads, self._edge, self._friction)
+        self.along = along_m
+        self.lane = ""
+
+    @property
+    def joins_now(self) -> bool:
+        """Whether it comes to the end of its path in the next step, and goes on in traffic."""
+        guide = self.guide
+        return guide is not None and self.way is not None and guide.along + guide.speed * STEP_S >= self.ends_m
+
+    @property
+    def arrived(self) -> bool:
+        """Whether it has come to the end of a path at which it stays."""
+        return self.guide is not None and self.way is None and self.guide.follower.arrived
+
+    def step_on_path(self) -> None:
+        """Move one step along the path."""
+        if self.guide is not None:
+            self.guide.step()
+            guide = self.guide
+            self.move(guide.x, guide.y, guide.heading, guide.speed, guide.acceleration, guide.yaw_rate)
+            self.along = guide.along
+
+    def hand_over(self) -> PlacedActor | None:
+        """Leave the path for the lanes: return the vehicle as SUMO is to have it at the end of the next step, in the
+        middle of its lane; None without a way to join."""
+        guide, way = self.guide, self.way
+        if guide is None or way is None:
+            return None
+        x, y = self.front
+        guide.step()  # where it is at the end of the step
+        ahead_x, ahead_y = guide.front
+        s, _ = way.project(ahead_x, ahead_y)
+        lane = self._roads.lanes[way.lane_at(s)]
+        at_x, at_y, heading = way.at(s)
+        back_x, back_y, back_heading = way.at(way.project(x, y)[0])
+        record, edge = self.record, lane.edge
+        record["front_x"], record["front_y"] = x, y
+        record["sumo_x"], record["sumo_y"] = back_x, back_y
+        record["offset"] = (y - back_y) * math.cos(back_heading) - (x - back_x) * math.sin(back_heading)
+        guide.stand_in.show(())
+        self.guide, self.along, self.lane = None, math.nan, lane.id
+        route = self.route[self.route.index(edge) :] if edge in self.route else self.route
+        self.placed = replace(self.placed, route=route, line=way, lane=lane.id)
+        return replace(self.placed, x=at_x, y=at_y, heading_rad=heading, speed_mps=guide.speed)
+
+
+def _going_on(path: Points, way: RouteLine | None) -> Points:
+    """Return a path that goes on along the lanes that are joined at its end."""
+    if way is None:
+        return path
+    s, _ = way.project(*path[-1])
+    count = int(min(GOES_ON_M, way.length_m - s - 0.1) // _EVERY_M)
+    ahead: list[XY] = [way.at(s + (k + 1) * _EVERY_M)[:2] for k in range(max(count, 0))]
+    return (*path, *ahead)
