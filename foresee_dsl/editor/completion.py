@@ -124,13 +124,12 @@ def _of_kind(files: Files, path: Path, slot: Slot, kind: SymbolKind, place: Befo
         yield from (Suggestion(name, "name", "stage") for name in files.stages(path, slot.node.fields.get("junction")))
         return
     for name, found in files.definitions(path, *kinds).items():
-        if found.occurrence.owner.kind is m.Traffic:
+        without_signal = slot.node.kind is m.TurnsTo and not files.stages(path, name)
+        if found.occurrence.owner.kind is m.Traffic or without_signal:
             continue  # the traffic's name alone names no actor
         if slot.token == "DOTTED" and kind == "actor":
             yield from (Suggestion(f"{name}.{what}", "name", _describe(found)) for what in _properties(slot, place))
             continue
-        if slot.node.kind is m.TurnsTo and not files.stages(path, name):
-            continue  # it has no signal
         yield Suggestion(name, "name", _describe(found))
         if kind == "road":
             yield Suggestion(f"{name}_back", "name", "the same road, the other way")

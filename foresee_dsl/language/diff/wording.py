@@ -75,7 +75,7 @@ def keyword(item: m.Item) -> str:
     if isinstance(item, _ONE_WORD):
         return item.pattern.split()[0]
     head = _head(item)
-    actor = getattr(item, "actor", None)
+    actor = item.junction if isinstance(item, m.TurnsTo) else getattr(item, "actor", None)
     begins = [actor] if isinstance(actor, str) and head.startswith(f"{actor} ") else []
     values = set(_strings(item))
     for word in head.split()[len(begins) :]:
