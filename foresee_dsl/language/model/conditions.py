@@ -311,7 +311,22 @@ Either.model_rebuild()
 
 TAKEN = frozenset(
     (
-        *("then", "wait", "once", "every", "next", "never", "always", "eventually", "within", "not", "door", "limit"),
+        *(
+            "then",
+            "wait",
+            "limit",
+            "door",
+            "once",
+            "every",
+            "next",
+            "never",
+            "always",
+            "eventually",
+            "within",
+            "not",
+            "door",
+            "limit",
+        ),
         *("time", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"),
         *("collision", "arrived", "signal"),
     )
