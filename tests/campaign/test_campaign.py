@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-FORESEE = Path(sys.executable).parent / "foresee"
+from tests.support.command import foresee
+
 CASES = ("scenario7.foresee::r01", "scenario8.foresee::r01")
 
 
 def campaign(scenarios: Path, out: Path, *more: str, cases: tuple[str, ...] = CASES) -> dict[str, object]:
     arguments = [
-        FORESEE,
         "campaign",
         *(str(scenarios / c) for c in cases),
         "--out",
@@ -25,8 +23,7 @@ def campaign(scenarios: Path, out: Path, *more: str, cases: tuple[str, ...] = CA
         "--exit-zero",
         *more,
     ]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    done = foresee(*arguments)
     data = json.loads(done.stdout)
     assert data == json.loads((out / "campaign.json").read_text())
     return data
@@ -85,7 +82,7 @@ def test_every_failure_is_reproduced_in_a_new_process(finished: tuple[Path, dict
     out, data = finished
     found = sum(data["failures"].values())
     assert found > 0
-    done = subprocess.run([FORESEE, "verify", out / "children", "--json"], capture_output=True, text=True, check=False)
+    done = foresee("verify", out / "children", "--json", expect=None)
     report = json.loads(done.stdout)
     assert report["ok"] and report["counts"]["as_expected"] == len(report["tests"]) == found
     assert done.returncode == 0
@@ -111,7 +108,7 @@ def test_an_edited_parent_makes_its_children_stale(
 
 
 def verify(out: Path) -> dict[str, int]:
-    done = subprocess.run([FORESEE, "verify", out / "children", "--json"], capture_output=True, text=True, check=False)
+    done = foresee("verify", out / "children", "--json", expect=None)
     counts: dict[str, int] = json.loads(done.stdout)["counts"]
     return counts
 
@@ -122,13 +119,7 @@ def test_a_real_map_runs_through_the_whole_line(carla: Path, tmp_path: Path) -> 
     file = Path(__file__).parent / "town10hd.foresee"
     scenario = tmp_path / file.name
     scenario.write_text(file.read_text().replace("Town10HD.xodr", str(network)))
-    done = subprocess.run(
-        [FORESEE, "campaign", scenario, "--out", out, "--json", "--allow-outside", "--exit-zero"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = foresee("campaign", scenario, "--out", out, "--json", "--allow-outside", "--exit-zero")
     data = json.loads(done.stdout)
     assert data["seeds"] == {"total": 1, "passed": 1, "failed": 0}
     assert data["clips"] > 0

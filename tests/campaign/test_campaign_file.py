@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,9 +10,9 @@ import pytest
 from foresee_dsl.campaign.campaign_file import is_campaign, read_campaign
 from foresee_dsl.errors import InputError
 from foresee_dsl.files import data_folder
+from tests.support import command
 from tests.support.small_campaign import write_project
 
-FORESEE = Path(sys.executable).parent / "foresee"
 NIGHTLY = """foresee 1
 
 campaign nightly {
@@ -43,15 +40,7 @@ def written(project: Path, text: str) -> Path:
 
 
 def foresee(*arguments: object, expect: int = 0) -> str:
-    done = subprocess.run(
-        [FORESEE, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=600,
-        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "100"},
-    )
-    assert done.returncode == expect, done.stdout + done.stderr
+    done = command.foresee(*arguments, env={"COLUMNS": "100"}, expect=expect)
     return done.stdout + done.stderr
 
 

@@ -13,25 +13,15 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.storage.store import Store
+from tests.support import command
 from tests.support.small_campaign import published, write_project
 
 FORESEE = Path(sys.executable).parent / "foresee"
 OPTIONS = ("--driver", "idm", "--before", "3", "--after", "3", "--children", "2")
 
 
-def foresee(*arguments: object, expect: int = 0, **more: object) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [FORESEE, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=600,
-        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "200"},
-        **more,  # type: ignore[call-overload]
-    )
-    assert done.returncode == expect, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
-    assert "Traceback" not in done.stderr
-    return done
+def foresee(*arguments: object, expect: int = 0) -> subprocess.CompletedProcess[str]:
+    return command.foresee(*arguments, env={"COLUMNS": "200"}, expect=expect)
 
 
 @pytest.fixture(scope="module")

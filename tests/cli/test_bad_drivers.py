@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.support import command
 from tests.support.bad_driver import install
 
-FORESEE = Path(sys.executable).parent / "foresee"
 REASONS = {
     "raise": ("crash", "the driver raised ValueError: no \x1b[31midea, at bad.py:36 (Bad.go_wrong)"),
     "reset": ("crash", "the driver raised KeyError: 'weights', at bad.py:22 (Bad.reset)"),
@@ -41,10 +40,7 @@ def bad(tmp_path_factory: pytest.TempPathFactory) -> tuple[Foresee, Path]:
     environment, file = install(tmp_path_factory.mktemp("bad"))
 
     def foresee(*arguments: object, code: int) -> subprocess.CompletedProcess[str]:
-        done = subprocess.run(
-            [FORESEE, *map(str, arguments)], capture_output=True, text=True, check=False, env=environment, timeout=900
-        )
-        assert done.returncode == code, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
+        done = command.foresee(*arguments, env=environment, expect=code)
         assert "foresee has a fault" not in done.stderr
         assert "\x1b" not in done.stderr and "\u202e" not in done.stdout + done.stderr, "what is foreign is made safe"
         return done

@@ -6,29 +6,13 @@ import json
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-FORESEE = Path(sys.executable).parent / "foresee"
+from tests.support.command import foresee
+
 VERDICTS = {"pass", "F1", "F2", "F3", "F4", "F5", "stuck", "timeout", "crash", "invalid"}
-
-
-def foresee(
-    *arguments: str | Path, cwd: Path | None = None, expect: int | None = 0
-) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [FORESEE, *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "NO_COLOR": "1"},
-    )
-    assert expect is None or done.returncode == expect, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
-    assert "Traceback" not in done.stderr
-    return done
 
 
 def test_every_command_is_there_and_explains_itself() -> None:

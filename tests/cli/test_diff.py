@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support import command
+
 BIN = Path(sys.executable).parent
 CHECKOUT = Path(__file__).parents[2]
 
@@ -68,7 +70,7 @@ def run(*arguments: str | Path, cwd: Path, expect: int = 0) -> str:
 
 
 def foresee(*arguments: str | Path, cwd: Path, expect: int = 0) -> str:
-    return run(BIN / "foresee", *arguments, cwd=cwd, expect=expect)
+    return command.foresee(*arguments, cwd=cwd, expect=expect).stdout
 
 
 def git(*arguments: str | Path, cwd: Path) -> str:

@@ -3,30 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.support.command import foresee
 from tests.support.repin_project import Repository
-
-FORESEE = Path(sys.executable).parent / "foresee"
 
 
 def repin(*arguments: str | Path, cwd: Path, expect: int = 0) -> str:
-    done = subprocess.run(
-        [FORESEE, "repin", *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "NO_COLOR": "1"},
-    )
-    assert done.returncode == expect, f"{arguments}: {done.returncode}\n{done.stdout}\n{done.stderr}"
-    assert "Traceback" not in done.stderr
-    return done.stdout
+    return foresee("repin", *arguments, cwd=cwd, expect=expect).stdout
 
 
 @pytest.fixture

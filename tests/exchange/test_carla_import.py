@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -23,9 +21,9 @@ from foresee_dsl.language.parser import load
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case, load_test_cases
 from foresee_dsl.simulate.runner import run
+from tests.support.command import foresee
 from tests.support.small_town import carla_place, small_town, write_routes, write_triggers
 
-FORESEE = Path(sys.executable).parent / "foresee"
 WAYS = {"3": ("south", "north_back"), "4": ("south", "east_back"), "7": ("south", "north_back")}
 WAYS |= {"8": ("south", "west_back"), "9": ("south", "east_back")}
 
@@ -204,18 +202,14 @@ def test_the_command(town: tuple[Path, RoadNetwork], tmp_path: Path) -> None:
     net, network = town
     routes, triggers = sources(tmp_path, network, "7")
     out = tmp_path / "out"
-    command = [FORESEE, "import", "carla", "--map", net, "--routes", *routes, *triggers, "--out", out]
-    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    command = ["import", "carla", "--map", net, "--routes", *routes, *triggers, "--out", out]
+    done = foresee(*command, "--json")
     data = json.loads(done.stdout)
     assert (data["schema"], data["cases"], data["taken"]) == (1, 2, {"routes of family 7": 2})
-    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    again = foresee(*command)
     assert f"wrote {out / 'scenario7.foresee'}" in again.stdout
     assert "2 test cases" in again.stdout
-    wrong = subprocess.run(
-        [*command[:4], tmp_path / "no.xodr", *command[5:]], capture_output=True, text=True, check=False
-    )
-    assert wrong.returncode == 1
+    wrong = foresee(*command[:3], tmp_path / "no.xodr", *command[4:], expect=1)
     assert wrong.stderr.startswith("error: ")
 
 

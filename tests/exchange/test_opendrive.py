@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,9 +13,9 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.exchange.maps import opendrive
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.runner import run
+from tests.support.command import foresee
 
 MAP = Path(__file__).parent / "hill_road.xodr"
-FORESEE = Path(sys.executable).parent / "foresee"
 
 
 def test_a_map_becomes_a_network_and_a_scenario_that_runs(tmp_path: Path) -> None:
@@ -73,8 +71,6 @@ def test_a_real_town(carla: Path, tmp_path: Path) -> None:
 def test_the_command_writes_over_an_older_import(tmp_path: Path) -> None:
     shutil.copy(MAP, tmp_path / "my map.xodr")
     for _ in range(2):
-        command = [FORESEE, "import", "opendrive", tmp_path / "my map.xodr", "--out", tmp_path / "out"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        done = foresee("import", "opendrive", tmp_path / "my map.xodr", "--out", tmp_path / "out")
         assert "not expressed:" in done.stdout
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["my map.xodr", "my_map.foresee"]

@@ -6,8 +6,6 @@ import json
 import math
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +25,7 @@ from foresee_dsl.report.page.runs import Outcome, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
 from foresee_dsl.story import Moment
+from tests.support import command
 from tests.support.small_campaign import campaign, write_project
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -351,7 +350,4 @@ def test_report_gives_every_form(out: Path, page_file: Path, tmp_path: Path) -> 
 
 
 def foresee(*arguments: str | Path, cwd: Path) -> str:
-    program = Path(sys.executable).parent / "foresee"
-    done = subprocess.run([program, *arguments], cwd=cwd, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return command.foresee(*arguments, cwd=cwd).stdout
