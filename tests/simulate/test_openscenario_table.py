@@ -152,7 +152,12 @@ CHECKS: dict[str, Callable[[Run], bool]] = {
         -51.6,
         1.0,
     ),
-    "RelativeDistanceCondition": lambda run: run.begins("near", lambda t: run.apart("tail", "lead", t) < 25.0),
+    "RelativeDistanceCondition": lambda run: (
+        run.begins("near", lambda t: run.apart("tail", "lead", t) < 25.0) and 0.5 < run.fired("beside") < 3.5
+    ),
+    "RelativeSpeedCondition": lambda run: run.begins(
+        "as_fast", lambda t: run.of("tail", SPEED, t) - run.of("lead", SPEED, t) < 2.0
+    ),
     "SimulationTimeCondition": lambda run: near(run.fired("by_time"), 2.05, 1e-6),
     "StoryboardElementStateCondition": lambda run: near(run.event("starts", "walker").time_s, 6.05, 1e-6),
     "TrafficSignalCondition": lambda run: near(run.fired("sees_red"), 10.0, 1e-6),

@@ -246,7 +246,8 @@ class ConditionReader:
 
     def _between(self, kind: Element, entity: Entity) -> m.Condition:
         """Return a condition between two entities."""
-        measures: Mapping[str, tuple[Literal["distance", "ttc", "headway"], Dimension]] = {
+        measures: Mapping[str, tuple[Literal["distance", "ttc", "headway", "lateral", "relative_speed"], Dimension]] = {
+            "RelativeSpeedCondition": ("relative_speed", "speed"),
             "RelativeDistanceCondition": ("distance", "length"),
             "TimeToCollisionCondition": ("ttc", "time"),
             "TimeHeadwayCondition": ("headway", "time"),
@@ -257,12 +258,16 @@ class ConditionReader:
         ref = kind.get("entityRef") or (target.get("entityRef") if target is not None else None)
         if ref is None:
             raise NotExpressed(f"conditions: {kind.tag} (with a place)")
-        if kind.get("relativeDistanceType") == "lateral":
-            raise NotExpressed(f"conditions: {kind.tag} (lateral)")
+        if kind.tag == "RelativeSpeedCondition" and kind.get("direction") not in (None, "longitudinal"):
+            raise NotExpressed(f"conditions: {kind.tag} ({kind.get('direction')})")
         what, dimension = measures[kind.tag]
+        if kind.get("relativeDistanceType") == "lateral":
+            what = "lateral"
         value, other = number(kind, "value"), self._entity(ref)
         if kind.get("freespace") == "false":  # between reference points there, between footprints here
-            if dimension == "length":
+            if what == "lateral":
+                value = max(value - (entity.spec.width_m + other.spec.width_m) / 2, 0.0)
+            elif dimension == "length":
                 value = max(value - (entity.spec.length_m + other.spec.length_m) / 2, 0.0)
             else:
                 self.losses.note("times between two actors are measured between their footprints")

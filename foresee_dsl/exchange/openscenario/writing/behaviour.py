@@ -21,6 +21,7 @@ from foresee_dsl.exchange.openscenario.writing.library import (
     reference_position,
     world,
 )
+from foresee_dsl.exchange.openscenario.writing.relations import Related, related_action
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 from foresee_dsl.language.lints.logic import TURNED
@@ -257,22 +258,24 @@ class _Board:
     def _action(self, action: m.Action) -> Xosc:
         if isinstance(action, m.OfNobody) or action.actor not in self._placed:
             return None
-        actor = self._placed[action.actor]
+        actor, made = self._placed[action.actor], None
         if isinstance(action, m.ChangesSpeed):
             over = None if action.over is None else si_of(action.over)
-            return self._to(actor, si_of(action.to), over)
-        if isinstance(action, m.Stops):
+            made = self._to(actor, si_of(action.to), over)
+        elif isinstance(action, m.Stops):
             self.left_out["driving on after a stop"] += action.duration is not None
-            return osc.AbsoluteSpeedAction(0, _rate(_STOPS_MPS2))
-        if isinstance(action, m.ChangesLane):
+            made = osc.AbsoluteSpeedAction(0, _rate(_STOPS_MPS2))
+        elif isinstance(action, m.ChangesLane):
             took = osc.TransitionDynamics(osc.DynamicsShapes.sinusoidal, osc.DynamicsDimension.time, _LANE_CHANGE_S)
             by = 1 if word_of(action.side) == "left" else -1
-            return osc.RelativeLaneChangeAction(by, action.actor, took)
-        if isinstance(action, m.Starts):
+            made = osc.RelativeLaneChangeAction(by, action.actor, took)
+        elif isinstance(action, Related):
+            made = related_action(action, self.bundle.scene, self.left_out)
+        elif isinstance(action, m.Starts):
             self._set_off(actor, action)
-            return self._to(actor, actor.cruise_mps)
-        self.left_out[f"actions: {action.kind}"] += 1
-        return None
+            made = self._to(actor, actor.cruise_mps)
+        self.left_out[f"actions: {action.kind}"] += made is None
+        return made
 
     def _set_off(self, actor: PlacedActor, action: m.Starts) -> None:
         """Let an actor that is started on a path follow it; it stands until then, so the event may start at once."""
