@@ -48,6 +48,8 @@ def check_values(findings: Findings, model: m.Definition) -> None:
             needed = m.MEASURED[item.left.what]
             if item.right.dimension != needed:
                 findings.wrong_dimension(item, "right", item.right, needed)
+        if isinstance(item, m.KeepsGap):
+            _check_gap(findings, item, types)
         for field, value in fields_of(item):
             if isinstance(value, m.Ref):
                 _check_reference(findings, parameters, item, field, value)
@@ -61,6 +63,16 @@ def check_values(findings: Findings, model: m.Definition) -> None:
                 check_expression(findings, item, field, value, _needed(item, field), types)
     if isinstance(model, m.Scenario) and not findings:
         _check_results(findings, model)
+
+
+def _check_gap(findings: Findings, item: m.KeepsGap, types: Mapping[str, str]) -> None:
+    """A gap is a time or a length, and nothing else."""
+    gap = item.gap
+    if isinstance(gap, m.Quantity) and gap.dimension not in ("time", "length"):
+        findings.wrong_dimension(item, "gap", gap, "time")
+    elif isinstance(gap, m.Ref) and types.get(gap.name, "time") not in ("time", "length"):
+        message = f"'{gap.name}' is of type {types[gap.name]}, but a gap is a time or a length"
+        findings.add(item, "gap", "FS032", message, "use a parameter of type `time` or `length`")
 
 
 def _needed(item: m.Item, field: str) -> Dimension | None:
