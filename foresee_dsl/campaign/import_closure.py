@@ -20,7 +20,7 @@ DIGITS = 40
 """Hexadecimal digits of a hash. Ours: 160 bits; two of a billion are the same with a chance below 1e-30."""
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CACHE = "imports-1.json"
-"""What each source imports, by the source's hash, is cached between processes: reading 230 sources takes 2 s. The
+"""What each source imports, by the source's hash, is cached between processes: reading 230 sources took 2 s. The
 number is raised when `imports_of` changes."""
 
 

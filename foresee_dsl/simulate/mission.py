@@ -19,7 +19,7 @@ from foresee_dsl.simulate.trace import STEP_S
 __all__ = ["limits_of", "mission_of"]
 
 STOP_BEFORE_M = 1.0
-"""The stop line is this far in front of the junction's lanes, as SUMO's vehicles stop."""
+"""Distance of the stop line from the lanes inside the junction, m: where SUMO's vehicles stop."""
 BEYOND_GOAL_M = 80.0
 """A driver that plans 4 s ahead at 60 km/h looks 67 m ahead (and the protocol asks for a line beyond the goal)."""
 NEAR_AHEAD_M, NEAR_RIGHT_M, NEAR_HEIGHT_M = 2.0, 3.0, 2.6
@@ -31,7 +31,7 @@ over a road."""
 _HEADS_M = ((NEAR_AHEAD_M, -NEAR_RIGHT_M, NEAR_HEIGHT_M), (FAR_AHEAD_M, 0.0, FAR_HEIGHT_M))
 """Ahead of the stop line on the route, to its left, over the road."""
 _GO, _GO_FIRST = "gGoO", "G"
-"""Letters of a signal's state that let a movement go; the one that lets it go without yielding."""
+"""SUMO's letters of a signal's state: those that let a movement go, and the one that lets it go without yielding."""
 
 
 def mission_of(bundle: SumoBundle) -> Mission:
@@ -97,10 +97,10 @@ def _foe(conflict: Conflict, entry_s: float, own: tuple[str, int], states: Mappi
 
 
 def _must_yield(conflict: Conflict, own: tuple[str, int], states: Mapping[str, tuple[str, ...]]) -> bool:
-    """Say whether the ego must let a stream go first while both may go.
+    """Return whether the ego must give way to a stream of traffic at a time when both may go.
 
-    At a signal the right-of-way matrix holds every pair; only those count that have green together, the ego without
-    priority (`g`).
+    At a signal the right-of-way matrix lists every pair of streams. Only pairs that are green together count, and of
+    these only those in which the ego's green has no priority (SUMO's letter `g`).
     """
     tls, link = own
     phases = states.get(tls)

@@ -12,13 +12,14 @@ from foresee_dsl.story.facts import spans
 from foresee_dsl.story.wording import metres
 
 SAME_PLACE_M = 3.0
-"""An ego that comes no nearer to the place of the failure does not come there. Ours: a lane's width."""
+"""How near the other ego must come to the place of the failure for the two to be compared there, m. Ours: a lane's
+width."""
 EARLIER_S = 0.2
-"""A smaller difference in time is not told. Ours: two decisions of a driver that plans at 10 Hz."""
+"""The smallest difference in time that is mentioned, s. Ours: two decisions of a driver that plans at 10 Hz."""
 SLOWER_MPS = 0.5
-"""A smaller difference in speed is not told. Ours: 2 km/h."""
+"""The smallest difference in speed that is mentioned. Ours: 2 km/h."""
 ASIDE_M = 0.3
-"""A smaller lateral difference is not told. Ours: twice the sensors' error in place."""
+"""The smallest lateral difference that is mentioned, m. Ours: twice the sensors' error in position."""
 
 
 def how_avoided(failed: Trace, passed: Trace) -> tuple[str, ...]:
@@ -35,7 +36,7 @@ def how_avoided(failed: Trace, passed: Trace) -> tuple[str, ...]:
 
 
 def _braking(failed: Trace, passed: Trace) -> str:
-    """Compare when the last braking before the failure began."""
+    """Compare when the two egos began their last braking before the failure."""
     end = failed.frames - 1
     own, other = _braking_from(failed, end), _braking_from(passed, min(end, passed.frames - 1))
     if other is None:

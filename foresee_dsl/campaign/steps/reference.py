@@ -1,4 +1,4 @@
-"""A failing child is driven by another driver: who avoids the failure, and how."""
+"""The step after a failing child: a reference driver drives it too, which shows who avoids the failure, and how."""
 
 from __future__ import annotations
 

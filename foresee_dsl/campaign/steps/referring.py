@@ -1,4 +1,4 @@
-"""What is the same for all runs of failures with reference drivers."""
+"""What all steps share that drive a failure with a reference driver."""
 
 from __future__ import annotations
 

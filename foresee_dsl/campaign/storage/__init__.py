@@ -1,1 +1,1 @@
-"""Where a campaign's results are kept: rows by key, traces as files."""
+"""Where a campaign's results are stored: rows by key, traces as files."""

@@ -49,7 +49,8 @@ def has_sums(database: sqlite3.Connection) -> bool:
 
 
 def is_whole(file: Path) -> bool:
-    """Return whether SQLite can read all of a database. What is none at all is not looked at: opening it says so."""
+    """Return whether SQLite can read all of a database. A file that is no database passes: opening it gives the
+    error."""
     try:
         with closing(_opened(file)) as database:
             return bool(database.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
@@ -58,7 +59,7 @@ def is_whole(file: Path) -> bool:
 
 
 def rescue(file: Path, columns: Sequence[str], insert: str, setup: Sequence[str]) -> int:
-    """Replace a damaged database by one with all sound rows that can be read; the old one is kept beside it.
+    """Replace a damaged database by one with all sound rows that can be read; the old one stays beside it.
 
     Args:
         columns: of a row, in the order of its checksum. insert: a row with its checksum. setup: makes the tables.

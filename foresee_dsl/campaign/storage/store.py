@@ -1,8 +1,9 @@
-"""The store: what was run, by key. A row a result in SQLite, and its trace as a blob that was written before the row.
+"""The store: results of runs, by key. Each result is a row in SQLite; its trace is a file (a blob), written before the
+row.
 
 One process writes at a time (a lock holds its number); any number may read. What is committed survives the end of every
-process. A row whose trace was lost counts as not there, and so does what was changed on the disk: every row has a
-checksum, and a trace is called by its own.
+process. A row whose trace is lost counts as missing, and so does what was changed on the disk: every row has a
+checksum, and a trace's file is named by its checksum.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ CREATE TABLE runs (
 _WITH_SUM = "ALTER TABLE runs ADD COLUMN sum TEXT NOT NULL DEFAULT ''"
 """Stores of the first versions have none; their rows' sums are empty, and only their records are checked."""
 _BUSY_MS = 10_000
-"""How long a statement waits for a reader that holds the database. Ours: `stat` reads a large store in a second."""
+"""How long a statement waits while another process reads the database. Ours: `foresee store stat` reads a large store
+in a second."""
 
 
 class StoreError(ForeseeError):
@@ -85,9 +87,10 @@ class Store:
         self.folder = folder
         self.blobs = Blobs(folder / "blobs")
         self.damaged: dict[str, str] = {}
-        """What was found changed on the disk and counts as not there: by key, the results' names."""
+        """Results that were changed on the disk and count as missing: their names by key."""
         self.lost = 0
-        """How many results could not be read from a damaged file, which was replaced; that file is kept."""
+        """The number of results lost with a damaged database. It was replaced by what could be read; the damaged file
+        stays beside it."""
         self._sound: set[str] = set()
         self._sum = "sum"
         self._lock: int | None = None
@@ -133,7 +136,7 @@ class Store:
         return found is not None and (not found[0] or self.blobs.has(found[0]))
 
     def add(self, row: Row, trace: bytes | None = None) -> Row:
-        """Keep a result; when this returns, it outlives this process. Return the row with its trace's name.
+        """Store a result; when this returns, it outlives this process. Return the row with its trace's name.
 
         A row of the same key stays, unless its trace was lost.
 
@@ -159,9 +162,8 @@ class Store:
         return int(self.execute("SELECT count(*) FROM runs WHERE tool != ?", (__version__,))[0][0])
 
     def rows(self, where: str = "", values: tuple[object, ...] = (), *, records: bool = True) -> Iterator[Row]:
-        """Yield rows in the order of their keys, without damaged ones.
-
-        `records=False` leaves out what makes them large; then nothing can be checked.
+        """Yield rows in the order of their keys, without damaged ones. `records=False` leaves out the records, which
+        make rows large; then damage cannot be found.
         """
         columns = ", ".join(column if records or column != "record" else "x''" for column in COLUMNS)
         with self._errors():

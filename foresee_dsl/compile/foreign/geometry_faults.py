@@ -29,18 +29,20 @@ KINK_WITHIN_M = 2.0
 """A line that turns by more than 60 degrees within 2 m cannot be followed: that is a radius of 1.9 m, and a car's
 smallest is about 5 m."""
 LONGEST_GAP_M = 1.0
-"""Lanes that follow each other may be so far apart, m (ours; of the 2,346 connections of CARLA's towns the largest gap
-is 0.2 m)."""
+"""The largest gap between two lanes that follow each other, m (ours; of the 2,346 connections of CARLA's towns the
+largest gap is 0.2 m)."""
 SHORTEST_LOOP_M = 35.0
-"""A line that comes back to itself within this length, m, is no loop of a road: a car's smallest circle has 35 m."""
+"""A line that crosses itself within this length, m, is a fault and no loop road: the smallest circle that a car can
+drive is 35 m long."""
 NARROWEST_M = 1.5
 """A lane for cars has at least this width, m (ours: the smallest cars are 1.5 m wide)."""
 FARTHEST_OUTSIDE_M = 3.5
 """A connection may leave its junction's area and the lanes that meet there by this much, m: a lane's width (ours)."""
 _TOLERANCE_M = 0.05
-"""Zigzag below this is rounding, m."""
+"""A zigzag smaller than this comes from rounding, m."""
 _BESIDE_M = 3.0
-"""So much of the lanes before and behind a connection belongs to it, m: more than `KINK_WITHIN_M`."""
+"""The length of the lanes before and behind a connection that is checked together with it, m: more than
+`KINK_WITHIN_M`."""
 
 Kind = Literal["kink", "loop", "gap", "narrow", "outside"]
 
@@ -85,7 +87,8 @@ def _of_lanes(net: Topology) -> Iterator[Fault]:
 def _of_connections(net: Topology) -> Iterator[Fault]:
     areas = Areas(net)
     for movement in net.movements:
-        if "car" not in movement.kinds or movement.turn == "back":  # who turns round does so in several moves
+        if "car" not in movement.kinds or movement.turn == "back":
+            # a vehicle turns round in several moves
             continue
         fault = fault_of_connection(net, movement)
         if fault is None and movement.via:

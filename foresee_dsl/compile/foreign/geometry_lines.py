@@ -23,20 +23,22 @@ from foresee_dsl.compile.roads.polyline import XY, Points, direction, distance, 
 from foresee_dsl.compile.roads.topology import Movement, Topology
 
 _REACHES_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
-"""How far from a corner its rounding begins: the first that gives a line without a kink is taken (ours)."""
+"""Distances from a corner at which its rounding may begin, m; the first one that leaves no kink is taken (ours)."""
 _SHORTER_M = (0.0, 0.75, 1.5, 3.0, 5.0)
-"""By how much lanes are shortened to make room for a connection: the first that does is taken (ours; netconvert 1.28
+"""Lengths by which lanes may be shortened to make room for a connection, m; the first one that is enough is taken
+(ours; netconvert 1.28
 turns round a corner of two streets within 1.6 m, for which 0.75 m more are enough)."""
 _LEAST_LANE_M = 2.0
-"""So much is left of a lane that is shortened (ours)."""
+"""The least length of a lane that is shortened, m (ours)."""
 _PULLS = (0.35, 0.5, 0.25, 0.65)
 """Where the inner points of a Bezier curve lie, as a share of the distance of its ends; 0.35 is nearest to an arc over
 a quarter of a circle (0.39), and flatter for smaller turns (ours)."""
 _SMOOTH_RAD = math.radians(54)
-"""A line that is repaired turns by less than this within 2 m: below a kink by what rounding to 1 cm may add (ours)."""
+"""A repaired line turns by less than this within 2 m: less than a kink, by as much as rounding to 1 cm may add
+(ours)."""
 _CURVE_POINTS = 12
 _MOST_CORNERS = 50
-"""Corners that are rounded in one lane (ours: a hairpin road of the Alps has some 30)."""
+"""The most corners that are rounded in one lane (ours: a hairpin road in the Alps has some 30)."""
 
 
 class Lines:

@@ -16,7 +16,7 @@ from foresee_dsl.kernels.boxes import overlaps_of
 
 
 class FreeWay(NamedTuple):
-    """What binds along the waypoints.
+    """How far the way along the waypoints is free, and which object limits it.
 
     Attributes:
         free_m: [N] how far the ego may have come after each step of the linear programme, infinite where nothing binds.

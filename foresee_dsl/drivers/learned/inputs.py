@@ -28,7 +28,7 @@ AHEAD_M, BEHIND_M, SIDE_M = 48.0, 16.0, 32.0
 """What the networks see of the view from above: all of it ahead (the braking distance from 70 km/h with 4 m/s^2), and
 to the sides and behind as far as an overtaking or crossing car comes within two seconds at 50 km/h and at 30."""
 DRAWN_CHANNELS = tuple(name for name in BIRDS_EYE_CHANNELS if name != "ego")
-"""Channels taken from the view from above: all but the ego's own footprint, which is the same in every picture."""
+"""Channels taken from the bird's-eye view: all but the ego's own footprint, which is the same in every picture."""
 PAST_S = (0.5, 1.0)
 """How long ago the object lists of the past channels were seen."""
 CHANNELS = (*DRAWN_CHANNELS, *(f"past_{seconds}_s" for seconds in PAST_S))
@@ -64,10 +64,10 @@ _ROUTE = CHANNELS.index("route")
 _ROUTE_M = 1.5
 """How wide the route is in the view from above."""
 _EDGE_M = 2.0
-"""A step of the route with its middle so far outside the picture has no pixel in it."""
+"""A piece of the route whose middle is this far outside the picture covers no pixel of it, m."""
 _BACK_M, _ON_M = 10.0, 25.0
-"""The ego is searched on its route from so far behind its last place, and so far ahead of it and of what it can have
-driven since."""
+"""The ego's place on its route is searched from this far behind its last place to this far ahead of where it can have
+come since, m."""
 _TURNED_M2 = 20.0
 """A place where the route runs the other way counts as farther off by this much, m^2: two lanes of 3.3 m lie beside
 each other where it turns back."""
@@ -198,7 +198,7 @@ class _Route:
         self.at_s, self._time_s = float(mission.start_s), 0.0
 
     def vector(self, time_s: float, ego: EgoState) -> Vector:
-        """Return `VECTOR` of an ego; its place on the route is kept for the next time."""
+        """Return `VECTOR` of an ego; its place on the route is remembered for the next call."""
         s = self._place(time_s, ego)
         limit = float(np.interp(s, self._s, self._mission.speed_limit_mps))
         c, sine = math.cos(ego.heading_rad), math.sin(ego.heading_rad)

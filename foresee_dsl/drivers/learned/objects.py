@@ -29,7 +29,7 @@ class Objects:
         self._known: list[_Known] = []
 
     def update(self, seen: Sequence[Occupied], ego: EgoState, time_s: float) -> list[Occupied]:
-        """Return what is seen, with sizes that exist, and what is not any more."""
+        """Return the objects that are seen now, with plausible sizes, and those that were seen a moment ago."""
         found = [
             replace(one, length_m=max(one.length_m, cfg.LEAST_M), width_m=max(one.width_m, cfg.LEAST_M)) for one in seen
         ]

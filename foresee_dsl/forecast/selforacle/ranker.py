@@ -30,7 +30,7 @@ class SelfOracleSettings:
 class SelfOracleRanker:
     """Segments over the threshold, the largest error first (paper, section 4.3.2); the point is a segment's middle.
 
-    There are as many points as alarms: what is under the threshold is nominal, and no point.
+    A segment below the threshold counts as nominal and gives no risky point; so there are as many points as alarms.
     """
 
     settings: SelfOracleSettings = field(default_factory=SelfOracleSettings)
@@ -79,7 +79,7 @@ class SelfOracleRanker:
 
 @dataclass(frozen=True)
 class ConvolutionalRanker(SelfOracleRanker):
-    """The same with a convolutional autoencoder."""
+    """The ranker `selforacle_conv`: as `selforacle`, with a convolutional autoencoder."""
 
     name: str = "selforacle_conv"
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 BUNDLED = Path(__file__).resolve().parents[1] / "weights"
 _BATCH = 16
-"""Pictures that are looked at at once. Ours: a run has about 60; more at once are not faster on one thread."""
+"""Pictures in one call of the network. Ours: a run has about 60; larger batches are not faster on one thread."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Watcher:
 
 
 def watcher_of(ranker: str, driver: str) -> Watcher:
-    """Return what watches a driver, named by its address (`pdm`, `external:python3 mine.py`).
+    """Return the watcher of a driver, which is named by its address (`pdm`, `external:python3 mine.py`).
 
     Raises:
         ForeseeError: nothing was trained for it, its files are damaged, or onnxruntime is not installed.

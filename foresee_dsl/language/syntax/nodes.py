@@ -46,13 +46,13 @@ A word that turns out to be none becomes a name again when the two are joined (`
 
 _TURNS = form_of(m.Leg, "turn").words
 RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
-"""Words that mean themselves wherever they stand, so that no parameter may be called so."""
+"""Words that are never read as a parameter's name, wherever they stand; so no parameter can have one as its name."""
 
 _KINDS = MappingProxyType({m.rule_of(kind): kind for kind in m.ITEMS})
 """Which class a rule of the grammar makes."""
 _CALCULATED = ("calculation", "negative", "extreme")
 _NESTED = ("either", "both", "not", "sustained", "then", *_CALCULATED)
-"""Rules that can hold themselves."""
+"""Rules that can contain themselves, directly or not."""
 
 
 def span_of(thing: _Tree | Token) -> Span:
@@ -62,7 +62,7 @@ def span_of(thing: _Tree | Token) -> Span:
 
 
 class NodeMaker:
-    """Turns one file's tree into nodes, and gathers the errors that the shapes show."""
+    """Turns the tree of one file into nodes, and collects the errors that can be seen from the tree's form alone."""
 
     def __init__(self, tree: _Tree) -> None:
         self.errors: list[TextError] = []
@@ -143,7 +143,8 @@ class NodeMaker:
             node.places[name] = Span(first.line, first.column, last.end_line, last.end_column)
 
     def _put_block(self, node: Node, block: _Tree) -> None:
-        """Statements of the field that the pattern names, and settings: lines that give a field of the node itself."""
+        """Divide the lines of a block: statements go into the field that the pattern names, settings give a field of
+        the node itself."""
         node.block = span_of(block)
         made: list[Node] = []
         body = read_pattern(node.kind.pattern).body
@@ -277,7 +278,7 @@ class NodeMaker:
         return self._made(tree, (deviation, ego))
 
     def _holding(self, tree: _Tree) -> Node:
-        """A statement behind `add` or `change`: its lines count as the holder's own."""
+        """Return the statement behind `add` or `change`: its lines count as those of the `add` or `change`."""
         held = self.make(next(_trees(tree.children)))
         node = Node(_KINDS[tree.data], span_of(tree), {"item": held}, {"item": held.span}, block=held.block)
         node.lines = [(("item", *key), span, inner) for key, span, inner in held.lines]
@@ -331,17 +332,17 @@ def _text(token: Token) -> str:
 
 
 def _token(child: object) -> Token:
-    """The same, for the type checker: the grammar puts a token there."""
+    """Return a child that the grammar makes a token; for the type checker."""
     return cast(Token, child)
 
 
 def _word_of_ref(child: _Child) -> _Child:
-    """A bare name, where it may be a word as well as a parameter: what it is shows when the types are known."""
+    """Return a bare name that may be a word or a parameter: which one is known once the parameters' types are."""
     return child.children[0] if isinstance(child, Tree) and child.data == "ref" else child
 
 
 def _as_text(tree: _Tree) -> str:
-    """A value or a measure as it is written, with the usual blanks."""
+    """Return a value or a measure as the printer writes it."""
     text = " ".join(str(token) for token in tree.scan_values(lambda token: isinstance(token, Token)))
     if tree.data == "measure" and " " in text:
         what, *arguments = text.split()

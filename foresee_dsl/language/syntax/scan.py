@@ -11,11 +11,12 @@ from foresee_dsl.language.syntax.node import TextError
 
 _PIECE = re.compile(r'"[^"\n]*"?|#[^\n]*|\n|[{};\[\]]|[^ \t\n"#{};\[\]]+')
 _LIST_REACH = 2000
-"""How far the end of a list that goes over several lines is looked for (ours: some thirty points)."""
+"""How many characters ahead the end of a list is looked for, which may be lines further down (ours: a path of some
+thirty points)."""
 MOST = 100
-"""After this many errors the search stops (ours: more are not read, and a broken file must not cost minutes)."""
+"""The search stops after this many errors (ours: nobody reads more, and a broken file must not take minutes)."""
 _SHOWN = 3
-"""So many blocks that are not closed are reported one by one (ours: one brace too few can leave all open)."""
+"""At most this many unclosed blocks are reported one by one (ours: one missing brace can leave all blocks open)."""
 _PLAUSIBLE = 3
 """More missing braces than this by indentation mean that the file is just not indented (ours)."""
 
@@ -94,7 +95,7 @@ class _Scanner:
 
     @property
     def wrong(self) -> int:
-        """How many errors there are, those that are not reported too."""
+        """The number of errors, including those that are not reported."""
         return len(self.errors) + max(len(self._open_blocks) - _SHOWN - 1, 0)
 
     def run(self) -> list[Raw]:
@@ -178,7 +179,7 @@ class _Scanner:
         self._open_blocks.append(TextError("FS007", message, "add a `}` where it ends", place))
 
     def _few_of_the_unclosed(self) -> None:
-        """Report the outermost blocks that are not closed; of the others how many there are."""
+        """Report the outermost unclosed blocks one by one, and the number of the others."""
         unclosed = sorted(self._open_blocks, key=lambda error: (error.span.line, error.span.column))
         self.errors += unclosed[:_SHOWN]
         more = len(unclosed) - _SHOWN

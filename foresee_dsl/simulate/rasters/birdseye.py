@@ -26,10 +26,10 @@ Pose = tuple[float, float, float]
 """x, y (m), heading (rad)."""
 
 _LEAST_PX = 2.0
-"""Sides are drawn at least so long: over the square root of two, some pixel's middle is inside at any angle. Ours: with
-1.5 a pedestrian was often a single pixel."""
+"""A footprint's sides are drawn at least this long, in pixels. Above the square root of two at least one pixel's middle
+lies inside, at any angle. Ours: with 1.5 a pedestrian was often a single pixel."""
 _STOP_M = 1.0
-"""How far a stop line reaches along the road. Ours: two pixels; painted ones are 0.3 to 0.5 m."""
+"""The thickness of a stop line, m (along the road). Ours: two pixels; painted lines have 0.3 to 0.5 m."""
 _MAP = len(MAP_BITS)
 _STOP = {name: BIRDS_EYE_CHANNELS.index(f"stop_{name}") for name in ("red", "amber", "green", "other")}
 _GROUP = BIRDS_EYE_CHANNELS.index(GROUPS[0])
@@ -61,8 +61,8 @@ class BirdsEye:
         stops: Sequence[StopLine] = (),
         ego_size_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Prepare a map, which has the route, and the route's stop lines; an ego of no size (length, width) is not
-        drawn."""
+        """Take a map on which the route is drawn already, and the route's stop lines. An ego without a size (length,
+        width) is not drawn."""
         layout = BIRDS_EYE
         self._ground, self._stops, self._layout = ground, stops, layout
         scale = layout.m_per_px
@@ -119,7 +119,7 @@ class BirdsEye:
         c, s = math.cos(heading), math.sin(heading)
         dx, dy = boxes[:, 0] - x, boxes[:, 1] - y
         ahead, left = (c * dx + s * dy) / layout.m_per_px, (c * dy - s * dx) / layout.m_per_px
-        # NaN is within no reach; absent ones and those far away go here.
+        # Drops what is too far away, and absent actors: a distance of NaN is not within the picture's reach.
         reach = max(layout.rows, layout.columns) + boxes[:, 4] / layout.m_per_px
         near = np.flatnonzero(np.hypot(ahead, left) <= reach)
         turned = boxes[near, 2] - heading
@@ -139,7 +139,7 @@ class BirdsEye:
 
 
 def _velocity(speed_mps: FloatArray) -> NDArray[np.uint8]:
-    # Absent ones have no pixels, whatever is cast here.
+    # An absent actor (NaN) has no pixels, so the integers that its NaN becomes here are never used.
     known = np.nan_to_num(speed_mps)
     value: NDArray[np.uint8] = np.clip(np.rint(known * VELOCITY_PER_MPS) + VELOCITY_ZERO, 1, 255).astype(np.uint8)
     return value

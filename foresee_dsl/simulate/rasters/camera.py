@@ -30,9 +30,10 @@ from foresee_dsl.simulate.rasters.birdseye import Pose
 from foresee_dsl.simulate.rasters.ground import GroundMap
 
 _NEAR_M = 0.1
-"""Nothing is drawn nearer to the camera than this; also what it stands in begins here."""
+"""Nothing nearer to the camera than this is drawn; a box that the camera stands in is drawn from here on."""
 _SNAP = 1024
-"""Rows are rounded to this part of a pixel, so that the last digits of a machine's arithmetic do not show (ours)."""
+"""Rows are rounded to this fraction of a pixel, so that processors that differ in the last digit draw the same picture
+(ours)."""
 _CLASSES = len(FORWARD_CHANNELS) - 1
 _NONE = _CLASSES
 """The label of a pixel that shows nothing."""
@@ -109,7 +110,7 @@ class Camera:
         return picture
 
     def _draw_walls(self, pose: Pose, depth: NDArray[np.float32], label: NDArray[np.uint8], range_m: float) -> None:
-        """Buildings are of one height: the nearest wall of a column hides the others."""
+        """All buildings are equally high, so in each column the nearest wall hides the others."""
         if not len(self._walls):
             return
         ahead, left = self._seen_from(pose, self._walls[..., 0], self._walls[..., 1])
@@ -154,7 +155,8 @@ class Camera:
             return
         entry, exit_ = self._entered(boxes[chosen], ahead[chosen], left[chosen], boxes[chosen, 2] - pose[2])
         low, high = boxes[chosen, 5, None], boxes[chosen, 6, None]
-        # Of what ends under the camera the top is seen, to its far edge; of what hangs over it the underside.
+        # A box that ends below the camera shows its top as far as its far edge; one that begins above the camera shows
+        # its underside.
         top = self._row(high, np.where(high < CAMERA_HEIGHT_M, exit_, entry))
         below = np.maximum(self._row(low, np.where(low > CAMERA_HEIGHT_M, exit_, entry)), top + 1)
         for k, box in enumerate(chosen.tolist()):
@@ -174,7 +176,7 @@ class Camera:
     ) -> tuple[FloatArray, FloatArray]:
         """Return [K, W] how far ahead each column's ray enters and leaves each box; infinite where it does not."""
         c, s = np.cos(turned)[:, None], np.sin(turned)[:, None]
-        # Far and thin things are shown one column wide, so that no pedestrian vanishes between two rays.
+        # Something thin and far away gets one column at least, so that no pedestrian falls between two rays.
         least = np.maximum(ahead, 0.0)[:, None] / self._layout.focal_px
         half_length, half_width = (np.maximum(boxes[:, k, None], least) / 2 for k in (3, 4))
         along, across = ahead[:, None] * c + left[:, None] * s, left[:, None] * c - ahead[:, None] * s

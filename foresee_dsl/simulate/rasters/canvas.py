@@ -1,4 +1,4 @@
-"""Pictures of a run: what stays the same is drawn once, each step adds what moves."""
+"""Pictures of a run: the map, the route and the buildings are drawn once; each step adds what moves."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ class Canvas:
         stops: Sequence[StopLine] = (),
         ego_size_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Take what stays the same: a network, whose map is kept, the ego's line ([N, 2] m) and its stop lines.
+        """Take what does not change during a run: the network (its map is cached), the ego's line ([N, 2] m) and its
+        stop lines.
 
         An ego without a size (length, width) is not drawn.
         """
@@ -126,7 +127,7 @@ class RunViews:
         *,
         range_m: float = CAMERA_RANGE_M,
     ) -> None:
-        """Take what stays the same.
+        """Take what does not change during a run.
 
         `others`: models of the other actors, in the order of `states` below. `range_m`: how far the weather lets the
         camera see.
@@ -152,7 +153,7 @@ class StepViews:
     Views that packages add are drawn by name, as our two are.
 
     Attributes:
-        run: what stays the same. ego, actors, signals: those of the observation.
+        run: what does not change during the run. ego, actors, signals: those of the observation.
         pose: where the ego really is. states: the others, see `RunViews.at`.
     """
 
@@ -217,7 +218,7 @@ class RecordedFrames:
     """The arrays that a `Canvas` takes, from a trace: where all actors really were."""
 
     def __init__(self, trace: Trace) -> None:
-        """Know the run's actors; a trace holds no heights, so each actor has the usual one of its kind."""
+        """Read the actors of a run. A trace holds no heights, so each actor gets the usual height of its class."""
         self._states = trace.states
         others = trace.actors[1:]
         self._sizes = np.array([(a.length_m, a.width_m) for a in others]).reshape(-1, 2)

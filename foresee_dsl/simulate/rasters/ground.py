@@ -1,4 +1,4 @@
-"""The ground of a whole map as one picture, made once: a step only samples it."""
+"""The ground of a whole map as one picture. It is drawn once; the picture of a step only reads pixels of it."""
 
 from __future__ import annotations
 
@@ -33,14 +33,15 @@ pixels of 0.5 m."""
 ROUTE_M = 1.5
 """Width of the route. Ours: half a lane, so that it is told from the lane centres."""
 _MARGIN_M = 25.0
-"""Around what is drawn. Ours: an ego that leaves the road is stopped by the verdict long before."""
+"""Margin of the map around the lanes, m. Ours: a run ends (off the road) long before its ego comes so far."""
 _MAX_PX = 64_000_000
-"""Pixels of a map, a byte each: 4 km^2. A larger one gets larger pixels (ours: 64 MB a worker is bearable)."""
+"""The most pixels of a map, one byte each; that is 4 km^2. A larger map gets larger pixels (ours: 64 MB in each worker
+process)."""
 _FRACTION = 12
-"""Bits behind the point of a coordinate in pixels while sampling: with 32 bits in all a map may be 500,000 pixels wide,
-and a picture of 200 pixels is off by 0.03 of a map's pixel at its corners."""
+"""Fractional bits of a coordinate (fixed point, in pixels) while the map is sampled. Of 32 bits enough are left for a
+map 500,000 pixels wide, and the corners of a picture of 200 pixels are off by 0.03 of a map's pixel."""
 
-_kept: WeakKeyDictionary[RoadNetwork, GroundMap] = WeakKeyDictionary()
+_drawn_maps: WeakKeyDictionary[RoadNetwork, GroundMap] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +61,9 @@ class GroundMap:
     @classmethod
     def of(cls, network: RoadNetwork) -> GroundMap:
         """Draw a network's ground, or return what was drawn of the same network before."""
-        if network not in _kept:
-            _kept[network] = cls._drawn(network)
-        return _kept[network]
+        if network not in _drawn_maps:
+            _drawn_maps[network] = cls._drawn(network)
+        return _drawn_maps[network]
 
     @classmethod
     def _drawn(cls, network: RoadNetwork) -> GroundMap:
@@ -103,7 +104,8 @@ class GroundMap:
         x, y, heading = pose
         c, s = math.cos(heading) / self.m_per_px, math.sin(heading) / self.m_per_px
         unit = 1 << _FRACTION
-        # Columns grow to the east, rows to the south. Every term is rounded by itself: what is left are whole numbers.
+        # Columns count eastwards, rows southwards. Each term is rounded on its own, so the rest is arithmetic of
+        # integers.
         column = np.rint(ahead_m * (c * unit)).astype(np.int32) + np.rint(left_m * (-s * unit)).astype(np.int32)
         row = np.rint(ahead_m * (-s * unit)).astype(np.int32) + np.rint(left_m * (-c * unit)).astype(np.int32)
         height, width = self.bits.shape

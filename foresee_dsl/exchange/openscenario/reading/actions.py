@@ -174,7 +174,7 @@ class TriggerBuilder:
         """Return the action of an actor that keeps to another's speed."""
         other = self.states.get(relative.get("entityRef", ""))
         if other is None:
-            raise NotExpressed("actions: SpeedAction (relative to somebody who was left out)")
+            raise NotExpressed("actions: SpeedAction (relative to an entity that was left out)")
         value, factor = number(relative, "value"), relative.get("speedTargetValueType") == "factor"
         state.speed_mps = None
         return m.MatchesSpeed(
@@ -247,7 +247,7 @@ class TriggerBuilder:
             raise NotExpressed("actions: LaneChangeAction (without a target)")
         other = self.states.get(relative.get("entityRef", ""))
         if other is None or other.lane is None:
-            raise NotExpressed("actions: LaneChangeAction (relative to somebody whose lane is not known)")
+            raise NotExpressed("actions: LaneChangeAction (relative to an entity whose lane is not known)")
         if other.entity.name == "ego":
             self.losses.note("lane changes relative to the ego count from its lane at the beginning")
         return lane_beside(other.lane, round(number(relative, "value")) * (1 if other.ahead else -1))

@@ -17,12 +17,13 @@ from foresee_dsl.compile.roads.topology import LaneKind
 from foresee_dsl.exchange.openscenario.reading.trajectories import nearest, straight_on
 
 _LOOKS_S = 20.0
-"""A bend or somebody slower within so long a way counts (ours: a third of the usual run)."""
+"""How far ahead a bend or a slower actor is looked for: what the vehicle drives in this time, s (ours: a third of the
+usual run)."""
 _SLOWER = 0.98
 _IN_THE_WAY_M = 2.0
-"""Somebody so near to the way stands on it (ours: half a lane)."""
+"""An actor that is at most this far from the way stands on it, m (ours: half a lane)."""
 _STRAIGHT_M = 0.02
-"""A path may leave out points that lie so near to it (ours)."""
+"""A path may leave out points that are at most this far from it, m (ours)."""
 
 
 def path_if_held_up(

@@ -135,7 +135,7 @@ def synchrony_of(
 def _other(states: Mapping[str, EntityState], action: Element, tag: str) -> EntityState:
     other = states.get(action.get("entityRef", ""))
     if other is None:
-        raise NotExpressed(f"actions: {tag} (to somebody who was left out)")
+        raise NotExpressed(f"actions: {tag} (to an entity that was left out)")
     return other
 
 

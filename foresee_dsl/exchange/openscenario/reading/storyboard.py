@@ -25,8 +25,8 @@ class Event:
         name: its own. refs: the entities that act. actions: what they do.
         parts: (type, name) of the event, its actions, and of what it stands in.
         trigger: when it starts. act: the act that it stands in. every: it may start again.
-        steps: what it waits for, from the beginning or from the end of the event that it hangs on.
-        at_end: events that hang on its end. lost: why it cannot be taken over. never: it never starts.
+        steps: what it waits for, from the beginning or from the end of the event that it waits for.
+        at_end: events that wait for its end. lost: why it cannot be taken over. never: it never starts.
     """
 
     name: str
@@ -103,7 +103,7 @@ def _event(element: Element, refs: tuple[str, ...], parts: set[tuple[str, str]],
 
 
 def arrange(events: Sequence[Event], reader: ConditionReader) -> None:
-    """Find out when each event starts, and hang those that wait for another's end on that one.
+    """Find out when each event starts, and attach each event that waits for the end of another to that one.
 
     What cannot be said is written into the events: `lost`, `never`.
     """

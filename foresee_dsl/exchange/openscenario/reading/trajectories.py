@@ -22,18 +22,18 @@ from foresee_dsl.exchange.outcome import NotExpressed
 ON_LANE_M = 3.0
 """A place farther from every lane is off the road (what the language asks of a start, too)."""
 AHEAD_M = 600.0
-"""A route that is not given goes on straight for so long (ours: half a minute at 70 km/h)."""
+"""A route that the file does not give goes straight on for this length, m (ours: half a minute at 70 km/h)."""
 PATH_M = 0.001
-"""A path may leave out points of a trajectory that lie so near to it (asked for)."""
+"""A path may leave out points of a trajectory that are at most this far from it, m (asked for)."""
 SPEED_M = 0.05
 """Along its path an actor is at most this much from where the trajectory has it, before rounding (ours: below what
 two simulators differ by)."""
 _MOST_PIECES = 60
 _MOST_ROUNDS = 20
-"""A loop is driven round so often at most (ours: half a minute on one of 30 m)."""
+"""The most rounds that are driven of a loop (ours: half a minute on one of 30 m)."""
 _STEADY_S = 1.0
-"""So much weight has being off by 1 m/s at a knot beside being off by 1 m at a time: without, speeds swing to and fro
-between knots, faster than vehicles can (ours)."""
+"""Weight of an error of 1 m/s at a knot relative to an error of 1 m in the distance covered. Without it the speeds
+swing between knots faster than a vehicle's can (ours)."""
 _FIRST_SLACK_MPS, _LAST_SLACK_MPS = 0.4, 0.005
 
 
