@@ -414,7 +414,7 @@ class Then(Item):
     actions: tuple["Action", ...] = Field(min_length=1)
 
 
-Action = Annotated[
+Moves = (
     Meets
     | Ignores
     | Starts
@@ -429,15 +429,11 @@ Action = Annotated[
     | Leaves
     | Stops
     | StopsAt
-    | Door
-    | TurnsTo
-    | Limit
-    | Wait
-    | Then,
-    ONE_OF,
-]
+)
+"""Actions that say how an actor moves."""
 OfNobody = TurnsTo | Limit | Wait | Then
 """Actions that are no actor's."""
+Action = Annotated[Moves | Door | OfNobody, ONE_OF]
 
 Then.model_rebuild()
 

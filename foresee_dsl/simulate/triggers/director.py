@@ -158,24 +158,7 @@ class Director:
         complete = self._begin_action(actor, action)
         return lambda: not actor.present or complete()
 
-    def _begin_action(
-        self,
-        actor: Actor,
-        action: m.Meets
-        | m.Ignores
-        | m.Starts
-        | m.ChangesSpeed
-        | m.ChangesLane
-        | m.ChangesLine
-        | m.KeepsBeside
-        | m.KeepsGap
-        | m.FollowsPath
-        | m.MatchesSpeed
-        | m.Leaves
-        | m.Synchronises
-        | m.Stops
-        | m.StopsAt,
-    ) -> IsComplete:
+    def _begin_action(self, actor: Actor, action: m.Moves) -> IsComplete:
         match action:
             case m.Meets():
                 complete = self._meet(actor, action)
