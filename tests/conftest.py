@@ -26,6 +26,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--rewrite-goldens", action="store_true", help="write golden files (see `git diff` afterwards)")
 
 
+LONG = (
+    "test_fortnight.py",
+    "test_wheel.py",
+    "test_readme.py",
+    "test_ci.py",
+    "test_chaos.py",
+    "test_plan.py",
+    "test_contract.py",
+)
+"""The longest tests: they come first, or one worker would end with them while the other has nothing to do."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the files with the longest tests first."""
+    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
+
+
 @pytest.fixture(scope="session")
 def golden(request: pytest.FixtureRequest) -> Golden:
     """Compare text with a golden file: `golden(text, file)`; see `tests.support.goldens`."""
