@@ -111,7 +111,11 @@ class Server:
 
     def _feature(self, name: str) -> Handler:
         def handle(params: Json) -> object:
-            return getattr(import_module("foresee_dsl.editor.features"), name)(self._session, params)
+            self._session.answering = True
+            try:
+                return getattr(import_module("foresee_dsl.editor.features"), name)(self._session, params)
+            finally:
+                self._session.answering = False
 
         return handle
 

@@ -59,6 +59,8 @@ class Session:
         self._asked = 0
         self._news = threading.Condition()
         self._stopped = self._checked = False
+        self.answering = False
+        """A request is being answered: nothing is read ahead meanwhile."""
         self._worker = threading.Thread(target=self._work, name="checks", daemon=True)
 
     # ---- files ----------------------------------------------------------------------------------------------------
@@ -153,8 +155,8 @@ class Session:
                 wait_s = self._due[uri].at_s - time.monotonic() if uri is not None else None
                 due = self._due.pop(uri) if uri is not None and wait_s is not None and wait_s <= 0 else None
                 idle = uri is None and self._checked and bool(self._open)
-                if due is None and not idle:
-                    self._news.wait(wait_s)
+                if due is None and (not idle or self.answering):
+                    self._news.wait(_PAUSE_S if idle else wait_s)
                     continue
             if uri is not None and due is not None:
                 self._checked = True
