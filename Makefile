@@ -22,7 +22,8 @@ study: SEEDS = scenarios/study.foresee
 study: OUT = out/study
 study: campaign  ## the same with as many children as the paper's study had simulations, 34,416 (OUT=, JOBS=, ARGS=)
 
-test: lint unit  ## everything that must hold: lint, types, import contract, tests
+test:  ## everything that must hold: lint, types, import contract, tests (side by side)
+	@$(MAKE) --no-print-directory --jobs 2 unit lint
 
 lint: types imports  ## style, types and the import contract
 	@$(BIN)/ruff check .
