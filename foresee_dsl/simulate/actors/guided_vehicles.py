@@ -63,7 +63,9 @@ class GuidedVehicle(SumoVehicle):
             timing=timing,
             walk_stops=(),
         )
-        self.guide = PathActor(placed, self._world, self._roads, self._edge, self._friction)
+        was, self.guide = self.guide, PathActor(placed, self._world, self._roads, self._edge, self._friction)
+        if was is not None:
+            self.guide.stand_in = was.stand_in  # SUMO has it already
         self.along = along_m
         self.lane = ""
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
+from foresee_dsl.compile.placement.starts import WHEELS
 from foresee_dsl.compile.roads.polyline import XY, distinct, whole_millimetres
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.drivers.protocol import Control
@@ -238,7 +239,8 @@ class Simulation:
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _make(self, actor: PlacedActor, edge: str) -> Actor:
-        if actor.joins or (actor.guided and actor.control == "sumo" and actor.steering is None):
+        wheels = actor.model.kind in WHEELS and actor.steering is None
+        if actor.joins or (actor.guided and wheels and actor.control in ("sumo", "path")):
             return GuidedVehicle(actor, self.world, self.network, edge, self.scene.friction)
         if actor.control == "path":
             return PathActor(actor, self.world, self.network, edge, self.scene.friction)

@@ -277,6 +277,8 @@ class SumoTraffic:
     def drop(self, vehicle: str) -> None:
         """Leave a vehicle alone from now on: Python moves it."""
         self._driven = self._driven[self._driven != self._numbers[vehicle]]
+        if not self._names:  # SUMO has none, and may never have one: `_note_names` is not asked
+            self._seen = self._driven
 
     def adopt(self, vehicle: str, lane: str, cruise_mps: float) -> None:
         """Move a vehicle as SUMO does from now on, which was moved by Python until now."""

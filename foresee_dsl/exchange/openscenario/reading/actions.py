@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element  # the type only; files are parsed by safe_xml
 
+from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.conditions import Step
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
+from foresee_dsl.exchange.openscenario.reading.lane_changes import over_the_middle
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places, lane_beside
 from foresee_dsl.exchange.openscenario.reading.relations import (
@@ -45,6 +47,7 @@ class TriggerBuilder:
     states: Mapping[str, EntityState]
     losses: Losses
     places: Places
+    network: RoadNetwork
     _used: set[str] = field(default_factory=set)
 
     def whens(self, events: Sequence[Event]) -> Iterator[m.When]:
@@ -137,7 +140,7 @@ class TriggerBuilder:
         if what is not None and tag == "SpeedProfileAction":
             return self._profile(what, state)
         if what is not None and tag == "LaneChangeAction":
-            return self._lane(what, state)
+            return self._lane(what, state, waited_for=bool(event.at_end))
         if what is not None and tag in RELATED:
             return self._related(tag, what, state)
         raise NotExpressed(f"actions: {tag}")
@@ -217,7 +220,7 @@ class TriggerBuilder:
             raise NotExpressed("actions: SpeedProfileAction (empty)")
         return found
 
-    def _lane(self, action: Element, state: EntityState) -> list[m.Action]:
+    def _lane(self, action: Element, state: EntityState, *, waited_for: bool) -> list[m.Action]:
         relative = action.find("LaneChangeTarget/RelativeTargetLane")
         absolute = action.find("LaneChangeTarget/AbsoluteTargetLane")
         side = 1 if state.ahead else -1
@@ -231,10 +234,16 @@ class TriggerBuilder:
             by = side * _between(state.lane, target)
         if not by:
             return []
-        if not state.on_lanes:
-            raise NotExpressed("actions: LaneChangeAction (of an actor that follows no lane)")
-        if state.lane is not None and target is not None and target * state.lane < 0:
-            raise NotExpressed("actions: LaneChangeAction (onto a lane of the other direction)")
+        if not state.on_lanes or (state.lane is not None and target is not None and target * state.lane < 0):
+            if target is None:
+                raise NotExpressed("actions: LaneChangeAction (of an actor that follows no lane)")
+            dynamics = action.find("LaneChangeActionDynamics")
+            value = abs(number(dynamics, "value", 0.0)) if dynamics is not None else 0.0
+            said = dynamics.get("dynamicsDimension") if dynamics is not None and value else None
+            took, along = (value if said == "time" else None), (value if said == "distance" else None)
+            made = over_the_middle(state, target, took, along, self.places, self.network, waited_for=waited_for)
+            state.lane = target
+            return made
         state.lane = target
         self.losses.left_out["durations of lane changes (1 m/s sideways is driven)"] += 1
         change = m.ChangesLane(actor=state.entity.name, side="left" if by > 0 else "right")

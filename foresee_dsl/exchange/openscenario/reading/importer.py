@@ -181,7 +181,7 @@ class _Import:
         built = {ref: self.entities[ref] for ref in states}
         reader = self._reader(dataclasses.replace(self._reader(), entities=built))
         arrange(self.events, reader)
-        builder = TriggerBuilder(states, self.losses, self.places)
+        builder = TriggerBuilder(states, self.losses, self.places, self.network)
         for when in builder.whens([*self.inits.events, *self.events]):
             self._add(when)
         self._add(m.Expect(mode="never", condition=m.Predicate(what="collision", actor="ego")))
