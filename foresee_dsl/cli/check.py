@@ -85,10 +85,10 @@ def check(
         for document in result.campaigns:
             found += mistakes_of(document, allow_outside=allow_outside)
     if places:
-        from foresee_dsl.compile import placement_mistakes
+        from foresee_dsl.compile import placement_lints, placement_mistakes
         from foresee_dsl.language.lints.lint import without_repeated
 
-        found = without_repeated(found, placement_mistakes(result.cases))
+        found = [*without_repeated(found, placement_mistakes(result.cases)), *placement_lints(result.cases)]
     shown = [
         d
         for d in found

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from foresee_dsl.compile.bundle import SumoBundle
     from foresee_dsl.language.project.document import TestCase
 
-__all__ = ["compile_test_case", "placement_mistakes"]
+__all__ = ["compile_test_case", "placement_lints", "placement_mistakes"]
 
 
 def compile_test_case(case: TestCase) -> SumoBundle:
@@ -50,4 +50,35 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
             found |= dict.fromkeys(warnings)
             if not warnings:
                 disk_cache.store(sound, True)
+    return tuple(found)
+
+
+def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
+    """Return the lints that need the network, each once, without those that comments of the file allow.
+
+    Only cases with a condition about a place or a junction are looked at, and neither clips nor mutants.
+    """
+    from foresee_dsl import disk_cache
+    from foresee_dsl.compile.nets.netconvert import tool_version
+    from foresee_dsl.language import model as m
+    from foresee_dsl.language.traversal import walk
+
+    found: dict[Diagnostic, None] = {}
+    for case in cases:
+        statements = (item for item in case.scenario.body if isinstance(item, m.When | m.Expect))
+        if case.snapshot or not any(isinstance(part, m.Within) for item in statements for part in walk(item)):
+            continue
+        clear = disk_cache.entry("reach", (case.meaning, tool_version()))
+        if disk_cache.load(clear):
+            continue
+        from foresee_dsl.compile.compiler import warnings_of
+
+        warnings = warnings_of(case)
+        if case.document is not None:
+            from foresee_dsl.language.lints.allowances import left
+
+            warnings = left(case.document, warnings)
+        found |= dict.fromkeys(warnings)
+        if not warnings:
+            disk_cache.store(clear, True)
     return tuple(found)

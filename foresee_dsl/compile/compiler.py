@@ -103,6 +103,16 @@ def network_of(network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signa
     return _read(_net_of(network), network)
 
 
+def warnings_of(case: TestCase) -> tuple[Diagnostic, ...]:
+    """Return what shows on the network and is allowed, but hardly meant; nothing of a case with mistakes."""
+    try:
+        found = _builder(case, _net_of(case.network))[0].warnings()
+    except PlacementError:
+        return ()
+    named: set[tuple[int, str]] = set()
+    return tuple(replace(_diagnostic(case, problem, named), severity="warning") for problem in found)
+
+
 def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnostic:
     closed = "1 place, which is closed" if len(faults) == 1 else f"{len(faults)} places, which are closed"
     problem = Problem("", "use_network", codes.BROKEN,

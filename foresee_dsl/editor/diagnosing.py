@@ -24,9 +24,9 @@ def find(path: Path, text: str, overlay: Mapping[Path, str], *, places: bool) ->
         result = check_paths([str(path)], {**overlay, path: text})
         if not places:
             return result.diagnostics
-        from foresee_dsl.compile import placement_mistakes
+        from foresee_dsl.compile import placement_lints, placement_mistakes
 
-        return (*result.diagnostics, *placement_mistakes(result.cases))
+        return (*result.diagnostics, *placement_mistakes(result.cases), *placement_lints(result.cases))
     except InputError as error:
         return error.diagnostics
     except ForeseeError as error:

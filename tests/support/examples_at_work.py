@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.campaign.campaign_file import mistakes_of
-from foresee_dsl.compile import placement_mistakes
+from foresee_dsl.compile import placement_lints, placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.diff.addresses import compare_addresses
@@ -42,7 +42,10 @@ def _do(command: str, *words: str) -> tuple[Diagnostic, ...]:
             return named
         if "--no-places" in options:
             return result.diagnostics
-        return tuple(without_repeated(result.diagnostics, placement_mistakes(result.cases)))
+        return (
+            *without_repeated(result.diagnostics, placement_mistakes(result.cases)),
+            *placement_lints(result.cases),
+        )
     if command == "run":
         load_test_case(*paths)
     elif command == "diff":

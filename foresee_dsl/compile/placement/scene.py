@@ -13,6 +13,7 @@ from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
 from foresee_dsl.compile.placement.joining import joined_way
+from foresee_dsl.compile.placement.reach import never_near
 from foresee_dsl.compile.placement.starts import (
     WHEELS,
     CircleError,
@@ -112,6 +113,11 @@ class SceneBuilder:
         self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
         self._problems += door_problems(self._case.scenario, placed)
         return placed, start_s, goal_s, _each_once(self._problems)
+
+    def warnings(self) -> tuple[Problem, ...]:
+        """Return what is allowed and hardly meant, where everybody can be placed; errors as of `place`."""
+        placed, _, _ = self.place()
+        return tuple(dict.fromkeys(never_near(self._case.scenario, placed, self._names.places, self._network)))
 
     def build(self) -> Scene:
         """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
