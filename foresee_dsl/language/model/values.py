@@ -123,8 +123,8 @@ class Extreme(Phrase):
 
     pattern = "{which}({values:, })"
     words = """
-        min (link): the smallest of some values | start at min(room, 40 m) along ego.route
-        max (link): the largest of some values | speed max(pace, 20 km/h)
+        min (constant): the smallest of some values | start at min(room, 40 m) along ego.route
+        max (constant): the largest of some values | speed max(pace, 20 km/h)
     """
 
     which: Literal["min", "max"]
