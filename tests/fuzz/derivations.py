@@ -25,6 +25,7 @@ _DEEPEST = 60
 _ODD = {
     "NAME": ("a", "ego", "_", "A", "time", "straight", "here", "é", "x" * 81),
     "STRING": ('""', '"a # b"', '"{ ; }"', '"' + "x" * 2001 + '"', '"-11"', '"é\u2028"'),
+    "FUNCTION": ("min", "max"),
     "NUMBER": ("0", "1", "-1", "0.0", "-0.50", "1000000000", "1000000001", "9" * 30, "3.00"),
 }
 """Words that real files do not have, by terminal."""
