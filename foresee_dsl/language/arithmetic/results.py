@@ -9,7 +9,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.dimensions import POWERS, references
 from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
 from foresee_dsl.language.codes import names as c
-from foresee_dsl.language.model.pattern import form_of
+from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
@@ -86,7 +86,9 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     bounds = form.bounds
     if bounds is None or bounds.low <= result.si <= bounds.high:
         return None
-    message = f"{shown}, too {'small' if result.si < bounds.low else 'large'} for `{use.field}`"
+    message = (
+        f"{shown}, too {'small' if result.si < bounds.low else 'large'} for `{word_before(type(use.item), use.field)}`"
+    )
     return use.item, use.field, out_of_bounds(use.item), message, limit(form.dimension, bounds, result)
 
 

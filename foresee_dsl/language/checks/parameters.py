@@ -39,15 +39,17 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
     _check_case_names(findings, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
+        before, given = len(findings), {assignment.name for assignment in case.values}
         findings.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
         for assignment in case.values:
             known = by_name.get(assignment.name)
             if known is None:
-                help = did_you_mean(assignment.name, by_name)
+                help = did_you_mean(assignment.name, [name for name in by_name if name not in given])
                 findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
             else:
                 _check_assignment(findings, known, assignment, by_name)
-        _check_worked_out(findings, scenario, case, by_name)
+        if len(findings) == before:
+            _check_worked_out(findings, scenario, case, by_name)
     check_requirements(findings, scenario)
 
 
@@ -79,7 +81,7 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
     """Check what the values that are worked out of others come to: they lie in their parameters' ranges."""
     types = {name: known.type for name, known in parameters.items()}
     computed = [given for given in case.values if needed_by(given, types) or isinstance(given.value, m.EXPRESSIONS)]
-    if findings or not computed:
+    if not computed:
         return
     try:
         values = case_values(scenario, case)

@@ -12,7 +12,7 @@ from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
-from foresee_dsl.language.model.pattern import form_of
+from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
@@ -116,7 +116,7 @@ def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantit
     if bounds is None or bounds.low <= value.si <= bounds.high:
         return
     size = "small" if value.si < bounds.low else "large"
-    message = f"`{written(value)}` is too {size} for `{field}`"
+    message = f"`{written(value)}` is too {size} for `{word_before(type(item), field)}`"
     findings.add(item, field, out_of_bounds(item), message, limit(form.dimension, bounds, value))
 
 

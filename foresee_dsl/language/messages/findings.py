@@ -65,9 +65,9 @@ class Findings:
         """Return `a time such as `2.5 s``."""
         return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`"
 
-    def __bool__(self) -> bool:
-        """Whether anything was found."""
-        return bool(self._found)
+    def __len__(self) -> int:
+        """How much was found."""
+        return len(self._found)
 
     def sorted(self) -> tuple[Diagnostic, ...]:
         """Return what was found, in the order of the places, each once."""

@@ -67,7 +67,8 @@ def replacement(message: str, written: str) -> tuple[int, int, str] | None:
     wrong = next((word for word in _QUOTED.findall(message[: meant.start()]) if written.count(word) == 1), None)
     if wrong is not None:
         return written.index(wrong), written.index(wrong) + len(wrong), meant[1]
-    return (0, len(written), meant[1]) if re.fullmatch(r"\S+", written) else None
+    whole = re.fullmatch(r"\S+", written) or "did you mean `" in message  # a name is in other quotes than a text
+    return (0, len(written), meant[1]) if whole else None
 
 
 def _plain(word: str) -> str:

@@ -132,6 +132,12 @@ def words_before(pattern: Pattern) -> Iterator[tuple[str, str]]:
                 yield word[1], part.field
 
 
+@cache
+def word_before(kind: type[Item], field: str) -> str:
+    """Return the word that a field stands behind, which people call it by: `timing` for its `factor`."""
+    return next((word for word, found in words_before(read_pattern(kind.pattern)) if found == field), field)
+
+
 # ---- fields, by their annotations -----------------------------------------------------------------------------------
 
 

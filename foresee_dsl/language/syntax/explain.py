@@ -12,11 +12,12 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput
 from lark.lexer import PatternStr
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.keywords import USAGE
+from foresee_dsl.language.keywords import USAGE, words_of
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.messages.words import ACTION_USAGE, EXAMPLES, NOUNS
 from foresee_dsl.language.model.pattern import form_of, read_pattern, words_before
-from foresee_dsl.language.syntax.foreign import CODE, foreign
+from foresee_dsl.language.syntax.foreign import foreign
+from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, parse_tree, statement_parser
 from foresee_dsl.language.units import UNITS, Dimension
 
@@ -203,7 +204,7 @@ class Refusal:
         if self.word == "'" and (closed := self._text.find("'", self.start + 1)) > 0:
             written = self._text[self.start : closed + 1]
             self.end = closed + 1
-            return "FS015", f"texts stand in double quotes, not as `{written}`", f'did you mean `"{written[1:-1]}"`?'
+            return "FS015", "texts stand in double quotes", f'did you mean `"{written[1:-1]}"`?'
         if self.word == "'":
             return "FS015", "unexpected `'`", 'texts stand in double quotes: `"like this"`'
         if self.word == "-":
@@ -229,7 +230,8 @@ class Refusal:
             return _STATE_USAGE
         usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else "")
         if self._rule == "action" and word not in ("wait", "then"):
-            usual = ACTION_USAGE
+            verb = re.match(r"[^\W\d]\w*\s+([^\W\d]\w*)", self._text)
+            usual = USAGE.get(verb[1], ACTION_USAGE) if verb is not None and verb[1] in _actions() else ACTION_USAGE
         return next((example for before, example in _ABOUT_HERE if before.search(self._text, 0, self.start)), usual)
 
     def _expected(self) -> str:
@@ -290,6 +292,12 @@ def _accepted(error: UnexpectedInput) -> set[str]:
     if state is not None:
         return set(state.accepts())
     return set(getattr(error, "expected", None) or getattr(error, "allowed", None) or ())
+
+
+@cache
+def _actions() -> frozenset[str]:
+    """The words of actions."""
+    return frozenset(words_of("action"))
 
 
 @cache

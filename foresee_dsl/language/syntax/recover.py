@@ -18,7 +18,8 @@ from foresee_dsl.language.keywords import USAGE
 from foresee_dsl.language.messages.suggest import closest
 from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.syntax.explain import Refusal
-from foresee_dsl.language.syntax.foreign import CODE, block_of, without_comments
+from foresee_dsl.language.syntax.foreign import block_of, without_comments
+from foresee_dsl.language.syntax.foreign_words import CODE
 from foresee_dsl.language.syntax.grammar import PLACES, grammar_text, parse_tree
 from foresee_dsl.language.syntax.node import TextError
 from foresee_dsl.language.syntax.nodes import MAX_DEPTH

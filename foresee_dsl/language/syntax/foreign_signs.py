@@ -1,0 +1,175 @@
+"""Signs, functions and calculations of other languages inside a statement."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+
+from foresee_dsl.language.syntax.foreign_words import TOP, WEATHER, Foreign
+
+_FAR = 80
+_SIGNS = (
+    ("==", re.compile(r"==(?=\s*-?[0-9])"), "", "numbers are compared by `<`, `<=`, `>` and `>=`"),
+    ("==", re.compile(r"=="), "is", ""),
+    (
+        "!=",
+        re.compile(r"!=|<>"),
+        "",
+        "write `not` in front: `not ego.signal(j4) is red`; numbers are compared by `<` and `>`",
+    ),
+    ("&&", re.compile(r"&&?"), "and", ""),
+    ("||", re.compile(r"\|\|?"), "or", ""),
+    ("!", re.compile(r"!\s*(\w+)"), r"not \1", ""),
+)
+"""Signs that have a word here: the sign, where it stands, the word, or else the help."""
+
+_WEATHERS = re.compile(rf"weather\s+(?:.*?,\s*)?(?P<word>{'|'.join(WEATHER)})\b\s*(?=,|$)")
+_PERCENT = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)\s*%(?P<of>\s*of\b)?")
+_PLUS = re.compile(r"\+\s*(?P<value>[\w.]+)")
+_ONE_VALUE = re.compile(r"\b(?P<name>min|max)\s*\((?P<value>[^(),]+)\)$")
+_CALL = re.compile(r"(?P<name>[^\W\d]\w*)\s*$")
+_POWER = re.compile(r"\*\*|\^")
+_MEASURED = re.compile(r"[^\W\d]\w*\.(?:speed|acceleration|eta|offset)\b")
+_MEASURED_BEFORE = re.compile(
+    r"(?P<what>[^\W\d]\w*\.(?:speed|acceleration|offset|eta\s*\([^()]*\))"
+    r"|(?:distance|ttc|headway|lateral|overlap|relative_speed)\s*\([^()]*\)|\btime)\s*$"
+)
+
+
+_FUNCTIONS = frozenset(
+    [
+        "abs",
+        "sqrt",
+        "pow",
+        "floor",
+        "ceil",
+        "round",
+        "sin",
+        "cos",
+        "tan",
+        "avg",
+        "mean",
+        "sum",
+        "clamp",
+        "random",
+        "exp",
+        "log",
+        "minimum",
+        "maximum",
+        "uniform",
+        "Uniform",
+        "normal",
+        "Normal",
+        "Range",
+    ]
+)
+
+
+def sign(text: str, at: int) -> Foreign | None:
+    """Signs of programming languages, at or right before the place where the statement was refused."""
+    for written, pattern, ours, help in _SIGNS:
+        for found in pattern.finditer(text[:at] + text[at : at + _FAR]):
+            if found.start() <= at <= found.start() + len(written):
+                said = help or f"did you mean `{found.expand(ours)}`?"
+                return Foreign(found.start(), found.end(), f"`{found[0]}`: signs of conditions are words here", said)
+    return None
+
+
+def _weather(text: str) -> Foreign | None:
+    found = _WEATHERS.match(text)
+    if found is None:
+        return None
+    said = f"`{found['word']}` is said by a number from 0 to 1"
+    return Foreign(found.start("word"), found.end("word"), said, f"did you mean `{WEATHER[found['word']]}`?")
+
+
+def _share(text: str, at: int) -> Foreign | None:
+    """A percentage: `50% of pace`."""
+    found = next((f for f in _PERCENT.finditer(text) if f.start() <= at <= f.end() + 1), None)
+    if found is None:
+        return None
+    share = f"{Decimal(found['number']) / 100:f}"
+    written = found[0].rstrip()
+    times = " *" if found["of"] else ""
+    return Foreign(
+        found.start(),
+        found.start() + len(written),
+        f"`{written}`: a share is a plain number",
+        f"did you mean `{share}{times}`?",
+    )
+
+
+def inside(text: str, rule: str, at: int) -> Foreign | None:
+    """What is at fault inside a statement, with values."""
+    return (
+        _weather(text)
+        or _share(text, at)
+        or _of_param(text, rule, at)
+        or _plus(text, at)
+        or _one_value(text, at)
+        or _power(text, at)
+        or _function(text, at)
+        or _measured_left(text, rule, at)
+        or _measured_right(text, rule, at)
+    )
+
+
+def _of_param(text: str, rule: str, at: int) -> Foreign | None:
+    """A calculation where a parameter's values are stated."""
+    if not text.startswith("param ") or text[at : at + 1] not in ("+", "-", "*", "/", "(") or rule not in TOP:
+        return None
+    help = "write the value; what is worked out of a parameter is written where it is used, `2 * width`"
+    return Foreign(
+        at, at + 1, "the default, range and options of a parameter are values: nothing is worked out here", help
+    )
+
+
+def _plus(text: str, at: int) -> Foreign | None:
+    plus = _PLUS.match(text, at)
+    if plus is None or not re.search(r"\w\s*$", text[:at]):
+        return None
+    return Foreign(at, plus.end(), f"`{plus[0]}`: a value has no `+` in front", f"did you mean `{plus['value']}`?")
+
+
+def _one_value(text: str, at: int) -> Foreign | None:
+    alone = _ONE_VALUE.search(text, max(0, at - _FAR), at + 1)
+    if alone is None or text[at : at + 1] != ")":
+        return None
+    help = f"write `{alone['name']}({alone['value'].strip()}, 2 s)`, for example"
+    return Foreign(alone.start(), at + 1, f"`{alone['name']}` takes two values or more", help)
+
+
+def _power(text: str, at: int) -> Foreign | None:
+    found = next((f for f in _POWER.finditer(text) if f.start() <= at <= f.end()), None)
+    if found is None:
+        return None
+    help = "multiply: `speed * speed` is a speed squared"
+    return Foreign(found.start(), found.end(), f"there is no `{found[0]}`", help)
+
+
+def _function(text: str, at: int) -> Foreign | None:
+    called = _CALL.search(text, max(0, at - _FAR), at) if text[at : at + 1] == "(" else None
+    if called is None or called["name"] not in _FUNCTIONS:
+        return None
+    help = "`min(a, b)` and `max(a, b)` are the only functions"
+    return Foreign(called.start(), called.end(), f"there is no function `{called['name']}`", help)
+
+
+def _measured_left(text: str, rule: str, at: int) -> Foreign | None:
+    measured = _MEASURED_BEFORE.search(text, max(0, at - 200), at)
+    if measured is None or text[at : at + 1] not in ("+", "-", "*", "/") or rule not in (*TOP, "action"):
+        return None
+    help = "calculate on the other side, with parameters and values: `ego.eta(j4) < gap + 1 s`"
+    message = f"`{measured['what']}` is measured while it runs: nothing is calculated with it"
+    return Foreign(measured.start("what"), measured.end("what"), message, help)
+
+
+def _measured_right(text: str, rule: str, at: int) -> Foreign | None:
+    found = _MEASURED.match(text, max(0, text.rfind(" ", 0, at) + 1))
+    if found is None or rule not in (*TOP, "action"):
+        return None
+    if re.search(r"(?:[<>]=?|[-+*/(,])\s*$", text[: found.start()]) is None:
+        return None
+    help = "compare with a value; of two actors there are `relative_speed(a, b)`, `headway(a, b)`, `distance(a, b)`"
+    message = f"`{found[0]}` is measured while it runs, and a value belongs here"
+    return Foreign(found.start(), found.end(), message, help)

@@ -1,0 +1,125 @@
+"""Words of other languages, and what is written here instead: the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+CODE = "FS065"
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """What is said: the part of the statement at fault, the message and the help."""
+
+    start: int
+    end: int
+    message: str
+    help: str
+
+
+TOP = ("scenario_item", "extension_item", "clip_item")
+FIRST: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        # first word: what takes its place ("" for nothing of one word), and a help where nothing does
+        "assert": ("expect always", ""),
+        "ensure": ("expect always", ""),
+        "guarantee": ("expect always", ""),
+        "if": ("when", ""),
+        "while": ("when", ""),
+        "whenever": ("when every", ""),
+        "upon": ("when", ""),
+        "on": ("when", ""),
+        "until": ("when", ""),
+        "keep": (
+            "",
+            "`require gap < 2 s` says which values belong together, `expect always ...` what is to hold in the run",
+        ),
+        "constraint": (
+            "",
+            "`require gap < 2 s` says which values belong together, `expect always ...` what is to hold",
+        ),
+        "import": ("use network", ""),
+        "include": ("use network", ""),
+        "else": ("", "there is no `else`: write a second trigger, `when not ... { ... }`"),
+        "elif": ("", "there is no `elif`: write a second trigger, `when ... { ... }`"),
+        "for": (
+            "",
+            "nothing is repeated by a loop: `when every ... { ... }` fires again, `cases 20 from seed 7` draws cases",
+        ),
+        "foreach": ("", "nothing is repeated by a loop: `cases 20 from seed 7` draws test cases"),
+        "repeat": ("", "nothing is repeated by a loop: a trigger `when every ... { ... }` fires again"),
+        "loop": ("", "nothing is repeated by a loop: a trigger `when every ... { ... }` fires again"),
+        "var": ("", "a parameter is written with its type: `param gap: time = 1.5 s`"),
+        "let": ("", "a parameter is written with its type: `param gap: time = 1.5 s`"),
+        "const": ("", "a parameter is written with its type: `param gap: time = 1.5 s`"),
+        "def": ("", "nothing is defined by a function: a value is a `param`, what happens is a `when`"),
+        "function": ("", "nothing is defined by a function: a value is a `param`, what happens is a `when`"),
+        "print": ("", "what a run shows is in its report; leave this out"),
+        "return": ("", "a scenario returns nothing: leave this out"),
+        "do": ("", "actions begin together; for one after the other write `then { ... }`"),
+        "serial": ("", "actions begin together; for one after the other write `then { ... }`"),
+        "parallel": ("", "actions of one block begin together: leave this out"),
+        "one_of": ("", "a parameter with options and `as choice(3, 1)` draws one of several"),
+        "behavior": ("", "what an actor does is written in triggers: `when time >= 0 s { lead stops }`"),
+        "with": ("", "in an actor's block each property is a line: `start speed 40 km/h`, `delay 0.5 s`"),
+        "take": ("", "an action begins with its actor: `lead stops`"),
+        "terminate": ("", "a run ends by `end after 20 s`, and when the ego arrives or fails"),
+        "record": ("", "everything is recorded: leave this out"),
+        "simulator": ("", "the simulator is SUMO: leave this out"),
+        "cover": ("", "`foresee sample` shows what the cases reach: leave this out"),
+        "emit": (
+            "",
+            "triggers are not told of events: write what they wait for, `when distance(ego, lead) < 20 m { ... }`",
+        ),
+        "try": ("", "a trigger says what happens when: `when ego within 10 m of lead { lead stops }`"),
+        "interrupt": ("", "a trigger says what happens when: `when ego within 10 m of lead { lead stops }`"),
+        "zebra": ("", "people cross where the junction has `crossings`"),
+        "class": ("", "models have sizes and abilities in a file `models NAME { ... }`"),
+        "yield": ("", "who gives way is the network's: `ignores priority` and `meets` are what actors do"),
+    }
+)
+_A_TRIGGER = "what happens is a trigger: `when time > 5 s { lead stops }`; `foresee import` reads whole .xosc files"
+_AN_ACTOR = "an actor is a block: `vehicle lead: car.compact { start at 20 m along ego.route }`"
+_A_PARAMETER = "a parameter is written with its type: `param gap: time = 1.5 s`"
+OPENSCENARIO: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(
+            ("Storyboard", "Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action", "StartTrigger"), _A_TRIGGER
+        ),
+        **dict.fromkeys(
+            ("StopTrigger", "ConditionGroup", "Condition", "Init", "Private", "GlobalAction", "PrivateAction"),
+            _A_TRIGGER,
+        ),
+        **dict.fromkeys(("Entities", "ScenarioObject", "CatalogReference", "EntityObject", "Actors"), _AN_ACTOR),
+        **dict.fromkeys(("ParameterDeclarations", "ParameterDeclaration", "VariableDeclaration"), _A_PARAMETER),
+    }
+)
+SCENIC_CLASSES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "Pedestrian": ("pedestrian", "pedestrian.adult"),
+        "Bicycle": ("bicycle", "bicycle.city"),
+        "Object": ("obstacle", "obstacle.crate"),
+        "Prop": ("obstacle", "obstacle.crate"),
+        "Truck": ("vehicle", "truck.rigid"),
+        "Bus": ("vehicle", "bus.city"),
+    }
+)
+ACTORS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("car", "van", "truck", "bus", "motorcycle", "lorry", "npc"), "vehicle"),
+        **dict.fromkeys(("person", "walker", "child", "human", "ped"), "pedestrian"),
+        **dict.fromkeys(("bike", "cyclist", "rider"), "bicycle"),
+        **dict.fromkeys(("object", "thing", "prop", "box"), "obstacle"),
+    }
+)
+WEATHER: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("wet", "slippery"), "wetness 0.6"),
+        **dict.fromkeys(("rainy", "raining"), "rain 0.5"),
+        **dict.fromkeys(("foggy", "mist", "misty"), "fog 0.5"),
+        **dict.fromkeys(("sunny", "glare"), "sun 0.5"),
+        **dict.fromkeys(("dry", "clear"), "wetness 0"),
+    }
+)
