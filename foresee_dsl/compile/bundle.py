@@ -175,6 +175,8 @@ class PlacedActor:
     steering: Steering | None = None
     joins: bool = False
     """It drives on along `route` at the end of `path`."""
+    backs_mps: float = 0.0
+    """How fast it goes backwards at the first frame; its speed is 0 then."""
     guided: bool = False
     """A trigger tells it to follow a path."""
     door: DoorOf | None = None

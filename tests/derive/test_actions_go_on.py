@@ -48,7 +48,8 @@ def cut(name: str, at_s: float, after_s: float = 6.0) -> Clip:
         ("pairs", 8.5),  # another gap, for a time; the door is open again
         ("joining", 4.5),  # on paths, from the beginning and by a trigger
         ("joining", 7.15),  # one has just joined the traffic
-        ("joining", 12.5),  # the other has, too
+        ("joining", 12.5),  # the other has, too; one brakes to reverse
+        ("joining", 15.5),  # and goes backwards
     ],
 )
 def test_a_clip_goes_on_as_its_parent_did(name: str, at_s: float) -> None:

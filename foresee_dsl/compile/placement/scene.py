@@ -89,7 +89,7 @@ class SceneBuilder:
             action.actor
             for when in scenario.all(m.When)
             for action in all_actions(when.actions)
-            if isinstance(action, m.FollowsPath)
+            if isinstance(action, m.FollowsPath | m.Reverses)
         }
         self._names = NameChecks(case, network, signals, self._starts.spot)
         self._end_s = si(end.after) if (end := scenario.one(m.End)) is not None else DEFAULT_END_S
@@ -278,6 +278,7 @@ class SceneBuilder:
             recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
             steering=_steering(steers) if steers is not None else None,
             guided=actor.name in self._guided,
+            backs_mps=max(-si(state.speed), 0.0) if state is not None else 0.0,
             ignores=tuple(
                 (i.what, None if i.junction is None else word_of(i.junction)) for i in items(actor, m.IgnoresRule)
             ),

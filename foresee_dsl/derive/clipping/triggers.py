@@ -5,6 +5,7 @@ How far the triggers had come, and what they had told each actor, is read from t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
@@ -26,7 +27,15 @@ PLACE_DIGITS = 4
 
 
 Resumed = (
-    m.ChangesSpeed | m.Stops | m.StopsAt | m.KeepsGap | m.MatchesSpeed | m.KeepsBeside | m.ChangesLine | m.Synchronises
+    m.ChangesSpeed
+    | m.Stops
+    | m.StopsAt
+    | m.KeepsGap
+    | m.MatchesSpeed
+    | m.KeepsBeside
+    | m.ChangesLine
+    | m.Synchronises
+    | m.Reverses
 )
 """Orders of which something may be left."""
 _Timed = TypeVar("_Timed", m.ChangesSpeed, m.ChangesLine, m.KeepsGap, m.MatchesSpeed, m.KeepsBeside)
@@ -184,10 +193,23 @@ class Triggers:
                 left = self._until(action, "duration", since_s, goes_on=True)
             case m.KeepsBeside():
                 left = self._until(action, "duration", since_s, goes_on=True)
+            case m.Reverses():
+                left = self._rest_of_way_back(action, since_s)
             case m.Synchronises():
                 placed = self.placed(action, now=True)
                 left = placed if isinstance(placed, m.Synchronises) else None
         return left
+
+    def _rest_of_way_back(self, action: m.Reverses, since_s: float) -> m.Reverses | None:
+        """Return what is left of going backwards, None where it drives on."""
+        along = self.trace.along[self.trace.frame_at(since_s) : self.frame + 1, self.trace.index(action.actor)]
+        began, now = bool((~np.isnan(along)).any()), float(along[-1])
+        if not began:
+            return action
+        if math.isnan(now):
+            return None
+        left = m.Quantity.of(si_of(action.length) - now, "length", PLACE_DIGITS)
+        return action.model_copy(update={"length": left}) if left.si > 0 else None
 
     def _until(self, action: _Timed, field: str, since_s: float, *, goes_on: bool) -> _Timed | None:
         """Return an order with what is left of its time; `goes_on`: without a time it is not over."""
@@ -324,6 +346,7 @@ class _Rest:
                 | m.KeepsBeside()
                 | m.ChangesLine()
                 | m.Synchronises()
+                | m.Reverses()
             ):
                 return self._triggers.rest_of(action, since_s)
             case m.ChangesLane():

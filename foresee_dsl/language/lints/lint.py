@@ -219,7 +219,7 @@ def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
     if not ways and actor.state is None and not isinstance(action, m.Leaves):
         help = f"give '{actor.name}' a `path [PLACE, PLACE]`"
         return f"'{actor.name}' has no way to go, so it stands where it is", help
-    if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside) and (
+    if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside | m.Reverses) and (
         actor.kind == "pedestrian" or m.Path in ways
     ):
         return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead"

@@ -172,6 +172,17 @@ class MatchesSpeed(Item):
     duration: v.Time | None = None
 
 
+class Reverses(Item):
+    """`van reverses 6 m at 5 km/h`: brakes to a stand, drives backwards so far along its lane, then on as before."""
+
+    pattern = "{actor} reverses {length} at {speed}"
+    words = "reverses (action): drives backwards along its lane | van reverses 6 m at 5 km/h"
+
+    actor: v.ActorName
+    length: Annotated[v.Length, Bounds(0.1, 100.0)]  # ours: further, nobody backs
+    speed: Annotated[v.Speed, Bounds(0.1, 10.0)]  # ours: reverse gears end at about 35 km/h
+
+
 class Leaves(Item):
     """`lead leaves`: it is gone from now on."""
 

@@ -16,6 +16,7 @@ from foresee_dsl.language.model.actions import (
     Leaves,
     Limit,
     MatchesSpeed,
+    Reverses,
     StopsAt,
     Synchronises,
     TurnsTo,
@@ -214,7 +215,8 @@ class State(Phrase, kind=""):
 
     at: v.Point
     heading: v.Angle
-    speed: Annotated[v.Speed, Bounds(0.0)]
+    speed: Annotated[v.Speed, Bounds(-10.0)]
+    """Negative while it reverses (in clips)."""
     acceleration: v.Acceleration | None = None
     steer: v.Angle | None = None
 
@@ -403,7 +405,8 @@ class Then(Item):
     lane` when it is in the lane (or cannot be), `stops for` when it drives again (`stops` alone never), `meets` when it
     is through the junction, `ignores`, `turns to`, `limit`, `door` and `leaves` at once, `changes line` when it is
     there, `follows`, `matches` and `keeps` with a time when that is over, without one as soon as they have what they
-    keep, `synchronises` when it is at its place, `follows` with a path at the path's end. An actor that has left the
+    keep, `synchronises` when it is at its place, `follows` with a path at the path's end, `reverses` when
+    it has. An actor that has left the
     world holds nothing up.
     """
 
@@ -424,6 +427,7 @@ Moves = (
     | KeepsBeside
     | KeepsGap
     | FollowsPath
+    | Reverses
     | MatchesSpeed
     | Synchronises
     | Leaves

@@ -9,7 +9,7 @@ from foresee_dsl.compile.bundle import PlacedActor
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.route_line import RouteLine
-from foresee_dsl.simulate.actors.moved_actors import PathActor
+from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
@@ -18,6 +18,8 @@ GOES_ON_M = 20.0
 """So far beyond its path's end the lanes belong to the path of a vehicle that joins them. Ours: a step at any speed,
 and the length of a lorry behind which its heading is drawn."""
 _EVERY_M = 2.0
+THERE_M = 0.1
+"""A vehicle that reverses has come so far as it was told when it stands this near to it. Ours."""
 
 
 class GuidedVehicle(SumoVehicle):
@@ -26,17 +28,17 @@ class GuidedVehicle(SumoVehicle):
     Attributes:
         guide: what follows the path, while it does; the vehicle is where that is.
         way: the line of the edges that it joins at the path's end, None where it stays there. route: these edges.
-        ends_m: how long its path is.
+        ends_m: how long its path is. backs: it goes backwards along its path.
     """
 
-    __slots__ = ("_edge", "_friction", "_roads", "_world", "ends_m", "guide", "route", "way")
+    __slots__ = ("_edge", "_friction", "_roads", "_world", "backs", "ends_m", "guide", "route", "way")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Start where the actor is placed: on a path, or on the lanes."""
         self._world, self._roads, self._edge, self._friction = world, network, edge, friction
         self.guide: PathActor | None = None
         self.way: RouteLine | None = None
-        self.route = actor.route
+        self.route, self.backs = actor.route, False
         self.ends_m = math.inf
         if actor.control != "path":
             super().__init__(actor, network)
@@ -50,7 +52,7 @@ class GuidedVehicle(SumoVehicle):
         self, path: Points, way: RouteLine | None, *, along_m: float = 0.0, speed_mps: float, timing: float = 1.0
     ) -> None:
         """Follow a path from so far along it on; its speeds are times `timing`."""
-        self.way, self.ends_m = way, line_of(path).length_m
+        self.way, self.ends_m, self.backs = way, line_of(path).length_m, False
         placed = replace(
             self.placed,
             control="path",
@@ -73,6 +75,8 @@ class GuidedVehicle(SumoVehicle):
     def joins_now(self) -> bool:
         """Whether it comes to the end of its path in the next step, and goes on in traffic."""
         guide = self.guide
+        if self.backs:
+            return guide is not None and guide.along >= self.ends_m - THERE_M and guide.speed < STANDS_MPS
         return guide is not None and self.way is not None and guide.along + guide.speed * STEP_S >= self.ends_m
 
     @property
@@ -80,12 +84,34 @@ class GuidedVehicle(SumoVehicle):
         """Whether it has come to the end of a path at which it stays."""
         return self.guide is not None and self.way is None and self.guide.follower.arrived
 
+    def back_up(self, length_m: float) -> None:
+        """Go backwards along its lane from where it stands; at the end it goes on in traffic as before."""
+        line = self.placed.line
+        if line is None:
+            return
+        s, beside = line.project(self.x, self.y)
+        count = max(math.ceil(length_m / _EVERY_M), 1)
+        poses = [line.at(s - length_m * k / count, beside) for k in range(1, count + 1)]
+        path = ((self.x, self.y), *((x, y) for x, y, _ in poses))
+        self.follow(path, None, speed_mps=self.placed.backs_mps)
+        self.way, self.backs = line, True
+        self.placed = replace(self.placed, backs_mps=0.0)
+
+    @property
+    def room_m(self) -> float:
+        """What is left of its path, m."""
+        return self.ends_m - self.along
+
     def step_on_path(self) -> None:
         """Move one step along the path."""
         if self.guide is not None:
             self.guide.step()
             guide = self.guide
-            self.move(guide.x, guide.y, guide.heading, guide.speed, guide.acceleration, guide.yaw_rate)
+            if self.backs:
+                heading = math.remainder(guide.heading + math.pi, math.tau)
+                self.move(guide.x, guide.y, heading, -guide.speed, -guide.acceleration, guide.yaw_rate)
+            else:
+                self.move(guide.x, guide.y, guide.heading, guide.speed, guide.acceleration, guide.yaw_rate)
             self.along = guide.along
 
     def hand_over(self) -> PlacedActor | None:
@@ -95,8 +121,10 @@ class GuidedVehicle(SumoVehicle):
         if guide is None or way is None:
             return None
         x, y = self.front
-        guide.step()  # where it is at the end of the step
-        ahead_x, ahead_y = guide.front
+        ahead_x, ahead_y = x, y
+        if not self.backs:
+            guide.step()  # where it is at the end of the step
+            ahead_x, ahead_y = guide.front
         s, _ = way.project(ahead_x, ahead_y)
         lane = self._roads.lanes[way.lane_at(s)]
         at_x, at_y, heading = way.at(s)
@@ -106,7 +134,7 @@ class GuidedVehicle(SumoVehicle):
         record["sumo_x"], record["sumo_y"] = back_x, back_y
         record["offset"] = (y - back_y) * math.cos(back_heading) - (x - back_x) * math.sin(back_heading)
         guide.stand_in.show(())
-        self.guide, self.along, self.lane = None, math.nan, lane.id
+        self.guide, self.along, self.lane, self.backs = None, math.nan, lane.id, False
         route = self.route[self.route.index(edge) :] if edge in self.route else self.route
         self.placed = replace(self.placed, route=route, line=way, lane=lane.id)
         return replace(self.placed, x=at_x, y=at_y, heading_rad=heading, speed_mps=guide.speed)

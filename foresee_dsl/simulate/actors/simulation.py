@@ -172,6 +172,15 @@ class Simulation:
             self.order_speed(actor, self.cruise_mps[actor.id])
         return tuple(path)
 
+    def back_up(self, vehicle: GuidedVehicle, length_m: float) -> None:
+        """Let a vehicle that stands on its lane go backwards along it, and then drive on."""
+        if vehicle.guide is None and vehicle.id in self.world:
+            self.world.remove(vehicle.id)
+            self._traffic.drop(vehicle.id)
+            del self.sumo_vehicles[vehicle.id]
+            self._held.discard(vehicle.id)
+            vehicle.back_up(length_m)
+
     def _guide(self, vehicle: GuidedVehicle) -> None:
         """Move a vehicle along its path, or give it to SUMO at the path's end."""
         if vehicle.guide is None or not vehicle.present:

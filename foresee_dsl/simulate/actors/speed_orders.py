@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 from foresee_dsl.language.model import Meets
 from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
@@ -150,6 +151,40 @@ class Halt:
     def _room(self) -> float:
         """How far its front is before the place, m."""
         return self._place.s - self._simulation.progress.front(self._actor, self._simulation.frame)
+
+
+class Reverse:
+    """Brakes to a stand, goes backwards so far along its lane, and drives on as before."""
+
+    def __init__(self, simulation: Simulation, actor: GuidedVehicle, length_m: float, speed_mps: float) -> None:
+        self._simulation, self._actor, self._length, self._speed = simulation, actor, length_m, speed_mps
+        self._pace, self._backs, self._over = actor.speed, False, False
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        del time_s
+        actor, simulation = self._actor, self._simulation
+        self._over = self._over or not actor.present or (self._backs and not actor.backs)
+        if self._over:
+            simulation.order_speed(actor, simulation.cruise_mps[actor.id])
+            return False
+        if not self._backs and actor.speed < STANDS_MPS and actor.guide is None:
+            simulation.back_up(actor, self._length)
+            self._backs = actor.backs
+            if not self._backs:  # it is on no lane
+                self._over = True
+                return False
+        if self._backs:
+            free = math.sqrt(2 * COMFORT_MPS2 * max(actor.room_m, 0.0))
+            simulation.order_speed(actor, min(self._speed, free) if actor.room_m > HALTS_M / 10 else 0.0)
+            return True
+        self._pace = max(0.0, self._pace - COMFORT_MPS2 * STEP_S)
+        simulation.order_speed(actor, self._pace)
+        return True
+
+    def complete(self) -> bool:
+        """Whether it drives on."""
+        return self._over
 
 
 class StopSpot(NamedTuple):

@@ -27,7 +27,7 @@ from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOr
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.pair_orders import Gap, Match, Synchrony
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Stop, StopSpot
+from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Reverse, Stop, StopSpot
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
@@ -177,8 +177,8 @@ class Director:
                 complete = self._halt(actor, action)
             case m.KeepsGap() | m.MatchesSpeed() | m.Synchronises():
                 complete = self._by_another(actor, action)
-            case m.FollowsPath():
-                complete = self._follow_path(actor, action)
+            case m.Reverses() | m.FollowsPath():
+                complete = self._off_the_lanes(actor, action)
             case m.Leaves():
                 complete = self._leave(actor)
             case m.ChangesLine() | m.KeepsBeside():
@@ -337,6 +337,15 @@ class Director:
                 places = self._spot_on(actor, action.place).s, self._spot_on(other, action.there).s
                 command = Synchrony(self._simulation, actor, other, places, final)
         return self._order(actor, command)
+
+    def _off_the_lanes(self, actor: Actor, action: m.Reverses | m.FollowsPath) -> IsComplete:
+        return self._reverse(actor, action) if isinstance(action, m.Reverses) else self._follow_path(actor, action)
+
+    def _reverse(self, actor: Actor, action: m.Reverses) -> IsComplete:
+        self.event("reverses", {"length_m": si_of(action.length), "speed_mps": si_of(action.speed)}, actor.id)
+        if not isinstance(actor, GuidedVehicle) or actor.guide is not None:
+            return _at_once  # it follows no lane
+        return self._order(actor, Reverse(self._simulation, actor, si_of(action.length), si_of(action.speed)))
 
     def _follow_path(self, actor: Actor, action: m.FollowsPath) -> IsComplete:
         points = [at for place in action.points if (at := self._at(place)) is not None]

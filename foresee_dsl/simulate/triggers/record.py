@@ -144,7 +144,7 @@ class ActorOrders:
             case m.KeepsGap() | m.MatchesSpeed():
                 until_s = None if action.duration is None else time_s + si_of(action.duration)
                 after = replace(now, speed=Order(action, time_s, until_s), keeps_mps=None, stands_s=None)
-            case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises():
+            case m.Meets() | m.Stops() | m.StopsAt() | m.Synchronises() | m.Reverses():
                 after = replace(now, speed=Order(action, time_s), keeps_mps=None, stands_s=None)
             case m.FollowsPath() | m.Leaves() | m.TurnsTo() | m.Limit() | m.Door() | m.Wait() | m.Then():
                 after = now
