@@ -57,6 +57,9 @@ scenario never {
   when time > 99 s { lead stops }
   when lead.speed > 9 m/s { lead changes speed to 9.5 m/s over 1 s }
   when ego ahead of lead or lead in junction mill_oak { walker starts }
+  when ego sees walker { lead stops }
+  when collision(lead) { lead stops }
+  when arrived(ego) { lead stops }
 
   end after 4 s
 }
@@ -104,6 +107,13 @@ def test_how_near_it_came_is_what_the_trace_says(driven: tuple[TestCase, RunResu
         assert [n.held for n in together.nearest] == [True]
     either = found["ttc(ego, lead) < 0.1 s or lead.speed > 60 km/h"].nearest[0]
     assert either.text in ("ttc(ego, lead) < 0.1 s", "lead.speed > 60 km/h")
+    seen, hit, there = (found[fact].nearest[0] for fact in ("ego sees walker", "collision(lead)", "arrived(ego)"))
+    assert "hidden" in seen.words or "too far" in seen.words
+    assert hit.note == "ego"
+    gaps = np.hypot(*(trace.states[:, 0, :2] - trace.states[:, trace.index("lead"), :2]).T)
+    assert hit.value == pytest.approx(gaps.min() - (trace.actors[0].length_m + trace.actors[1].length_m) / 2, abs=0.05)
+    assert there.time_s == pytest.approx(trace.duration_s)
+    assert there.words.endswith(", to go")
     signal = found["ego.signal(mill_elm) is amber and not ego behind lead"].nearest
     assert signal[0].value is None
     assert signal[0].words == "it never held"

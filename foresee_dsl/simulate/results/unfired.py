@@ -15,6 +15,7 @@ class Nearest:
         short: by how much it was missed, in `unit`; None where there is no number.
         held_s: of a `for`, the longest time for which what it is about held; None for others, and where it never did.
         held: it held at some time, but not together with the others.
+        note: of a fact that a distance tells of, why it did not hold, in a few words.
     """
 
     text: str
@@ -24,6 +25,7 @@ class Nearest:
     unit: str = ""
     held_s: float | None = None
     held: bool = False
+    note: str = ""
 
     shown = "* words"
 
@@ -36,7 +38,7 @@ class Nearest:
         if self.held_s is not None:
             return f"held for {self.held_s:.2f} s{at}"
         if self.value is not None:
-            return f"nearest {self.value:.4g} {self.unit}".rstrip() + at
+            return f"nearest {self.value:.4g} {self.unit}".rstrip() + at + (f", {self.note}" if self.note else "")
         if self.short is not None:
             return f"{self.short:.4g} {self.unit} short{at}"
         return "it never held"

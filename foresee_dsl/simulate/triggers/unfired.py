@@ -24,8 +24,12 @@ from foresee_dsl.simulate.sensing.line_of_sight import LinesOfSight
 from foresee_dsl.simulate.trace import STEP_S, Trace
 from foresee_dsl.simulate.triggers.condition_history import Watch
 from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome
+from foresee_dsl.simulate.triggers.nearness import nearness
 from foresee_dsl.simulate.triggers.record import Place
 from foresee_dsl.simulate.triggers.replay import Replay
+
+Near = Callable[[m.Condition], tuple[float, str] | None]
+"""Says how far off a fact without a number is, m, and why."""
 
 
 def unfired(
@@ -48,8 +52,8 @@ def unfired(
     conditions = Conditions(replay, bundle.signals)
     if any(isinstance(part, m.Sees) for one in waiting for part in parts(one.condition)):
         conditions.eyes = Sensing(replay, mission_of(bundle), int(trace.meta.get("seed", 0)), sensors)
-    conditions.sightlines = LinesOfSight(replay)
-    followed = [_Followed(one, conditions) for one in waiting]
+    lines = conditions.sightlines = LinesOfSight(replay)
+    followed = [_Followed(one, conditions, lambda fact: nearness(fact, replay, lines)) for one in waiting]
     for frame in range(trace.frames):
         replay.go_to(frame)
         for one in followed:
@@ -99,11 +103,11 @@ def _step(actions: Sequence[m.Action], where: Place) -> m.Then | None:
 class _Followed:
     """A condition that never held, over the frames of its run."""
 
-    def __init__(self, waiting: _Waiting, conditions: Conditions) -> None:
+    def __init__(self, waiting: _Waiting, conditions: Conditions, near: Near) -> None:
         self._waiting, self._conditions = waiting, conditions
         condition = waiting.condition
         joined = condition.conditions if isinstance(condition, m.Both) else (condition,)
-        self._parts = [_Part(part, conditions) for part in joined]
+        self._parts = [_Part(part, conditions, near) for part in joined]
         self._most: tuple[int, tuple[Nearest, ...]] = (-1, ())
 
     def look(self) -> None:
@@ -130,6 +134,7 @@ class _Part:
 
     condition: m.Condition
     conditions: Conditions
+    near: Near
     ever: bool = False
     watch: Watch = field(init=False)
     inner: Watch | None = None
@@ -151,7 +156,10 @@ class _Part:
         if outcome is None:
             return False
         self.ever = self.ever or outcome.held
-        if self.nearest.held_s is None and not outcome.held and self._nearer(outcome):
+        if not outcome.held and (near := self.near(self.condition)) is not None:
+            if self.nearest.short is None or near[0] < self.nearest.short:
+                self.nearest = self._by_distance(*near)
+        elif self.nearest.held_s is None and not outcome.held and self._nearer(outcome):
             self.best, self.nearest = outcome, self.now()
         return outcome.held
 
@@ -162,6 +170,8 @@ class _Part:
             text = written(outcome.decides)
         if outcome is None:
             return Nearest(text)
+        if (near := self.near(self.condition)) is not None:
+            return self._by_distance(*near)
         time_s, unit = round(self.conditions.time_s, 2), outcome.unit
         if not math.isfinite(outcome.margin):
             return Nearest(text, time_s, unit=unit)
@@ -169,6 +179,10 @@ class _Part:
         value = self._value(outcome)
         shown = None if value is None else round(value / per, 6)
         return Nearest(text, time_s, shown, round(abs(outcome.margin) / per, 6), unit)
+
+    def _by_distance(self, away_m: float, why: str) -> Nearest:
+        away_m, text = round(away_m, 6), written(self.condition)
+        return Nearest(text, round(self.conditions.time_s, 2), away_m, away_m, "m", note=why)
 
     def _nearer(self, outcome: Outcome) -> bool:
         if self.best is None or math.isnan(self.best.margin):
