@@ -18,6 +18,7 @@ from foresee_dsl.editor.session import SOURCE, Session
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
 from foresee_dsl.editor.tokens import tokens
 from foresee_dsl.editor.uris import is_file, path_of
+from foresee_dsl.editor.worked_out import results
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.parser import format_text
 
@@ -243,9 +244,13 @@ def inlay_hints(session: Session, params: Json) -> list[Json]:
     uri = _uri(params)
     places = session.positions(uri)
     span = places.span(params["range"])
+    found = [(hint.line, hint.column, hint.text) for hint in hints(session.text(uri), span.line, span.end_line)]
+    for where, result in results(session.files(uri), path_of(uri)):
+        if span.line <= where.end_line <= span.end_line:
+            found.append((where.end_line, where.end_column, f"= {result}"))
     return [
-        {"position": places.position(hint.line, hint.column), "label": hint.text, "paddingLeft": True}
-        for hint in hints(session.text(uri), span.line, span.end_line)
+        {"position": places.position(line, column), "label": text, "paddingLeft": True}
+        for line, column, text in sorted(found)
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import get_args
 
@@ -23,13 +24,40 @@ def worked_out(files: Files, path: Path, line: int, column: int) -> tuple[str, S
     value = Builder(partial=True).build(node) if node is not None else None
     if node is None or not isinstance(value, m.Expression):
         return None
+    return _told(value, *_parameters(files, path)), node.span
+
+
+def results(files: Files, path: Path) -> Iterator[tuple[Span, str]]:
+    """Yield the place of every outermost expression of a file and what it comes to with the parameters' defaults; of
+    those that come to nothing, none."""
+    root = files.root(path)
+    found = list(_expressions(root)) if root is not None else []
+    values = _parameters(files, path)[1] if found else {}
+    for node in found:
+        value = Builder(partial=True).build(node)
+        if isinstance(value, m.Expression):
+            with suppress(ExpressionError):
+                yield node.span, value_text(evaluate(value, values))
+
+
+def _parameters(files: Files, path: Path) -> tuple[dict[str, m.ParamType], dict[str, m.ParamValue]]:
+    """Return the types and the defaults of the parameters that a file knows."""
     types: dict[str, m.ParamType] = {}
     values: dict[str, m.ParamValue] = {}
     for name, found in files.definitions(path, "parameter").items():
         param = Builder(partial=True).build(found.occurrence.owner)
         if isinstance(param, m.Param):
             types[name], values[name] = param.type, param.default
-    return _told(value, types, values), node.span
+    return types, values
+
+
+def _expressions(node: Node) -> Iterator[Node]:
+    """Yield the outermost expressions in a node."""
+    if node.kind in get_args(m.Expression):
+        yield node
+        return
+    for part in _parts(node):
+        yield from _expressions(part)
 
 
 def _told(value: m.Expression, types: dict[str, m.ParamType], values: dict[str, m.ParamValue]) -> str:

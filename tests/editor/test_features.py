@@ -19,6 +19,7 @@ from foresee_dsl.editor.fixes import fixes
 from foresee_dsl.editor.hints import hints, lenses
 from foresee_dsl.editor.positions import Positions
 from foresee_dsl.editor.tokens import tokens
+from foresee_dsl.editor.worked_out import results
 from tests.support.editor_client import Editor, applied, at, session
 
 NET = """foresee 1
@@ -139,6 +140,16 @@ def test_a_case_is_renamed_in_every_file_that_names_it(project: Path) -> None:
 def test_hints_say_speeds_in_metres_a_second() -> None:
     assert [(hint.line, hint.text) for hint in hints(BASE, 1, 100)] == [(10, "= 10.00 m/s"), (23, "= 8.94 m/s")]
     assert list(hints(BASE, 11, 18)) == []
+
+
+def test_hints_say_what_expressions_come_to(project: Path) -> None:
+    file = project / "base.foresee"
+    text = BASE.replace("start speed 36 km/h", "start speed 2 * pace").replace(
+        "  ego:", "  param pace: speed = 5 m/s\n  ego:"
+    )
+    text = text.replace("end after 10 s", "end after 2 * 4 s + 1 s")
+    found = [(span.line, result) for span, result in results(Files({file: text}, []), file)]
+    assert found == [(11, "10 m/s"), (28, "9 s")]
 
 
 def test_lenses_are_above_scenarios_and_cases() -> None:

@@ -52,6 +52,7 @@ scenario small {
     road one from a to b
     road two from b to c
     road three from d to b
+    stop market on two at 40 m
   }
   ego: car.sedan {
     route from one straight over b
@@ -64,6 +65,7 @@ scenario small {
   when ego.eta(b) < 4 s { turner stops }
   when turner within 10 m of ego { turner changes speed to 3 m/s }
   when ego in junction b { turner stops }
+  when time > 5 s { turner follows [(206 m, 30 m), (206 m, 10 m), (230 m, -1.65 m)] then joins [two] }
   expect never collision(ego)
   end after 20 s
   case near
@@ -160,7 +162,9 @@ def test_what_a_small_scene_shows(small: Path) -> None:
     svg = svg_of(drawing.sheet)
     assert "<script" not in svg and "&lt;script" in svg
     texts = " ".join("".join(text.itertext()) for text in ET.fromstring(svg).iter(f"{SVG}text"))
-    for word in ("ego", "turner", "b: go", "one", "route", "trigger place"):
+    later = [way for way in subject.ways if way.actor == "turner" and way.kind == "path"]
+    assert [way.points.tolist() for way in later] == [[[206.0, 30.0], [206.0, 10.0], [230.0, -1.65]]]
+    for word in ("stop market", "ego", "turner", "b: go", "one", "route", "trigger place"):
         assert word in texts
     junction = next(group for group in parts(svg, "junction") if (group[0].text or "") == "junction b")
     assert SMALL.split("\n")[int(junction.get("data-line") or 0) - 1].lstrip().startswith("junction b")

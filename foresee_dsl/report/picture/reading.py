@@ -20,7 +20,7 @@ from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project import addresses as a
 from foresee_dsl.language.project.document import Document, TestCase
 from foresee_dsl.language.project.loading import Project
-from foresee_dsl.language.traversal import si_of, word_of
+from foresee_dsl.language.traversal import all_actions, si_of, word_of
 from foresee_dsl.report.ground import stop_line
 from foresee_dsl.report.picture.subject import (
     SHOWN,
@@ -37,7 +37,7 @@ from foresee_dsl.report.picture.subject import (
     Way,
 )
 from foresee_dsl.report.picture.text_places import TextPlaces, place_of
-from foresee_dsl.report.picture.zones import zones_of
+from foresee_dsl.report.picture.zones import where_is, zones_of
 
 ALONE_M = 60.0
 """So much of a route matters where it meets nobody's. Ours: four seconds at 50 km/h."""
@@ -86,7 +86,8 @@ def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), ch
     sketch = sketch_case(case)
     texts = TextPlaces(project, case)
     bodies = _bodies(case, sketch, texts, project)
-    ways = tuple(_ways(sketch, texts, {body.name: body.tone for body in bodies}))
+    tones = {body.name: body.tone for body in bodies}
+    ways = (*_ways(sketch, texts, tones), *_later_ways(case, sketch, texts, tones))
     stages = {word_of(s.junction): (word_of(s.stage), si_of(s.elapsed)) for s in case.scenario.all(m.SignalState)}
     passed = {p.junction for actor in sketch.actors if actor.line is not None for p in actor.line.passages}
     driven = {edge for actor in sketch.actors for edge in actor.route}
@@ -101,7 +102,10 @@ def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), ch
         ways=ways,
         zones=zones_of(case, sketch, texts),
         heads=tuple(_heads(sketch.network, sketch.signals, stages)),
-        names=tuple(_names(sketch.network, sketch.signals, stages, passed | driven, texts)),
+        names=(
+            *_stops(case.network, sketch.network),
+            *_names(sketch.network, sketch.signals, stages, passed | driven, texts),
+        ),
         mistakes=tuple(_mistakes(sketch, bodies)),
         changes=changes,
         cases=names,
@@ -122,7 +126,7 @@ def _network_alone(name: str, about: str, model: m.Network | Path, document: Doc
         about=about,
         network=network,
         heads=tuple(_heads(network, signals, {})),
-        names=tuple(_names(network, signals, {}, frozenset(), places)),
+        names=(*_stops(model, network), *_names(network, signals, {}, frozenset(), places)),
         files=files,
     )
 
@@ -266,6 +270,19 @@ def _ways(sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Itera
         )
 
 
+def _later_ways(case: TestCase, sketch: Sketch, texts: TextPlaces, tones: Mapping[str, Tone]) -> Iterator[Way]:
+    """Yield the paths that triggers lead actors along."""
+    for number, when in enumerate(case.scenario.all(m.When)):
+        for action in all_actions(when.actions):
+            if not isinstance(action, m.FollowsPath) or action.actor not in tones:
+                continue
+            found = [where_is(place, sketch) for place in action.points]
+            points = [xy for xy in found if xy is not None]
+            if len(points) > 1:
+                text = texts.trigger(m.When, number)
+                yield Way(action.actor, "path", tones[action.actor], np.array(points), 1e6, text)
+
+
 def _matters(points: FloatArray, others: list[FloatArray], *, ego: bool) -> float:
     """Return how much of a route should be in the picture: to where it last meets another's that matters, m."""
     import shapely
@@ -306,6 +323,16 @@ def _heads(
         lane = network.lanes.get(lane_id)
         if lane is not None and not lane.internal and "car" in lane.kinds:
             yield Head(stop_line(lane), next(colour for colour in SHOWN if colour in colours))
+
+
+def _stops(model: m.Network | Path, network: RoadNetwork) -> Iterator[Name]:
+    """Yield the bus stops of a network that is written in the language."""
+    for item in model.body if isinstance(model, m.Network) else ():
+        edge = network.edges.get(item.road) if isinstance(item, m.BusStop) else None
+        if isinstance(item, m.BusStop) and edge is not None:
+            lane, at_m = edge.drivable[0], si_of(item.at)
+            x, y, _ = lane.line.at(at_m if at_m >= 0 else lane.line.length_m + at_m)
+            yield Name("junction", f"stop {item.name}", np.array([(x, y)]), True)
 
 
 def _names(

@@ -92,10 +92,15 @@ def _thing(of: m.Item, sketch: Sketch, actors: Mapping[str, PlacedActor]) -> Bas
             return _box(actors[name])
         junction = sketch.network.junctions.get(name)
         return shapely.Polygon(junction.polygon) if junction is not None and len(junction.polygon) > 2 else None
-    if isinstance(of, m.Point):
-        return shapely.Point(si_of(of.x), si_of(of.y))
-    at = next((xy for place, xy in sketch.places.items() if place == of), None)
+    at = where_is(of, sketch)
     return shapely.Point(at) if at is not None else None
+
+
+def where_is(place: m.Item, sketch: Sketch) -> tuple[float, float] | None:
+    """Return where a place of a condition or action is; None for one that is only known while it runs."""
+    if isinstance(place, m.Point):
+        return si_of(place.x), si_of(place.y)
+    return next((xy for known, xy in sketch.places.items() if known == place), None)
 
 
 def _box(actor: PlacedActor) -> BaseGeometry:
