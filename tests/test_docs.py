@@ -209,7 +209,7 @@ def test_every_unit_is_listed() -> None:
         ("{:g} s of all red", "foresee_dsl.compile.nets.signals.ALL_RED_S"),
         ("green ends {:g} s before", "foresee_dsl.compile.nets.signals.PEDESTRIAN_CLEARANCE_S"),
         ("A crossing is {:g} m wide", "foresee_dsl.compile.nets.network_builder.CROSSING_WIDTH_M"),
-        ("of each lane | {:g} m |", "foresee_dsl.compile.nets.network_builder.LANE_WIDTH_M"),
+        ("of each lane | {:g} m |", "foresee_dsl.compile.nets.plain_edges.LANE_WIDTH_M"),
         ("the run's limit; {:g} s when absent", "foresee_dsl.compile.placement.scene.DEFAULT_END_S"),
         ("{:g} m before the end of its route", "foresee_dsl.compile.placement.scene.GOAL_BEFORE_END_M"),
         ("friction from {:g} (0)", "foresee_dsl.compile.placement.scene.DRY_FRICTION"),

@@ -7,14 +7,11 @@ import re
 from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from foresee_dsl.cli.options.common import DriverOption
-
-if TYPE_CHECKING:
-    pass
 
 _FILES = (
     ("networks/crossroads.foresee", "networks/crossroads.foresee"),
@@ -39,7 +36,14 @@ _CI_FILES = {Server.github: ".github/workflows/scenarios.yml", Server.gitlab: ".
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where to; it is made. By default here.")] = Path(),
+    what: Annotated[
+        str,
+        typer.Argument(metavar="[DIR]", help="Where to; it is made. By default here."),
+    ] = ".",
+    sketch: Annotated[
+        str,
+        typer.Argument(metavar="[SKETCH]", help="Behind `network`: a street sketch, or - for standard input."),
+    ] = "",
     driver: DriverOption = "pdm",
     ci: Annotated[Server, typer.Option("--ci", help="For which build server a file is written.")] = Server.github,
     install: Annotated[
@@ -50,6 +54,13 @@ def init(
             help="What the build server gives to pip; by default from where this foresee was installed.",
         ),
     ] = "",
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Where a sketch's network is written; by default beside it."),
+    ] = None,
+    scenario: Annotated[
+        Path | None, typer.Option("--scenario", help="Write a first scenario on the network of the sketch, too.")
+    ] = None,
 ) -> None:
     """Write a small project to begin with: roads, a scenario with three cases, a campaign, files for git and CI.
 
@@ -57,7 +68,15 @@ def init(
 
     [dim]foresee init crossroads
     cd crossroads && foresee campaign campaign.foresee[/dim]
+
+    `foresee init network SKETCH` makes a network of lines such as `a 0 0`, `b 200 0 signals`, `a-b lanes 2 speed 50`.
     """  # fmt: skip
+    if what == "network":
+        _network(sketch, out, scenario)
+        return
+    folder = Path(what)
+    if sketch or out is not None or scenario is not None:
+        raise typer.BadParameter("a sketch, --out and --scenario belong to `foresee init network SKETCH`")
     from foresee_dsl.drivers.registry import load_driver
     from foresee_dsl.errors import ForeseeError
     from foresee_dsl.files import templates, write_whole
@@ -99,3 +118,50 @@ def _installed_from() -> str:
     if vcs := url.get("vcs_info"):
         return f"'foresee-dsl @ {vcs['vcs']}+{url['url']}@{vcs['commit_id']}'"
     return "wheels/foresee_dsl-*.whl  # put its wheel there, or name its repository: git+https://..."
+
+
+def _network(sketch: str, out: Path | None, scenario: Path | None) -> None:
+    """Write the network of a street sketch, and a first scenario on it: both or none, and nothing is overwritten."""
+    import os
+    import sys
+
+    from foresee_dsl.errors import ForeseeError
+    from foresee_dsl.exchange.sketch import checked_text, network_of_sketch, starter_of
+    from foresee_dsl.files import write_whole
+    from foresee_dsl.language.printer import print_model
+
+    if not sketch:
+        raise typer.BadParameter(
+            "say which sketch: `foresee init network streets.txt`, or `-` for standard input "
+            "(a project in a folder of this name: `foresee init ./network`)"
+        )
+    if sketch == "-":
+        text, shown = sys.stdin.read(), "standard input"
+        file = out or Path("network.foresee")
+    else:
+        shown = sketch
+        try:
+            text = Path(sketch).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as err:
+            raise ForeseeError(f"the sketch {sketch} cannot be read: {err}") from err
+        file = out or Path(sketch).with_suffix(".foresee")
+    targets = [file] if scenario is None else [file, scenario]
+    if there := [str(target) for target in targets if target.exists()]:
+        raise ForeseeError(
+            f"nothing was written: {', '.join(there)} {'is' if len(there) == 1 else 'are'} there already"
+        )
+    network = network_of_sketch(text, _name(file), shown)
+    texts = {file: checked_text(network, shown)}
+    if scenario is not None:
+        used = os.path.relpath(file, scenario.parent).replace(os.sep, "/")
+        texts[scenario] = print_model(starter_of(network, _name(scenario), used))
+    for target, written in texts.items():
+        write_whole(target, written)
+        typer.echo(f"wrote {target}")
+    if scenario is not None:
+        typer.echo(f"\nNext:\n  foresee run {scenario}")
+
+
+def _name(file: Path) -> str:
+    name = re.sub(r"\W+", "_", file.resolve().stem.lower(), flags=re.ASCII).strip("_")
+    return name if re.match(r"[a-z]", name) else "streets"

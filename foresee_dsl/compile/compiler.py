@@ -157,8 +157,9 @@ def _build(network: Network, out: Path) -> None:
 def _read(net_file: Path, network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:
     known = _READ.get(str(net_file))
     if known is None:
-        topology, signals = read_net_once(net_file, None if isinstance(network, Path) else network)
-        known = _remember(_READ, str(net_file), (RoadNetwork.of(topology, buildings_of(network)), signals))
+        written = None if isinstance(network, Path) else network
+        topology, signals = read_net_once(net_file, written)
+        known = _remember(_READ, str(net_file), (RoadNetwork.of(topology, buildings_of(network), written), signals))
     return known
 
 

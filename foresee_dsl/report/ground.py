@@ -12,10 +12,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.nets.network_builder import shift_right
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
+from foresee_dsl.language.streets.lines import shift_right
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 
 from foresee_dsl.compile.nets.netconvert import run_netconvert, tool_version, without_header
-from foresee_dsl.compile.nets.network_builder import build_network, shift_right
+from foresee_dsl.compile.nets.network_builder import build_network
 from foresee_dsl.errors import CompileError
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.model import Doc, Network, Ref
 from foresee_dsl.language.parser import parse
+from foresee_dsl.language.streets.lines import shift_right
 from tests.support.built_networks import (
     dead_ends,
     drive_everywhere,

@@ -10,6 +10,7 @@ import pytest
 from foresee_dsl.campaign.campaign_file import mistakes_of
 from foresee_dsl.compile import placement_lints, placement_mistakes
 from foresee_dsl.errors import Diagnostic, InputError
+from foresee_dsl.exchange.sketch import network_of_sketch
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.diff.addresses import compare_addresses
 from foresee_dsl.language.lints.lint import without_repeated
@@ -52,6 +53,8 @@ def _do(command: str, *words: str) -> tuple[Diagnostic, ...]:
         compare_addresses(*paths)
     elif command == "models":
         load_catalogue(Path(*paths))
+    elif command == "init":
+        network_of_sketch(Path(words[-1]).read_text(encoding="utf-8"), "sketch", words[-1])
     else:
         raise AssertionError(command)
     return ()

@@ -8,13 +8,30 @@ from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.nets.safe_xml import parse_net
 from foresee_dsl.compile.roads.polyline import Points
-from foresee_dsl.compile.roads.topology import Crossing, Edge, Junction, Lane, LaneKind, Movement, Topology, WalkingArea
+from foresee_dsl.compile.roads.topology import (
+    STRIPS_ON_THE_ROAD,
+    Crossing,
+    Edge,
+    Junction,
+    Lane,
+    LaneKind,
+    Movement,
+    Topology,
+    WalkingArea,
+)
 from foresee_dsl.language.model import Turn
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element  # the type only; files are parsed by defusedxml
 
-_SUMO_CLASS: dict[LaneKind, str] = {"car": "passenger", "bicycle": "bicycle", "pedestrian": "pedestrian"}
+_SUMO_CLASS: Mapping[LaneKind, str] = {
+    "car": "passenger",
+    "bicycle": "bicycle",
+    "pedestrian": "pedestrian",
+    "bus": "bus",
+}
+_BUS_LANE = "bus_lane"
+"""The type of bus lanes of written networks. In other networks buses go where cars go."""
 FAULT = "foresee.fault"
 """The key of the `<param>` of a lane or connection that nobody can drive over; its value says why."""
 _DEFAULT_WIDTH_M = 3.2
@@ -39,6 +56,7 @@ def read_net(net_file: Path) -> Topology:
 def topology_of(root: Element) -> Topology:
     """Return what a net's tree says; a `KeyError` or `ValueError` where a part or an attribute is missing or no
     number."""
+    bus_lanes = any(lane.get("type") == _BUS_LANE for lane in root.iterfind("edge/lane"))
     functions: dict[str, str] = {}
     over: dict[str, tuple[str, ...]] = {}
     lanes: dict[str, Lane] = {}
@@ -47,7 +65,7 @@ def topology_of(root: Element) -> Topology:
         name, function = element.attrib["id"], element.get("function", "normal")
         functions[name] = function
         over[name] = tuple(element.get("crossingEdges", "").split())
-        own = tuple(_lane(child, name, function) for child in element.iterfind("lane"))
+        own = tuple(_lane(child, name, function, bus_lanes) for child in element.iterfind("lane"))
         lanes.update((lane.id, lane) for lane in own)
         if function == "normal":
             edges[name] = Edge(id=name, start=element.attrib["from"], end=element.attrib["to"], lanes=own)
@@ -83,9 +101,12 @@ def topology_of(root: Element) -> Topology:
     )
 
 
-def _lane(element: Element, edge: str, function: str) -> Lane:
+def _lane(element: Element, edge: str, function: str, bus_lanes: bool) -> Lane:
     get = element.attrib
     fault = _fault(element)
+    kinds = _kinds(get.get("allow"), get.get("disallow"))
+    if not bus_lanes:
+        kinds = kinds | {"bus"} if "car" in kinds else kinds - {"bus"}
     return Lane(
         id=get["id"],
         edge=edge,
@@ -94,10 +115,11 @@ def _lane(element: Element, edge: str, function: str) -> Lane:
         length_m=float(get["length"]),
         speed_mps=float(get["speed"]),
         width_m=float(get.get("width", _DEFAULT_WIDTH_M)),
-        kinds=frozenset() if fault else _kinds(get.get("allow"), get.get("disallow")),
+        kinds=frozenset() if fault else kinds,
         internal=function != "normal",
         parking=get.get("type") == "parking",
         fault=fault,
+        strip=get.get("type") in STRIPS_ON_THE_ROAD,
     )
 
 

@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import itertools
-import math
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from foresee_dsl.compile.nets import signals
+from foresee_dsl.compile.nets import signals, turn_rules
 from foresee_dsl.compile.nets.net_reader import read_net
 from foresee_dsl.compile.nets.netconvert import run_netconvert, without_header
-from foresee_dsl.compile.roads.polyline import XY
+from foresee_dsl.compile.nets.plain_edges import CORNER_RADIUS_M, Node, Plain, plain_of
 from foresee_dsl.compile.roads.topology import Topology
 from foresee_dsl.compile.templates import render
 from foresee_dsl.errors import CompileError
-from foresee_dsl.language.model import Building, Count, Junction, Length, Network, Point, Quantity, Road, Speed
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.model import Building, Junction, Network, Ref, Road, Roundabout
+from foresee_dsl.language.streets.layout import BACK, directed, lanes_of
+from foresee_dsl.language.streets.lines import number, xy
+from foresee_dsl.language.traversal import walk
 
-LANE_WIDTH_M = 3.3
-"""Ours: between the 3.25 m and 3.5 m that are usual on urban main roads."""
-SPEED_MPS = 50 / 3.6
-"""The usual urban limit (Vienna Convention countries)."""
-CORNER_RADIUS_M = 5.0
-"""Radius of the inner edge of a turn, m. Ours: with a 2 m sidewalk the road's edge has 7 m; SUMO's default of 4 m is
-too tight for buses (the centre of their lane would turn with 5.6 m where there is no sidewalk)."""
 CROSSING_WIDTH_M = 4.0
 """SUMO's default (netconvert --default.crossing-width)."""
-BACK = "_back"
-"""Suffix of a road's name for its edge in the other direction."""
-
 _CONTROL_TYPES = {
     "signals": "traffic_light",
     "priority": "priority",
@@ -47,43 +37,28 @@ _OPTIONS = (  # of netconvert 1.28
 )
 
 
-@dataclass(frozen=True)
-class _Edge:
-    """One `<edge>` of netconvert's input: all its car lanes have the same width; `parking` and `sidewalk` are None
-    where there is none."""
-
-    id: str
-    start: str
-    end: str
-    lanes: int
-    lane_width: float
-    speed: float
-    spread: str
-    shape: tuple[XY, ...]
-    parking: float | None
-    sidewalk: float | None
-    priority: int
-
-
 def build_network(network: Network, out: Path) -> None:
     """Write the SUMO net of a network to `out`: the same network gives the same bytes.
 
     Junctions keep their names. Road `west` becomes the edges `west` and `west_back`.
     """
-    junctions = {item.name: item for item in network.body if isinstance(item, Junction)}
-    roads = tuple(item for item in network.body if isinstance(item, Road))
-    _check_names(junctions, roads)
-    edges = tuple(edge for road in roads for edge in _road_edges(road, junctions))
+    _check_names(network)
+    plain = plain_of(network)
     with tempfile.TemporaryDirectory(prefix="foresee-net-") as name:
         folder = Path(name)
-        files = _write_plain(folder, tuple(junctions.values()), roads, edges)
         net = folder / "net.net.xml"
+        files = _write_plain(folder, network, plain, ())
         run_netconvert([*files, *_OPTIONS, "--output-file", net.name], folder)
         topology = read_net(net)
-        controlled = tuple(j for j in junctions.values() if j.control == "signals")
+        # which turn leads where only netconvert knows: it runs again with the connections that are left
+        if left := turn_rules.without_banned(network, plain, topology):
+            topology = _again(folder, files, network, plain, left)
+        if by_lane := turn_rules.by_lane(network, plain, topology, left):
+            topology = _again(folder, files, network, plain, by_lane)
+        controlled = [j for j in network.body if isinstance(j, Junction) and j.control == "signals"]
         if controlled:
             # programs need the numbers of the movements, which netconvert gives: it runs again with the programs
-            roads_of = {edge: road.name for road in roads for edge in _edges_at(road, road.start)}
+            roads_of = {edge.id: edge.road for edge in plain.edges}
             programs = [signals.program(j, signals.links_of(topology, j.name) or (), roads_of) for j in controlled]
             signals.write_programs(programs, folder / "signals.tll.xml")
             final = folder / "final.net.xml"
@@ -95,83 +70,23 @@ def build_network(network: Network, out: Path) -> None:
         out.write_bytes(without_header(net.read_bytes()))
 
 
-def _road_edges(road: Road, junctions: dict[str, Junction]) -> tuple[_Edge, ...]:
-    """Return the edges of a road: one or two.
-
-    A one-way road lies with its middle on the line between its junctions; a two-way road drives on the right of that
-    line, with half of the median on either side.
-    """
-    lanes = _count(road.lanes, 1)
-    back = _count(road.back, lanes)
-    if lanes < 1:
-        raise CompileError(f"road {road.name} needs at least one lane")
-    ends = (junctions[road.start].at, junctions[road.end].at)
-    line = [_xy(p) for p in (ends[0], *road.via, ends[1])]
-    half_median = _si(road.median) / 2
-    speed = _si(road.speed, SPEED_MPS)
-
-    there = _Edge(
-        id=road.name,
-        start=road.start,
-        end=road.end,
-        lanes=lanes,
-        lane_width=_si(road.lane_width, LANE_WIDTH_M),
-        speed=speed,
-        spread="right" if back else "center",
-        shape=tuple(shift_right(line, half_median) if back else line),
-        parking=None if road.parking is None else _si(road.parking),
-        sidewalk=_si(road.sidewalk) or None,
-        # the road with more lanes goes first, among equals the faster one
-        priority=1000 * (lanes + back) + round(speed * 3.6),
-    )
-    if not back:
-        return (there,)
-    shape = tuple(shift_right(line[::-1], half_median))
-    return there, replace(there, id=road.name + BACK, start=road.end, end=road.start, lanes=back, shape=shape)
-
-
-def shift_right(line: Sequence[XY], distance: float) -> list[XY]:
-    """Return a polyline moved to its right by a distance (m); corners are mitred, very sharp ones cut short."""
-    if distance == 0:
-        return list(line)
-    normals = []
-    for (x0, y0), (x1, y1) in itertools.pairwise(line):
-        length = math.hypot(x1 - x0, y1 - y0)
-        if length == 0:
-            raise CompileError(f"a road has the point ({x0:g} m, {y0:g} m) twice in a row")
-        normals.append(((y1 - y0) / length, -(x1 - x0) / length))
-    moved = []
-    for k, (x, y) in enumerate(line):
-        (ax, ay), (bx, by) = normals[max(k - 1, 0)], normals[min(k, len(normals) - 1)]
-        scale = distance / max(1 + ax * bx + ay * by, 0.5)
-        moved.append((x + (ax + bx) * scale, y + (ay + by) * scale))
-    return moved
-
-
-def _edges_at(road: Road, junction: str) -> tuple[str, ...]:
-    """Return the ids of a road's edges that touch a junction."""
-    if junction not in (road.start, road.end):
-        return ()
-    return (road.name, road.name + BACK) if _count(road.back, _count(road.lanes, 1)) else (road.name,)
-
-
 def _write_plain(
-    folder: Path, junctions: Sequence[Junction], roads: Sequence[Road], edges: Sequence[_Edge]
+    folder: Path, network: Network, plain: Plain, connections: Sequence[turn_rules.Connection]
 ) -> list[str]:
     """Write netconvert's input; return the options that name it."""
-    nodes = [dict(zip("xy", _xy(j.at), strict=True), id=j.name, type=_CONTROL_TYPES[j.control]) for j in junctions]
-    walked = {edge.id for edge in edges if edge.sidewalk is not None}
-    crossings = [
-        {"node": j.name, "edges": found}
-        for j in junctions
-        if j.crossings is not None
-        for road in roads
-        if road.name in j.crossings or not j.crossings
-        if (found := tuple(e for e in _edges_at(road, j.name) if e in walked))
-    ]
-    render("nodes.nod.xml", folder / "nodes.nod.xml", nodes=nodes, radius=CORNER_RADIUS_M)
-    render("edges.edg.xml", folder / "edges.edg.xml", edges=edges)
-    render("connections.con.xml", folder / "connections.con.xml", crossings=crossings, width=CROSSING_WIDTH_M)
+    junctions = (item for item in network.body if isinstance(item, Junction))
+    usual = [Node(j.name, xy(j.at), CORNER_RADIUS_M, _CONTROL_TYPES[j.control]) for j in junctions]
+    nodes = [*usual, *plain.nodes]
+    crossings = [*_crossings(network, plain), *plain.crossings]
+    render("nodes.nod.xml", folder / "nodes.nod.xml", nodes=nodes)
+    render("edges.edg.xml", folder / "edges.edg.xml", edges=plain.edges, roundabouts=plain.roundabouts)
+    render(
+        "connections.con.xml",
+        folder / "connections.con.xml",
+        crossings=[{"node": node, "edges": edges, "width": width} for node, edges, width in crossings],
+        connections=[*map(turn_rules.Connection._make, plain.connections), *connections],
+        width=CROSSING_WIDTH_M,
+    )
     return [
         *("--node-files", "nodes.nod.xml"),
         *("--edge-files", "edges.edg.xml"),
@@ -179,13 +94,43 @@ def _write_plain(
     ]
 
 
-def _check_names(junctions: dict[str, Junction], roads: Sequence[Road]) -> None:
+def _again(
+    folder: Path, files: Sequence[str], network: Network, plain: Plain, connections: Sequence[turn_rules.Connection]
+) -> Topology:
+    """Build the net anew with the connections that the rules of turns leave."""
+    _write_plain(folder, network, plain, connections)
+    run_netconvert([*files, *_OPTIONS, "--output-file", "net.net.xml"], folder)
+    return read_net(folder / "net.net.xml")
+
+
+def _crossings(network: Network, plain: Plain) -> Iterator[tuple[str, tuple[str, ...], None]]:
+    """Yield the crossings that junctions and roundabouts ask for: node, edges, no width of their own."""
+    walked = {edge.id for edge in plain.edges if edge.sidewalk is not None}
+    roads = [item for item in network.body if isinstance(item, Road)]
+    rings = {ring.item.name: ring for ring in plain.roundabouts}
+    for item in network.body:
+        if not isinstance(item, Junction | Roundabout) or item.crossings is None:
+            continue
+        for road in roads:
+            node = item.name
+            if item.name in rings:
+                node = f"{item.name}_{road.name}"
+            if road.name in item.crossings or not item.crossings:
+                found = tuple(e for e in plain.at(node, road.name) if e in walked)
+                if found:
+                    yield node, found, None
+
+
+def _check_names(network: Network) -> None:
+    """Raise a `CompileError` for a model that was not checked (a file is) and that netconvert could not use."""
+    junctions = {item.name for item in network.body if isinstance(item, Junction | Roundabout)}
+    roads = [item for item in network.body if isinstance(item, Road)]
     seen: set[str] = set()
     for road in roads:
         for end in (road.start, road.end):
             if end not in junctions:
                 raise CompileError(f"road {road.name} names the junction {end}, which is not in the network")
-        for edge in _edges_at(road, road.start):
+        for edge in (road.name, road.name + BACK)[: 2 if lanes_of(road)[1] else 1]:
             if edge in seen:
                 raise CompileError(
                     f"two roads have the edge {edge}: a road may not have the name of another one's back"
@@ -193,11 +138,18 @@ def _check_names(junctions: dict[str, Junction], roads: Sequence[Road]) -> None:
             seen.add(edge)
     if not roads:
         raise CompileError("the network has no roads")
+    for part in walk(network):
+        if isinstance(part, Ref):
+            raise CompileError(f"a network cannot use the parameter in `{part.name}`")
+    for way in directed(network):
+        for one, (x, y) in itertools.pairwise(way.line):
+            if one == (x, y) and (way.cuts or number(way.road.median)):
+                raise CompileError(f"a road has the point ({x:g} m, {y:g} m) twice in a row")
 
 
 def _check_buildings(network: Network, topology: Topology) -> None:
     """Raise a `CompileError` for a building on a lane: actors would drive through it and see nothing inside."""
-    buildings = {item.name: [_xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
+    buildings = {item.name: [xy(p) for p in item.outline] for item in network.body if isinstance(item, Building)}
     if not buildings:
         return
     import shapely
@@ -215,19 +167,3 @@ def _check_buildings(network: Network, topology: Topology) -> None:
             if shape.intersects(band):
                 at = shapely.intersection(shape, band).centroid
                 raise CompileError(f"building {name} stands on {lane}, at ({at.x:.0f} m, {at.y:.0f} m)")
-
-
-def _xy(point: Point) -> XY:
-    return _si(point.x), _si(point.y)
-
-
-def _count(value: Count | None, default: int) -> int:
-    return round(_si(value, default))
-
-
-def _si(value: Length | Speed | Count | None, default: float = 0.0) -> float:
-    if value is None:
-        return default
-    if not isinstance(value, Quantity):
-        raise CompileError(f"a network cannot use the parameter in `{written(value)}`")
-    return value.si

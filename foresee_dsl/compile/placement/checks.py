@@ -209,8 +209,8 @@ class NameChecks:
     def _within(self, kind: str, part: m.Within) -> Iterator[Problem]:
         if isinstance(part.of, m.Named):
             name = word_of(part.of.name)
-            if name not in self._actors and name not in self._network.junctions:
-                known = (*self._actors, *self._network.junctions)
+            if name not in self._actors and not self._network.is_junction(name):
+                known = (*self._actors, *self._network.junctions, *self._network.rings)
                 message = f"there is no actor and no junction called {name}"
                 yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, known), name)
         elif not isinstance(part.of, m.Point | m.OfActor):  # these are where their actor is when it is asked
@@ -274,12 +274,12 @@ class NameChecks:
 
     def _limit(self, kind: str, action: m.Limit) -> Iterator[Problem]:
         name = word_of(action.road)
-        edge = self._network.edges.get(name)
-        if edge is None:
+        edges = [self._network.edges[piece] for piece in self._network.pieces(name)]
+        lanes = max((len(edge.drivable) for edge in edges), default=0)
+        if not edges:
             message = f"there is no edge called {name}"
             yield Problem("", kind, codes.UNKNOWN, message, did_you_mean(name, self._network.edges), name)
-        elif action.lane is not None and si_of(action.lane) > len(edge.drivable):
-            lanes = len(edge.drivable)
+        elif action.lane is not None and si_of(action.lane) > lanes:
             message = f"{name} has {lanes} lane{'s' if lanes > 1 else ''}, no lane {si_of(action.lane):g}"
             yield Problem("", kind, codes.PLACE, message, "lanes count from 1, the rightmost for cars", name)
 
@@ -314,9 +314,9 @@ class NameChecks:
             return
         if stop is not None:
             self.places[m.AtStop(stop=stop.name)] = spot.x, spot.y
-            lane, at_m = self._network.edges[stop.road].drivable[0], si_of(stop.at)
+            lane, at_m = self._network.place_on(stop.road, si_of(stop.at))
             length_m = STOP_LENGTH_M if stop.length is None else si_of(stop.length)
-            self.stops[stop.name] = StopPlace(lane.id, at_m if at_m >= 0 else lane.length_m + at_m, length_m)
+            self.stops[stop.name] = StopPlace(lane.id, at_m, length_m)
         elif not isinstance(place, m.Point):
             self.places[place] = spot.x, spot.y
         if actor is None or self._case.snapshot:  # a clip's routes do not show what was passed before it begins
@@ -369,7 +369,7 @@ class NameChecks:
             yield Problem("", kind, codes.UNKNOWN, message, help, stage)
 
     def _junction(self, actor: str, at: str, junction: str) -> Iterator[Problem]:
-        if junction not in self._network.junctions:
+        if not self._network.is_junction(junction):
             message = f"there is no junction called {junction}"
             yield Problem(actor, at, codes.UNKNOWN, message, did_you_mean(junction, self._network.junctions), junction)
 

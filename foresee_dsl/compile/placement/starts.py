@@ -60,9 +60,11 @@ def si(value: m.AnyValue | None) -> float:
 
 def lane_kind(spec: ModelSpec) -> LaneKind:
     """Return the kind of lanes that a model uses."""
-    if spec.kind == "bicycle":
-        return "bicycle"
-    return "pedestrian" if spec.kind == "pedestrian" else "car"
+    match spec.kind:
+        case "bicycle" | "pedestrian" | "bus":
+            return spec.kind
+        case _:
+            return "car"
 
 
 def item(actor: m.Ego | m.Actor, kind: type[_T]) -> _T | None:
@@ -323,7 +325,7 @@ class Starts:
         start = item(actor, m.StartAt)
         if actor.state is None and start is not None and isinstance(start.place, m.AlongEdge):
             edge = word_of(start.place.edge)
-            if edge not in edges:
+            if not set(self._network.pieces(edge)) & set(edges):
                 raise RouteError(f"{name} starts on {edge}, off its route", f"its route is {', '.join(edges)}")
         match = self._match(near, kind, x, y, heading)
         if isinstance(match, float):

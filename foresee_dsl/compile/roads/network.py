@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.roads import routing
-from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance_to, inside, wrap
+from foresee_dsl.compile.roads.polyline import XY, Points, crosses, distance, distance_to, inside, wrap
 from foresee_dsl.compile.roads.route_line import RouteLine, build_line
-from foresee_dsl.compile.roads.topology import Lane, LaneKind, Topology
+from foresee_dsl.compile.roads.topology import Lane, LaneKind, Roundabout, Topology
 from foresee_dsl.language.model import Building, Network
+from foresee_dsl.language.streets import layout
 from foresee_dsl.language.traversal import si_of
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ narrow)."""
 
 _CELL_M = 50.0
 """Ours: a town's lanes are 50 to 150 m long, so that each is in a few cells and a cell holds a junction's lanes."""
+_CORNERS = 36
+"""Corners of a roundabout's outline (ours: of 20 m radius, it is within 8 cm of the circle)."""
 _REACHES_M = (10.0, 100.0, 1000.0)
 """Radii, m, in which the nearest lane is sought before all lanes are compared (ours)."""
 
@@ -62,9 +66,16 @@ class RoadNetwork(Topology):
         return cls.of(read_net(net_file), buildings)
 
     @classmethod
-    def of(cls, topology: Topology, buildings: tuple[Points, ...] = ()) -> RoadNetwork:
-        """Make one from what was read, and the outlines of its buildings."""
-        return cls(**{f.name: getattr(topology, f.name) for f in fields(Topology)}, buildings=buildings)
+    def of(cls, topology: Topology, buildings: tuple[Points, ...] = (), written: Network | None = None) -> RoadNetwork:
+        """Make one from what was read, and the outlines of its buildings.
+
+        `written`: the network that the net was built from: it says which edges are pieces of one, and what a
+        roundabout is.
+        """
+        read = {f.name: getattr(topology, f.name) for f in fields(Topology)}
+        if written is not None:
+            read |= {"parts": layout.parts_of(written), "rings": rings_of(written)}
+        return cls(**read, buildings=buildings)
 
     route_edges = routing.route_edges
     shortest_route = routing.shortest_route
@@ -144,24 +155,39 @@ class RoadNetwork(Topology):
 
         `offset_m`: sideways from that lane's centre, left positive. A `RouteError` for no such edge, or a shorter one.
         """
+        lane, left_m = self.place_on(edge, at_m)
+        return lane.line.at(left_m, offset_m)
+
+    def place_on(self, edge: str, at_m: float) -> tuple[Lane, float]:
+        """Return the rightmost lane for cars at a length along an edge (negative: from its end), and the length along
+        that lane; errors as of `locate`."""
         routing.check_edge(self, edge)
-        line = self.edges[edge].drivable[0].line
-        if abs(at_m) > line.length_m + 1e-6:
-            message = f"{edge} is only {line.length_m:.1f} m long, there is no {at_m:g} m along it"
-            raise routing.RouteError(message, f"use at most {math.floor(line.length_m)} m")
-        return line.at(at_m if at_m >= 0 else line.length_m + at_m, offset_m)
+        lanes = [self.edges[piece].drivable[0] for piece in self.pieces(edge)]
+        pieces = [lane.line for lane in lanes]
+        gaps = [distance(one.xy[-1], other.xy[0]) for one, other in pairwise(pieces)]
+        length_m = sum(piece.length_m for piece in pieces) + sum(gaps)
+        if abs(at_m) > length_m + 1e-6:
+            message = f"{edge} is only {length_m:.1f} m long, there is no {at_m:g} m along it"
+            raise routing.RouteError(message, f"use at most {math.floor(length_m)} m")
+        left_m = at_m if at_m >= 0 else length_m + at_m
+        for lane, gap in zip(lanes, (*gaps, 0.0), strict=True):
+            if left_m <= lane.line.length_m + gap + 1e-6 or lane is lanes[-1]:
+                break
+            left_m -= lane.line.length_m + gap
+        return lane, left_m
 
     @cached_property
     def drivable(self) -> BaseGeometry:
         """Where vehicles may be: car lanes with their width, and junctions without their walking areas.
 
-        Crossings and parking strips count as road. Prepared for point tests.
+        Crossings, parking strips, bus lanes and what else lies on the carriageway count as road. Prepared for tests of
+        points.
         """
         import shapely  # here: it takes long to import, and placing actors does without
 
         walking = shapely.union_all([_polygon(area.polygon) for area in self.walking_areas.values()])
         junctions = shapely.union_all([_polygon(j.polygon) for j in self.junctions.values()])
-        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds or lane.parking or lane.fault]
+        lanes = [lane for lane in self.lanes.values() if "car" in lane.kinds or lane.strip or lane.fault]
         bands = [shapely.LineString(lane.shape).buffer(lane.width_m / 2, quad_segs=4) for lane in lanes]
         road = shapely.union_all([shapely.difference(junctions, walking), *bands])
         area = shapely.buffer(shapely.buffer(road, _CLOSE_GAPS_M, join_style="mitre"), -_CLOSE_GAPS_M)
@@ -197,6 +223,20 @@ class RoadNetwork(Topology):
             own = (ln for ln in lanes if kind in ln.kinds and ln.edge not in self.walking_areas)
             self._indices[kind] = _LaneIndex(lanes if kind is None else own)
         return self._indices[kind]
+
+
+def rings_of(network: Network | Path) -> Mapping[str, Roundabout]:
+    """Return the roundabouts of a network written in the language, by name; an imported one has none."""
+    if isinstance(network, Path):
+        return {}
+    return {
+        name: Roundabout(
+            frozenset(ring.nodes),
+            ring.centre,
+            tuple(ring.place(math.tau * k / _CORNERS, ring.outer_m) for k in range(_CORNERS)),
+        )
+        for name, ring in layout.rings_of(network).items()
+    }
 
 
 def buildings_of(network: Network | Path) -> tuple[Points, ...]:

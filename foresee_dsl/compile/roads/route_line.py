@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -61,6 +61,7 @@ class RouteLine(Polyline):
         origin_s: where the first edge begins (over 0 with `behind_m`). end_s: where the route's last edge ends (less
             than `length_m` with `beyond_m`).
         pieces: (start s, lane id), in order.
+        rings: roundabouts on the way: each from its first junction on the way to its last.
     """
 
     limits: tuple[float, ...]
@@ -71,6 +72,7 @@ class RouteLine(Polyline):
     origin_s: float
     end_s: float
     pieces: tuple[tuple[float, str], ...]
+    rings: tuple[Passage, ...] = ()
 
     speed_limit = lines.as_array("limits")
     """[N] m/s."""
@@ -85,8 +87,12 @@ class RouteLine(Polyline):
         return self.pieces[max(k, 0)][1]
 
     def passage(self, junction: str) -> Passage | None:
-        """Return the first passage over a junction."""
-        return next((p for p in self.passages if p.junction == junction), None)
+        """Return the first passage over a junction, or over a roundabout: from its entry to its exit."""
+        return next((p for p in self.over(junction)), None)
+
+    def over(self, junction: str) -> tuple[Passage, ...]:
+        """Return every passage over a junction or a roundabout, in order."""
+        return tuple(p for p in (*self.passages, *self.rings) if p.junction == junction)
 
 
 class _Vertex(NamedTuple):
@@ -148,7 +154,19 @@ def build_line(
                 target = network.lanes[stretch.onward.to_lane]
                 joined.bridge(target.shape[0], target)
             passages.append((stretch.onward, entry, len(joined.vertices)))
-    return joined.line(tuple(stretch.edge for stretch in plan), passages, origin, end)
+    line = joined.line(tuple(stretch.edge for stretch in plan), passages, origin, end)
+    return replace(line, rings=_rings(network, line.passages)) if network.rings else line
+
+
+def _rings(network: Topology, passages: Sequence[Passage]) -> tuple[Passage, ...]:
+    """Join the passages over the junctions of a roundabout that follow each other."""
+    of = {node: name for name, ring in network.rings.items() for node in ring.nodes}
+    found = []
+    for name, group in groupby(passages, lambda passage: of.get(passage.junction)):
+        if name is not None:
+            first, *_, last = (one := list(group))[0], one[-1]
+            found.append(Passage(name, first.entry_s, last.exit_s, first.movement))
+    return tuple(found)
 
 
 def _choose_lanes(

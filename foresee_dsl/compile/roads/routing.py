@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
+from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import LaneKind, Movement, Topology
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model import EdgeRoute, Leg, Route, Turn
+from foresee_dsl.language.streets.layout import next_piece
 from foresee_dsl.language.traversal import word_of
 
 _AROUND = "choose a way around that place, or correct the map there"
+_STRAIGHT_RAD = math.radians(45)
+"""An exit of a roundabout this far off the way straight over it is still straight on (as SUMO's directions are)."""
 _TURN_ORDER: tuple[Turn, ...] = ("straight", "left", "right", "back")
 _ONWARD_LETTERS = "slrLRtT"
 """SUMO's directions, the plain ones first: where two ways count as `left`, the plain left is meant."""
@@ -34,20 +40,22 @@ def route_edges(network: Topology, route: Route | EdgeRoute, kind: LaneKind = "c
     if isinstance(route, EdgeRoute):
         return _listed(network, route, kind)
     start = word_of(route.start)
-    choices = [edge for edge in (start, f"{start}_back", f"-{start}") if edge in network.edges]
+    choices = [way for edge in (start, f"{start}_back", f"-{start}") if (way := network.pieces(edge))]
     if not choices:
-        roads = (edge for edge in network.edges if not edge.endswith("_back"))
+        roads = (edge for edge in _named(network) if not edge.endswith("_back"))
         raise RouteError(f"there is no road or edge called {start}", did_you_mean(start, roads))
     if not route.legs:
-        return (choices[0],)
+        return choices[0]
     first = word_of(route.legs[0].junction)
     check_junction(network, first)
-    edges = next((way for edge in choices if (way := _until(network, edge, first, kind))), None)
+    edges = next((way for edges in choices if (way := _until(network, edges[0], first, kind))), None)
     if edges is None:
-        ends = " or ".join(dict.fromkeys(network.edges[edge].end for edge in choices))
+        ends = " or ".join(dict.fromkeys(_named_end(network, edges[-1]) for edges in choices))
         raise RouteError(f"{start} does not lead to {first}", f"it leads to {ends}")
     for leg in route.legs:
         edges = _over(network, edges, leg, kind)
+    while (following := next_piece(edges[-1])) in network.edges and network.parts:  # to the end of the last road
+        edges = (*edges, following)
     return edges
 
 
@@ -57,6 +65,10 @@ def shortest_route(network: Topology, start: str, end: str, kind: LaneKind = "ca
 
     for edge in (start, end):
         check_edge(network, edge)
+    *before, start = network.pieces(start)
+    end, *after = network.pieces(end)
+    if before or after:
+        return (*before, *shortest_route(network, start, end, kind), *after)
     try:
         return tuple(nx.shortest_path(network.graph(kind), start, end, weight="length"))
     except (nx.NetworkXNoPath, nx.NodeNotFound):
@@ -81,14 +93,15 @@ def check_whole(network: Topology, edges: Sequence[str]) -> None:
 
 def check_edge(network: Topology, edge: str) -> None:
     """Raise a `RouteError` for an edge that does not exist."""
-    if edge not in network.edges:
-        raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, network.edges))
+    if not network.pieces(edge):
+        raise RouteError(f"there is no edge called {edge}", did_you_mean(edge, _named(network)))
 
 
 def check_junction(network: Topology, junction: str) -> None:
     """Raise a `RouteError` for a junction that does not exist."""
-    if junction not in network.junctions:
-        raise RouteError(f"there is no junction called {junction}", did_you_mean(junction, network.junctions))
+    if not network.is_junction(junction):
+        known = (*network.junctions, *network.rings)
+        raise RouteError(f"there is no junction called {junction}", did_you_mean(junction, known))
 
 
 def onward(network: Topology, edge: str, kind: LaneKind) -> tuple[Movement, ...]:
@@ -105,10 +118,15 @@ def _rank(movement: Movement) -> int:
 
 
 def _until(network: Topology, edge: str, junction: str, kind: LaneKind) -> tuple[str, ...]:
-    """Follow the only way onward from an edge until a junction; empty where there is a choice before it, or an end."""
+    """Follow the only way onward from an edge until a junction; empty where there is a choice before it, or an end.
+
+    Where an edge is cut, its next piece is the way onward, whatever else leaves there.
+    """
     way = [edge]
-    while network.edges[way[-1]].end != junction:
+    last = network.rings[junction].nodes if junction in network.rings else {junction}
+    while network.edges[way[-1]].end not in last:
         ways = [m for m in onward(network, way[-1], kind) if m.turn != "back"]
+        ways = [m for m in ways if m.to_edge == next_piece(way[-1])] or ways
         if len(ways) != 1 or ways[0].to_edge in way:
             return ()
         way.append(ways[0].to_edge)
@@ -121,11 +139,13 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     check_junction(network, junction)
     way = _until(network, edges[-1], junction, kind)
     if not way:
+        following = _named_end(network, edges[-1])
         raise RouteError(
-            f"after {edges[-1]} comes {network.edges[edges[-1]].end}, not {junction}",
-            f"say first where to go over {network.edges[edges[-1]].end}",
+            f"after {edges[-1]} comes {following}, not {junction}", f"say first where to go over {following}"
         )
-    ways = onward(network, way[-1], kind)
+    if junction in network.rings:
+        return (*edges, *way[1:], *_round(network, way[-1], leg, kind))
+    ways = _by_name(onward(network, way[-1], kind), way[-1])
     chosen = next((m for m in ways if m.turn == turn), None)
     if chosen is None:
         broken = (m.to_edge for m in network.movements_at(junction) if m.from_edge == way[-1] and m.turn == turn)
@@ -137,19 +157,78 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     return (*edges, *way[1:], chosen.to_edge)
 
 
+def _by_name(ways: Sequence[Movement], edge: str) -> tuple[Movement, ...]:
+    """Return the ways on with their turns; where an edge is cut, its next piece is straight on, a ramp on the right."""
+    if all(way.to_edge != next_piece(edge) for way in ways):
+        return tuple(ways)
+    return tuple(replace(w, turn="straight" if w.to_edge == next_piece(edge) else "right") for w in ways)
+
+
+def _round(network: Topology, edge: str, leg: Leg, kind: LaneKind) -> tuple[str, ...]:
+    """Return the edges on a roundabout and the one out of it, for a turn, from the edge that leads into it.
+
+    Which turn an exit is, the angle between entry and exit says; of several the one nearest to the turn's own.
+    """
+    junction, turn = word_of(leg.junction), word_of(leg.turn)
+    ring = network.rings[junction]
+    x, y = ring.centre
+
+    def angle(node: str) -> float:
+        at = network.junctions[node]
+        return math.atan2(at.y - y, at.x - x)
+
+    entry = network.edges[edge].end
+    ways: list[tuple[Turn, float, tuple[str, ...]]] = []
+    node, last = entry, edge
+    on_ring: tuple[str, ...] = ()
+    while True:
+        following = ""
+        for movement in onward(network, last, kind):
+            end = network.edges[movement.to_edge].end
+            if end in ring.nodes and movement.to_edge.startswith(f"{junction}#"):
+                following = movement.to_edge
+                continue
+            off = wrap(angle(node) - angle(entry) - math.pi)
+            of: Turn = "straight" if abs(off) <= _STRAIGHT_RAD else ("left" if off > 0 else "right")
+            ideal = {"straight": 0.0, "left": math.pi / 2, "right": -math.pi / 2}[of]
+            ways.append(("back" if node == entry else of, abs(off - ideal), (*on_ring, movement.to_edge)))
+        if not following or following in on_ring:
+            break
+        on_ring, last = (*on_ring, following), following
+        node = network.edges[following].end
+    fitting = [way for way in ways if way[0] == turn]
+    if not fitting:
+        turns = [t for t in _TURN_ORDER if any(t == known for known, _, _ in ways)]
+        message = f"from {edge} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
+        raise RouteError(message, f"write `{turns[0]} over {junction}`, for example" if turns else "")
+    return min(fitting, key=lambda way: way[1])[2]
+
+
+def _named(network: Topology) -> list[str]:
+    """Return what edges are called: those that are cut by the name of the whole, and none of a roundabout's."""
+    return [*network.parts, *(edge for edge in network.edges if not network.parts or "#" not in edge)]
+
+
+def _named_end(network: Topology, edge: str) -> str:
+    """Return where an edge ends; the roundabout, where that is on one."""
+    end = network.edges[edge].end
+    return next((name for name, ring in network.rings.items() if end in ring.nodes), end)
+
+
 def _listed(network: Topology, route: EdgeRoute, kind: LaneKind) -> tuple[str, ...]:
     named = [word_of(edge) for edge in route.edges]
     for edge in named:
         check_edge(network, edge)
-    edges = named[:1]
+    edges = list(network.pieces(named[0]))
     for edge in named[1:]:
-        if edge in {m.to_edge for m in network.movements_from(edges[-1], kind)}:
-            edges.append(edge)
+        first, *rest = network.pieces(edge)
+        if first in {m.to_edge for m in network.movements_from(edges[-1], kind)}:
+            edges += first, *rest
         elif not route.shortest:
-            check_whole(network, (edges[-1], edge))
+            check_whole(network, (edges[-1], first))
             raise RouteError(f"{edges[-1]} does not lead to {edge}", _leads_to(network, edges, edge, kind))
         else:
-            edges += shortest_route(network, edges[-1], edge, kind)[1:]
+            edges += (*shortest_route(network, edges[-1], first, kind)[1:], *rest)
     return tuple(edges)
 
 

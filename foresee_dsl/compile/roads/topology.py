@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -14,8 +14,11 @@ if TYPE_CHECKING:
     import networkx as nx
     from shapely import LineString
 
-LaneKind = Literal["car", "bicycle", "pedestrian"]
-"""What a lane is open to, as far as we tell it apart; `car` stands for everything with an engine."""
+LaneKind = Literal["car", "bicycle", "pedestrian", "bus"]
+"""What a lane is open to, as far as we tell it apart; `car` stands for everything with an engine. A bus may go where
+cars may, and on bus lanes."""
+STRIPS_ON_THE_ROAD = ("parking", "shoulder", "cycle_lane", "bus_lane")
+"""Types of lanes that are closed to cars and part of their carriageway: whoever gets there has not left the road."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,8 @@ class Lane:
     Attributes:
         shape: the centreline's points, m, as in the net file. length_m: as in the net file; lengths in this package are
             measured along `line`, which can differ by the rounding.
-        internal: inside a junction. parking: a strip for parked vehicles, closed to traffic.
+        internal: inside a junction. parking: a strip for parked vehicles, closed to traffic. strip: on the carriageway
+            and not for cars: a bus lane, a shoulder, parking, ...
         fault: why nobody can drive on it, where the map is broken, or "".
     """
 
@@ -40,6 +44,7 @@ class Lane:
     internal: bool
     parking: bool = False
     fault: str = ""
+    strip: bool = False
 
     @cached_property
     def line(self) -> Polyline:
@@ -131,6 +136,15 @@ class Movement:
 
 
 @dataclass(frozen=True, eq=False)
+class Roundabout:
+    """Several junctions that are one to whoever names them: the ring's centre, m, and its outline."""
+
+    nodes: frozenset[str]
+    centre: tuple[float, float]
+    polygon: Points
+
+
+@dataclass(frozen=True, eq=False)
 class Crossing:
     """A pedestrian crossing: its lane, the edges that it crosses, its signal, its row in the junction's `requests`."""
 
@@ -162,6 +176,8 @@ class Topology:
     """Everything read from a net file, in the file's order; compared by identity.
 
     `left_hand`: traffic keeps to the left, and lanes are counted from there.
+    `parts`: the pieces, in driving order, of edges that are cut, by the name of the whole. `rings`: roundabouts by
+    name. (A net file has neither.)
     `footways`: pairs of ids that people walk between: a sidewalk's lane, a crossing's lane or a walking area.
     """
 
@@ -173,6 +189,21 @@ class Topology:
     walking_areas: Mapping[str, WalkingArea]
     footways: tuple[tuple[str, str], ...]
     left_hand: bool = False
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    rings: Mapping[str, Roundabout] = field(default_factory=dict)
+
+    def is_junction(self, name: str) -> bool:
+        """Say whether a name is a junction's, or a roundabout's."""
+        return name in self.junctions or name in self.rings
+
+    def outline(self, junction: str) -> Points:
+        """Return the outline of a junction; of a roundabout, its island included."""
+        ring = self.rings.get(junction)
+        return ring.polygon if ring is not None else self.junctions[junction].polygon
+
+    def pieces(self, edge: str) -> tuple[str, ...]:
+        """Return the edges that a name stands for: the pieces of one that is cut, or itself; none for no name."""
+        return self.parts.get(edge) or ((edge,) if edge in self.edges else ())
 
     def lanes_to(self, left: int) -> int:
         """Return by how much a lane's index differs from that of one so many lanes to its left."""

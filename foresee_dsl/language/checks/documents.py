@@ -8,6 +8,7 @@ from typing import assert_never
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.language import model as m
 from foresee_dsl.language.checks.actors import check_actors
+from foresee_dsl.language.checks.networks import check_network
 from foresee_dsl.language.checks.parameters import check_parameters
 from foresee_dsl.language.checks.values import check_values
 from foresee_dsl.language.messages.findings import Findings
@@ -185,23 +186,6 @@ def _check_campaign(findings: Findings, campaign: m.Campaign) -> None:
                 findings.add(item, f"names.{k}", "FS013", f"'{name}' stands twice", "keep one of the two")
 
 
-def check_network(findings: Findings, network: m.Network) -> None:
-    """Check a network, in a file of its own or inside a scenario."""
-    junctions = [item for item in network.body if isinstance(item, m.Junction)]
-    roads = [item for item in network.body if isinstance(item, m.Road)]
-    findings.unique(((j, "name", j.name) for j in junctions), "junctions")
-    findings.unique(((r, "name", r.name) for r in roads), "roads")
-    buildings = (item for item in network.body if isinstance(item, m.Building))
-    findings.unique(((b, "name", b.name) for b in buildings), "buildings")
-    names = [junction.name for junction in junctions]
-    for road in roads:
-        _check_road(findings, road, names, {r.name for r in roads})
-    for junction in junctions:
-        _check_junction(findings, junction, roads)
-    if not roads:
-        findings.add(network, "name", "FS014", "this network has no roads", "add `road main from a to b`")
-
-
 def check_catalogue(findings: Findings, catalogue: m.Catalogue) -> None:
     """Check a catalogue of models."""
     models = [item for item in catalogue.body if isinstance(item, m.VehicleModel)]
@@ -233,35 +217,3 @@ def _check_figures(findings: Findings, model: m.VehicleModel) -> None:
         left_m = length_m - (sum_m - given[last].si)
         help = f"write `{last} {left_m:.2f} m`" if left_m > 0 else "correct them, or the length"
         findings.add(model, last, "FS055", message, help)
-
-
-def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
-    for field, name in (("start", road.start), ("end", road.end)):
-        if name not in junctions:
-            findings.add(road, field, "FS040", f"unknown junction '{name}'", did_you_mean(name, junctions))
-    if road.start == road.end:
-        findings.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions")
-    if road.name.removesuffix("_back") in roads - {road.name}:
-        other = road.name.removesuffix("_back")
-        message = f"'{road.name}' is also the other direction of road '{other}'"
-        findings.add(road, "name", "FS030", message, "give it another name")
-
-
-def _check_junction(findings: Findings, junction: m.Junction, roads: Sequence[m.Road]) -> None:
-    findings.unique(((s, "name", s.name) for s in junction.stages), f"stages of '{junction.name}'")
-    if junction.control == "signals" and not junction.stages:
-        help = "add at least one: `stage ns_go for 25 s green [north, south]`"
-        findings.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
-    if junction.control != "signals" and junction.stages:
-        help = f"write `signals` after its position, or remove the stages of '{junction.name}'"
-        findings.add(junction.stages[0], "", "FS048", "a stage at a junction without signals", help)
-    touching = [road.name for road in roads if junction.name in (road.start, road.end)]
-    named: list[tuple[m.Item, str, str]]
-    named = [(junction, f"crossings.{k}", name) for k, name in enumerate(junction.crossings or ())]
-    named += [(stage, f"green.{k}", name) for stage in junction.stages for k, name in enumerate(stage.green)]
-    for item, field, name in named:
-        if name in touching:
-            continue
-        known = name in {road.name for road in roads}
-        message = f"road '{name}' does not touch '{junction.name}'" if known else f"unknown road '{name}'"
-        findings.add(item, field, "FS041", message, did_you_mean(name, touching))

@@ -5,30 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.streets import layout
 
 
 class Roads:
     """The directed edges of a network: `west` and, where the road has two directions, `west_back`."""
 
     def __init__(self, network: m.Network) -> None:
+        self.junctions = set(layout.named_junctions(network))
+        self._pieces = {piece: (start, end) for piece, start, end in layout.joined_by_name(network)}
+        self._first: dict[str, str] = {}
         self.edges: dict[str, tuple[str, str]] = {}
-        self.junctions = {item.name for item in network.body if isinstance(item, m.Junction)}
-        for road in network.body:
-            if isinstance(road, m.Road):
-                self.edges[road.name] = (road.start, road.end)
-                if not (isinstance(road.back, m.Quantity) and road.back.value == 0):
-                    self.edges[f"{road.name}_back"] = (road.end, road.start)
+        for piece, (start, end) in self._pieces.items():
+            whole = piece.partition("#")[0]
+            self._first.setdefault(whole, piece)
+            self.edges[whole] = (self.edges[whole][0] if whole in self.edges else start, end)
 
     def reached(self, edges: Iterable[str]) -> set[str]:
         """Return the junctions that come first along some edges: one only drives on where there is one way on."""
         found: set[str] = set()
-        open_ = list(edges)
+        open_ = [self._first.get(edge, edge) for edge in edges]
         seen = set(open_)
         while open_:
             edge = open_.pop()
-            junction = self.edges[edge][1]
+            junction = self._pieces[edge][1]
             found.add(junction)
-            onward = self.leaving(junction, but=self.edges[edge])
+            onward = self.leaving(junction, but=self._pieces[edge])
+            onward = [piece for piece in onward if piece == layout.next_piece(edge)] or onward
             if len(onward) == 1 and onward[0] not in seen:
                 seen.add(onward[0])
                 open_ += onward
@@ -37,14 +40,18 @@ class Roads:
     def leaving(self, junction: str, but: tuple[str, str] | None = None) -> list[str]:
         """Return the edges that leave a junction, without the way back to where one comes from."""
         back = but[::-1] if but is not None else None
-        return [edge for edge, ends in self.edges.items() if ends[0] == junction and ends != back]
+        return [piece for piece, ends in self._pieces.items() if ends[0] == junction and ends != back]
+
+    def on(self, edges: Iterable[str]) -> set[str]:
+        """Return the junctions at which some edges, or pieces of them, end."""
+        return {end for piece, (_, end) in self._pieces.items() if piece.partition("#")[0] in edges}
 
 
 def junctions_of(item: m.Item, roads: Roads) -> set[str] | None:
     """Return every junction that a route may come to; None where that is unknown."""
     if isinstance(item, m.EdgeRoute) and not item.shortest:
         named = [edge for edge in item.edges if isinstance(edge, str) and edge in roads.edges]
-        return {roads.edges[edge][1] for edge in named} if len(named) == len(item.edges) else None
+        return roads.on(named) if len(named) == len(item.edges) else None
     if not isinstance(item, m.Route) or not isinstance(item.start, str):
         return None
     edges = [edge for edge in (item.start, f"{item.start}_back") if edge in roads.edges]

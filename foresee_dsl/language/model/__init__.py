@@ -14,6 +14,7 @@ from foresee_dsl.language.model.expected import *
 from foresee_dsl.language.model.item import *
 from foresee_dsl.language.model.network import *
 from foresee_dsl.language.model.scenario import *
+from foresee_dsl.language.model.streets import *
 from foresee_dsl.language.model.values import *
 
 Definition = Scenario | Extension | Clip | Mutant | Network | Catalogue | Campaign

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from foresee_dsl.language.model import values as v
 from foresee_dsl.language.model.item import MOST_INLINE, ONE_OF, Bounds, Item, Names
+from foresee_dsl.language.model.streets import BannedTurn, Bump, LaneEnd, LaneTurns, OffRamp, OnRamp, Roundabout, Zebra
 
 
 class Doc(Item):
@@ -71,10 +72,14 @@ class Road(Item):
 
     A road is two edges: `west` runs from the first junction to the second with `lanes` lanes, `west_back` the other way
     with `back` lanes (same number when absent, none for a one-way road). SUMO drives on the right. A median keeps
-    the two directions apart. A parking strip lies between the lanes and the sidewalk of either direction.
+    the two directions apart. Right of the lanes of either direction come, in this order, a bus lane, a cycle lane, a
+    shoulder, a parking strip, a cycle track and the sidewalk.
     """
 
-    pattern = "road {name} from {start} to {end} [{ lanes; back; lane_width; speed; parking; sidewalk; median; via }]"
+    pattern = (
+        "road {name} from {start} to {end} [{ lanes; back; lane_width; speed; bus_lane; cycle_lane; shoulder; "
+        "parking; cycle_track; sidewalk; median; via }]"
+    )
     words = """
         road (statement): two edges: NAME from the first junction to the second, NAME_back the other way
             | road west from west_end to j4 { lanes 2; speed 50 km/h }
@@ -84,6 +89,10 @@ class Road(Item):
         lane_width (setting): width of each lane; 3.3 m when absent | lane_width 3.5 m
         parking (setting): a strip for parked vehicles, right of each edge's lanes | parking 2.2 m
         sidewalk (setting): a sidewalk of this width, right of each edge | sidewalk 2 m
+        bus_lane (setting): a lane for buses, right of each edge's lanes | bus_lane 3.5 m
+        cycle_lane (setting): a lane for bicycles on the carriageway, right of each edge's lanes | cycle_lane 1.8 m
+        cycle_track (setting): a way for bicycles between parking strip and sidewalk | cycle_track 2 m
+        shoulder (setting): a strip to stop on in need, right of each edge's lanes | shoulder 2.5 m
         median (setting): room between a road's two directions | median 1.5 m
     """
 
@@ -97,6 +106,10 @@ class Road(Item):
     parking: Annotated[v.Length, Bounds(1.0, 10.0)] | None = None  # ours: a bicycle's stand to a lorry's bay across
     sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
     median: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
+    bus_lane: Annotated[v.Length, Bounds(2.5, 6.0)] | None = None  # ours: a bus's body to one that bicycles share
+    cycle_lane: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None  # ours: one handlebar to three abreast
+    cycle_track: Annotated[v.Length, Bounds(0.8, 5.0)] | None = None
+    shoulder: Annotated[v.Length, Bounds(0.5, 5.0)] | None = None
     via: tuple[v.Point, ...] = ()
 
     def fits_one_line(self, lines: int) -> bool:
@@ -127,7 +140,22 @@ class BusStop(Item, kind="stop"):
     length: Annotated[v.Length, Bounds(1.0, 200.0)] | None = None  # ours: a moped to a platform for five buses
 
 
-NetworkItem = Annotated[Doc | Junction | Road | Building | BusStop, ONE_OF]
+NetworkItem = Annotated[
+    Doc
+    | Junction
+    | Roundabout
+    | Road
+    | OnRamp
+    | OffRamp
+    | Zebra
+    | Bump
+    | LaneEnd
+    | LaneTurns
+    | BannedTurn
+    | Building
+    | BusStop,
+    ONE_OF,
+]
 
 
 class Network(Item):
@@ -159,8 +187,8 @@ class VehicleModel(Item, kind="model"):
     )
     words = """
         model (statement): one entry of a catalogue: class.variant | model car.sports { length 4.38 m; width 1.80 m }
-        length (setting): a model's length | length 4.38 m
-        width (setting): a model's width | width 1.80 m
+        length (setting): how long: a model, a ramp's further lane, a speed bump | length 4.38 m
+        width (setting): how wide: a model, a zebra crossing | width 1.80 m
         height (setting): a model's height, with its rider; what is behind may be hidden | height 1.48 m
         wheelbase (setting): between a model's axles | wheelbase 2.57 m
         front_overhang (setting): from the front axle to the front bumper | front_overhang 0.85 m

@@ -57,6 +57,20 @@ _OFTEN = (
 """Errors that are often made and that the grammar notices only later: a pattern, the message and the help."""
 
 
+_OF_NETWORKS = ("network_item", "junction_item", "road_item", "roundabout_item", "ramp_item")
+_UNSUPPORTED = (
+    (
+        ("elevation", "slope", "height", "incline", "gradient", "z", "bridge", "tunnel"),
+        "roads are flat: leave it out; a bridge is a road that shares no junction with the one below",
+    ),
+    (
+        ("tram", "tram_track", "tram_tracks", "tram_lane", "rail", "rails", "track"),
+        "trams on rails: SUMO would drive them as one rigid body; a reserved lane for a bus is `bus_lane 3.5 m`",
+    ),
+)
+"""Words of networks that the language does not know on purpose, and why."""
+
+
 class Refusal:
     """One statement that the grammar refused, and the message for it.
 
@@ -187,15 +201,17 @@ class Refusal:
 
     def _unknown_statement(self, words: Collection[str], shown: str) -> tuple[str, str, str]:
         place = PLACES.get(self._rule, "a file")
+        if self._rule in _OF_NETWORKS and (why := next((w for words, w in _UNSUPPORTED if self.word in words), "")):
+            return "FS271", f"'{shown}' is not supported", why
         homes = _homes().get(self.word, ())
         if homes and self.word not in words and self._rule == "extension_item" and PLACES["scenario_item"] in homes:
             help = f"put `add` or `change` in front of it: `add {self.word} ...`"
             return "FS008", f"'{shown}' cannot stand alone in {place}", help
-        if homes and self.word not in words:
+        meant = closest(self.word, words) if self._is_word() else None
+        if homes and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
             return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {' or '.join(homes)}"
-        found = closest(self.word, words) if self._is_word() else None
-        if found is not None:
-            return "FS004", f"unknown statement '{shown}'", f"did you mean '{found}'?"
+        if meant is not None:
+            return "FS004", f"unknown statement '{shown}'", f"did you mean '{meant}'?"
         if self._is_word() and words:
             return "FS004", f"unknown statement '{shown}'", f"in {place} you can write: {', '.join(sorted(words))}"
         return "FS003", f"unexpected `{shown}` in {place}", self._usage()
@@ -226,6 +242,10 @@ class Refusal:
         word = first[0] if first is not None else ""
         if self._rule == "traffic_item" and word == "models":
             return "models [car.compact, van.delivery]"
+        if self._rule == "network_item" and word == "lane":
+            return (
+                "lane 3 of west ends at 120 m" if re.search(r"\bends?\b", self._text) else "lane 2 of west goes [left]"
+            )
         if self._rule in ("scenario_item", "clip_item") and re.search(r":\s*[\w.]+\s+at\b", self._text):
             return _STATE_USAGE
         usual = USAGE.get(word, "gap = 1.2 s" if self._rule == "assignment" else "")

@@ -30,10 +30,11 @@ class Limits:
 
     def change(self, edge: str, lane: int | None, speed_mps: float) -> None:
         """Change the limit of all lanes of an edge, or of one (counted from 1, the rightmost for cars)."""
-        lanes = self._network.edges[edge].drivable
-        for found in lanes if lane is None else lanes[lane - 1 : lane]:
-            self._now[found.id] = speed_mps
-            self._world.set_limit(found.id, speed_mps)
+        for piece in self._network.pieces(edge):
+            lanes = self._network.edges[piece].drivable
+            for found in lanes if lane is None else lanes[lane - 1 : lane]:
+                self._now[found.id] = speed_mps
+                self._world.set_limit(found.id, speed_mps)
 
     def capped(self, actor: Actor, speed_mps: float) -> float:
         """Return what an actor drives that was told a speed: no more than a limit that was lowered."""

@@ -13,13 +13,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from foresee_dsl.compile.nets.network_builder import shift_right
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.drivers.pictures.fill import filled, toggle_outlines
 from foresee_dsl.drivers.pictures.layout import MAP_BITS
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.language.streets.lines import shift_right
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -115,7 +115,7 @@ class Outlines:
         return best
 
     def _make(self, junction: str) -> tuple[BaseGeometry, tuple[float, float, float, float]]:
-        points = self._network.junctions[junction].polygon
+        points = self._network.outline(junction)
         shape = shapely.make_valid(shapely.Polygon(points)) if len(points) >= 3 else shapely.Polygon()
         area = shape if shape.area > 0 else shapely.Polygon()
         shapely.prepare(area)

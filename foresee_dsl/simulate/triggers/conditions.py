@@ -287,7 +287,7 @@ class Conditions:
 
     def _is_junction(self, name: str) -> bool:
         """Whether a name is a junction's; an actor of the same name comes first."""
-        return name not in self._simulation.by_id and name in self._simulation.network.junctions
+        return name not in self._simulation.by_id and self._simulation.network.is_junction(name)
 
 
 def _judged(condition: m.Condition, held: bool, slack: float, bound: m.AnyValue) -> Outcome:

@@ -143,7 +143,7 @@ class Progress:
         route = actor.placed.line
         if route is not None and not isinstance(actor, PathActor):
             s, _ = self.of(actor, -1)
-            found = [p for p in route.passages if p.junction == junction]
+            found = route.over(junction)
             passage = next((p for p in found if p.exit_s > s), None) or (found[-1] if found else None)
             return (passage.entry_s, passage.exit_s) if passage is not None else None
         line = self._lines.get(actor.id)
@@ -156,4 +156,4 @@ class Progress:
         return min(at), max(at)
 
     def _polygon(self, junction: str) -> BaseGeometry:
-        return shapely.make_valid(shapely.Polygon(self._network.junctions[junction].polygon))
+        return shapely.make_valid(shapely.Polygon(self._network.outline(junction)))

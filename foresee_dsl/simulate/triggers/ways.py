@@ -103,9 +103,12 @@ class Ways:
             if found[0].internal:
                 return math.nan
             road = found[0].edge
-        edge = self._network.edges.get(road)
-        lanes = edge.drivable if edge is not None else ()
-        return lanes[number - 1].width_m / 2 - _off(lanes[number - 1], actor) if number <= len(lanes) else math.nan
+        found_m = [
+            lanes[number - 1].width_m / 2 - _off(lanes[number - 1], actor)
+            for piece in self._network.pieces(road)
+            if number <= len(lanes := self._network.edges[piece].drivable)
+        ]
+        return max(found_m, default=math.nan)
 
     def same_lane_m(self, one: Actor, other: Actor) -> float:
         """Return by how much the middle of one is inside the lane of the other, or of one that this leads on to, m

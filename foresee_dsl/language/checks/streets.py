@@ -1,0 +1,385 @@
+"""Checks of what stands on and beside a network's roads: that it has a place there, and leaves a way on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.messages.findings import Findings
+from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.streets import layout
+from foresee_dsl.language.streets.layout import BACK, Cut, Directed, Ring, lanes_of
+from foresee_dsl.language.streets.lines import at, number, wrapped, xy
+
+FROM_END_M = 15.0
+"""Nothing on a road is nearer to its ends than this, m (ours: the junctions of wide roads reach 12 m)."""
+APART_M = 3.0
+"""Cuts of one edge are so far apart, m (ours: a joint is 1 m long)."""
+ISLAND_END_M = 30.0
+"""A zebra crossing whose island needs room is so far from the road's ends, m: its tapers, and half its width."""
+MOUTH_M = 8.0
+"""Between the carriageways of two arms of a roundabout is so much of the ring, m (ours: two corners of 5 m, that meet
+the ring at an angle)."""
+STRAIGHT_RAD = math.radians(45)
+"""Up to this angle the way over a junction is straight on (as SUMO's directions are)."""
+RAMP_TURN_RAD = math.radians(100)
+"""A ramp turns by this much at most between its junction and its edge (ours: more asks for points of its own)."""
+
+NamedJunction = m.Junction | m.Roundabout | m.Zebra | m.Bump | m.OnRamp | m.OffRamp
+"""Statements whose name is a junction's."""
+Ramp = m.OnRamp | m.OffRamp
+
+
+def check_touching(
+    findings: Findings, junction: str, named: Sequence[tuple[m.Item, str, str]], network: m.Network
+) -> None:
+    """Report names that are no road at a junction: (item, field, name)."""
+    ends = [(item.name, item.start, item.end) for item in network.body if isinstance(item, m.Road)]
+    ends += [(item.name, item.junction, item.junction) for item in network.body if isinstance(item, Ramp)]
+    touching = [name for name, *of_road in ends if junction in of_road]
+    for item, field, name in named:
+        if name not in touching:
+            known = any(name == other for other, *_ in ends)
+            message = f"road '{name}' does not touch '{junction}'" if known else f"unknown road '{name}'"
+            findings.add(item, field, "FS041", message, did_you_mean(name, touching))
+
+
+class Streets:
+    """Checks everything of a network beside its junctions, roads and buildings."""
+
+    def __init__(self, findings: Findings, network: m.Network, junctions: Sequence[str]) -> None:
+        self._findings, self._network, self._junctions = findings, network, junctions
+        self._rings = layout.rings_of(network)
+        self._edges = {edge.id: edge for edge in layout.directed(network, self._rings)}
+        self._ramps = [item.name for item in network.body if isinstance(item, Ramp)]
+        self._placed = True
+        """Whether all that stands on roads has a place there, so that how it lies to each other can be said."""
+
+    def check(self) -> None:
+        """Report everything."""
+        for item in self._network.body:
+            match item:
+                case m.Roundabout():
+                    self._roundabout(item, self._rings[item.name])
+                case m.OnRamp() | m.OffRamp():
+                    self._ramp(item)
+                case m.Zebra() | m.Bump():
+                    self._on_road(item)
+                case m.LaneEnd():
+                    self._directed(item)
+                case m.LaneTurns():
+                    self._lane_turns(item)
+                case m.BannedTurn():
+                    self._banned(item)
+                case _:
+                    pass
+        self._derived_names()
+        self._forbidden_ways()
+        self._twice()
+        if self._placed:
+            for edge in self._edges.values():
+                self._along(edge)
+
+    def _add(self, item: m.Item, field: str, message: str, help: str, code: str = "FS270") -> None:
+        self._placed = False
+        self._findings.add(item, field, code, message, help)
+
+    # ---- roundabouts ------------------------------------------------------------------------------------------------
+
+    def _roundabout(self, item: m.Roundabout, ring: Ring) -> None:
+        named = [(item, f"crossings.{k}", name) for k, name in enumerate(item.crossings or ())]
+        check_touching(self._findings, item.name, named, self._network)
+        if len(ring.arms) < 2:
+            known = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
+            help = f"at least two do: `road west from west_end to {item.name}`"
+            self._add(item, "name", f"{known} at the roundabout '{item.name}'", help)
+            return
+        for (angle, road), (following, other) in pairwise((*ring.arms, ring.arms[0])):
+            between = (following - angle) % math.tau
+            half = (_width(road) + _width(other)) / 2
+            room = ring.radius_m * min(between or math.tau, math.pi) - half
+            if road is not other and room < MOUTH_M:
+                last = max(road, other, key=self._network.body.index)
+                first = other if last is road else road
+                wider = math.ceil((half + MOUTH_M) / max(between, 0.01))
+                message = (
+                    f"the arms '{first.name}' and '{last.name}' of '{item.name}' overlap: "
+                    f"{math.degrees(between):.0f} degrees are between them"
+                )
+                fits = f"a radius of {wider} m has room for both, or " if wider <= 200 else ""
+                end = "end" if last.end == item.name else "start"
+                self._add(last, end, message, f"{fits}lead one of them to another side by `via`")
+        for _, road in ring.arms:
+            far = road.end if road.start == item.name else road.start
+            points = [(road, f"via.{k}", point) for k, point in enumerate(road.via)]
+            others = [j for j in self._network.body if isinstance(j, m.Junction) and j.name == far]
+            for where, field, point in (*points, *((road, "start", j.at) for j in others)):
+                if math.dist((number(point.x), number(point.y)), ring.centre) < ring.outer_m + FROM_END_M:
+                    message = f"road '{road.name}' has a point in or right beside the roundabout '{item.name}'"
+                    help = f"its points are at least {ring.outer_m + FROM_END_M:.0f} m from the centre"
+                    self._add(where, field, message, help)
+
+    # ---- what has its place on a road -------------------------------------------------------------------------------
+
+    def _on_road(self, item: m.Zebra | m.Bump) -> None:
+        edge = self._edges.get(item.road)
+        if edge is None or edge.back:
+            self._unknown_edge(item, "road", item.road, [e.id for e in self._edges.values() if not e.back])
+            return
+        word = "zebra crossing" if isinstance(item, m.Zebra) else "bump"
+        further = number(item.length, layout.BUMP_M) if isinstance(item, m.Bump) else 0.0
+        self._range(item, edge, FROM_END_M, edge.length_m - FROM_END_M - further, word)
+        if isinstance(item, m.Bump):
+            limit = edge.road.speed
+            if isinstance(item.speed, m.Quantity) and item.speed.si >= number(limit, 50 / 3.6):
+                self._add(item, "speed", f"a bump with the speed of its road '{edge.road.name}'", "use a smaller value")
+            return
+        if not number(edge.road.sidewalk):
+            help = f"write `sidewalk 2 m` in the block of road '{edge.road.name}'"
+            self._add(item, "road", f"nobody can come to '{item.name}': road '{item.road}' has no sidewalk", help)
+        if item.island is None:
+            return
+        if not lanes_of(edge.road)[1]:
+            message = f"'{item.road}' has one direction, so no island can be between two"
+            self._add(item, "island", message, "leave `island` out")
+        elif number(item.island) > number(edge.road.median):
+            at_m = number(item.at)
+            if min(at_m, edge.length_m - at_m) < ISLAND_END_M:
+                message = f"the road has no room to widen for this island within {ISLAND_END_M:.0f} m of its end"
+                help = f"put it farther away, or write `median {number(item.island):g} m` in the road's block"
+                self._add(item, "at", message, help)
+
+    def _directed(self, item: m.LaneEnd) -> None:
+        edge = self._edges.get(item.edge)
+        if edge is None:
+            self._unknown_edge(item, "edge", item.edge, list(self._edges))
+            return
+        self._range(item, edge, FROM_END_M, edge.length_m - FROM_END_M, "lane's end")
+
+    def _ramp(self, item: m.OnRamp | m.OffRamp) -> None:
+        if item.junction not in self._junctions:
+            help = did_you_mean(item.junction, self._junctions) or f"junctions are {', '.join(self._junctions)}"
+            self._findings.add(item, "junction", "FS040", f"unknown junction '{item.junction}'", help)
+            self._placed = False
+        edge = self._edges.get(item.edge)
+        if edge is None:
+            self._unknown_edge(item, "edge", item.edge, list(self._edges))
+            return
+        length = number(item.length, layout.RAMP_LANE_M)
+        low, high = FROM_END_M, edge.length_m - FROM_END_M
+        if length > high - low:
+            field = "length" if item.length is not None else "at"
+            message = f"the further lane of '{item.name}' is {length:g} m long, '{edge.id}' only {edge.length_m:.0f} m"
+            self._add(item, field, message, f"use `length {max(high - low, 20) // 2:.0f} m`, or a longer road")
+            return
+        joins = isinstance(item, m.OnRamp)
+        self._range(item, edge, low if joins else low + length, high - length if joins else high, "ramp")
+        if not self._placed or item.via:
+            return
+        junction = next((j for j in self._network.body if isinstance(j, m.Junction) and j.name == item.junction), None)
+        if junction is not None and isinstance(item.at, m.Quantity):
+            self._bend(item, edge, junction)
+
+    def _bend(self, item: m.OnRamp | m.OffRamp, edge: Directed, junction: m.Junction) -> None:
+        """Report a ramp that would have to turn round to come from, or to, its junction."""
+        (x, y), heading = at(edge.line, number(item.at))
+        jx, jy = xy(junction.at)
+        way = math.atan2(y - jy, x - jx) if isinstance(item, m.OnRamp) else math.atan2(jy - y, jx - x)
+        right = math.sin(heading) * (jx - x) - math.cos(heading) * (jy - y)
+        if abs(wrapped(way - heading)) > RAMP_TURN_RAD or right < 0:
+            verb = "before" if isinstance(item, m.OnRamp) else "behind"
+            side = "on the left of" if right < 0 else "not " + verb
+            message = f"'{junction.name}' lies {side} the place on '{edge.id}' where '{item.name}' meets it"
+            help = f"a ramp meets its edge on the right: put the junction to the right and {verb} it, or add `via`"
+            self._add(item, "junction", message, help)
+
+    def _range(self, item: layout.OnRoads, edge: Directed, low: float, high: float, word: str) -> None:
+        at_m = number(item.at)
+        if low <= at_m <= high or not isinstance(item.at, m.Quantity):
+            return
+        long = f"'{edge.id}' is {edge.length_m:.0f} m long"
+        if high < low:
+            self._add(item, "at", f"{long}, too short for a {word}", "use a longer road")
+        else:
+            message = f"no place for a {word} at {at_m:g} m: {long}"
+            self._add(item, "at", message, f"use a length from {math.ceil(low)} m to {math.floor(high)} m")
+
+    def _unknown_edge(self, item: m.Item, field: str, name: str, known: Sequence[str]) -> None:
+        if name in self._ramps:
+            message, help = f"'{name}' is a ramp, and no road", f"roads are {', '.join(known)}"
+        elif name.removesuffix(BACK) in known and name.endswith(BACK):
+            message = f"'{name}' is one direction of a road"
+            help = f"it lies on both: write `{name.removesuffix(BACK)}`"
+            if name.removesuffix(BACK) in self._edges and not isinstance(item, m.Zebra | m.Bump):
+                message, help = (
+                    f"road '{name.removesuffix(BACK)}' has one direction only",
+                    f"write `{name.removesuffix(BACK)}`",
+                )
+        else:
+            message, help = f"unknown road '{name}'", did_you_mean(name, known)
+            help = help or ("" if isinstance(item, Ramp) else f"roads are {', '.join(known)}")
+            if not help and isinstance(item, Ramp):
+                help = "a ramp joins or leaves a road: add `road a1 from a to b { lanes 2; speed 130 km/h }`"
+        self._add(item, field, message, help, "FS041")
+
+    def _along(self, edge: Directed) -> None:
+        """Report what lies on top of something else, and lanes that are not there."""
+        first, last = 1, lanes_of(edge.road)[1 if edge.back else 0]
+        open_ramp: Cut | None = None
+        for k, cut in enumerate(edge.cuts):
+            item = cut.item
+            if k and item is not edge.cuts[k - 1].item and self._gap(edge.cuts[k - 1], cut) < 0:
+                other = edge.cuts[k - 1].item
+                late = max(item, other, key=self._network.body.index)
+                early = other if late is item else item
+                apart = APART_M + _half(early) + _half(late)
+                message = f"this is on top of {_called(early)}: {abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
+                self._findings.add(late, "at", "FS270", message, f"leave at least {math.ceil(apart)} m between them")
+                return
+            if isinstance(item, Ramp):
+                if not cut.last and open_ramp is not None:
+                    message = f"its further lane overlaps that of {_called(open_ramp.item)}"
+                    self._findings.add(item, "at", "FS270", message, "let one end before the other begins")
+                    return
+                open_ramp = None if cut.last else cut
+            elif isinstance(item, m.LaneEnd):
+                if open_ramp is not None:
+                    help = "let it end before the ramp's further lane, or behind it"
+                    message = f"a lane ends beside the further lane of {_called(open_ramp.item)}"
+                    self._findings.add(item, "at", "FS270", message, help)
+                    return
+                count, lane = last - first + 1, round(number(item.lane))
+                if count < 2 or lane not in (1, count):
+                    some = f"the outer ones can end: 1 (the rightmost) and {count}" if count > 1 else "it must stay"
+                    message = f"lane {lane} of '{edge.id}' cannot end there, where it has {count}"
+                    self._findings.add(item, "lane", "FS270", message, some)
+                    return
+                first, last = (first + 1, last) if lane == 1 else (first, last - 1)
+
+    def _gap(self, one: Cut, other: Cut) -> float:
+        return other.at_m - one.at_m - APART_M - _half(one.item) - _half(other.item)
+
+    # ---- rules of turns ---------------------------------------------------------------------------------------------
+
+    def _lane_turns(self, item: m.LaneTurns) -> None:
+        edge = self._edges.get(item.edge)
+        if edge is None:
+            if item.edge not in self._ramps:
+                self._unknown_edge(item, "edge", item.edge, [*self._edges, *self._ramps])
+            return
+        count = lanes_of(edge.road)[1 if edge.back else 0] - sum(isinstance(c.item, m.LaneEnd) for c in edge.cuts)
+        if number(item.lane) > count:
+            lanes = f"{count} lanes" if count > 1 else "one lane"
+            help = f"lanes are counted from the right, from 1 to {count}" if count > 1 else "its number is 1"
+            self._findings.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
+        exits = self._exits(edge)
+        for k, turn in enumerate(item.turns):
+            if exits and turn not in exits.values() and edge.end in self._plain_junctions:
+                message = f"from '{item.edge}' nobody can go {turn} over '{edge.end}'"
+                known = " or ".join(dict.fromkeys(exits.values()))
+                self._findings.add(item, f"turns.{k}", "FS270", message, f"one can go {known}")
+
+    @property
+    def _plain_junctions(self) -> frozenset[str]:
+        return frozenset(j.name for j in self._network.body if isinstance(j, m.Junction))
+
+    def _banned(self, item: m.BannedTurn) -> None:
+        if item.junction in self._rings:
+            help = f"a roundabout is left at any arm; `{item.junction}_{item.roads[0]}` is one of its junctions"
+            self._findings.add(item, "junction", "FS270", f"'{item.junction}' is a roundabout", help)
+            return
+        if item.junction not in self._plain_junctions:
+            help = did_you_mean(item.junction, self._junctions) or f"junctions are {', '.join(self._junctions)}"
+            self._findings.add(item, "junction", "FS040", f"unknown junction '{item.junction}'", help)
+            return
+        named: list[tuple[m.Item, str, str]] = [(item, f"roads.{k}", name) for k, name in enumerate(item.roads)]
+        check_touching(self._findings, item.junction, named, self._network)
+        for k, road in enumerate(item.roads):
+            edge = self._into(road, item.junction)
+            ways = [e for e in (self._edges.get(road), self._edges.get(road + BACK)) if e is not None]
+            if edge is None and ways and all(item.junction == e.start for e in ways):
+                message = f"nobody comes from '{road}' to '{item.junction}': it only leads away from there"
+                self._findings.add(item, f"roads.{k}", "FS270", message, "leave it out")
+
+    def _into(self, road: str, junction: str) -> Directed | None:
+        ways = (self._edges.get(road), self._edges.get(road + BACK))
+        return next((edge for edge in ways if edge is not None and edge.end == junction), None)
+
+    def _exits(self, edge: Directed) -> Mapping[str, m.Turn]:
+        """Return the edges that leave where an edge ends, with their turns, by the directions of their lines."""
+        (x0, y0), (x1, y1) = edge.line[-2:]
+        heading = math.atan2(y1 - y0, x1 - x0)
+        found: dict[str, m.Turn] = {}
+        for other in self._edges.values():
+            if other.start == edge.end and other.road is not edge.road:
+                (x2, y2), (x3, y3) = other.line[:2]
+                off = wrapped(math.atan2(y3 - y2, x3 - x2) - heading)
+                found[other.id] = "straight" if abs(off) <= STRAIGHT_RAD else ("left" if off > 0 else "right")
+        return found
+
+    def _forbidden_ways(self) -> None:
+        """Report the rule that leaves no way on from a road."""
+        left: dict[str, set[m.Turn]] = {}
+        for item in self._network.body:
+            if not isinstance(item, m.BannedTurn):
+                continue
+            for k, road in enumerate(item.roads):
+                edge = self._into(road, item.junction)
+                leaves = any(isinstance(r, m.OnRamp) and r.junction == item.junction for r in self._network.body)
+                if edge is None or leaves:
+                    continue
+                ways = left.setdefault(edge.id, set(self._exits(edge).values()))
+                if ways and not ways - {item.turn}:
+                    message = f"no way on is left from '{road}' over '{item.junction}'"
+                    help = f"{item.turn} is the last way on: leave it open, or make '{road}' one-way"
+                    self._findings.add(item, f"roads.{k}", "FS270", message, help)
+                elif ways and item.turn not in ways and item.turn != "back":
+                    message = f"from '{road}' nobody can go {item.turn} over '{item.junction}' anyway"
+                    self._findings.add(item, "turn", "FS270", message, f"one can go {' or '.join(sorted(ways))}")
+                ways.discard(item.turn)
+
+    # ---- names ------------------------------------------------------------------------------------------------------
+
+    def _twice(self) -> None:
+        seen: set[tuple[str, str, float]] = set()
+        for item in self._network.body:
+            if isinstance(item, m.LaneTurns | m.LaneEnd):
+                key = (item.kind, item.edge, number(item.lane))
+                if key in seen:
+                    message = f"lane {number(item.lane):g} of '{item.edge}' has two such lines"
+                    self._findings.add(item, "lane", "FS013", message, "keep one of the two")
+                seen.add(key)
+
+    def _derived_names(self) -> None:
+        """Report names that something else gives to one of its parts."""
+        parts: dict[str, m.Item] = {node: ring.item for ring in self._rings.values() for node in ring.nodes}
+        parts |= {
+            cut.node: cut.item
+            for edge in self._edges.values()
+            for cut in edge.cuts
+            if cut.node != getattr(cut.item, "name", "")
+        }
+        for item in self._network.body:
+            if isinstance(item, NamedJunction) and item.name in parts:
+                message = f"'{item.name}' is also what a junction of {_called(parts[item.name])} is called"
+                self._findings.add(item, "name", "FS030", message, "give it another name")
+
+
+def _called(item: m.Item) -> str:
+    name = getattr(item, "name", "")
+    return f"'{name}'" if name else f"the end of lane {number(getattr(item, 'lane', None)):g}"
+
+
+def _half(item: m.Item) -> float:
+    """Half the length of what lies across a road, m."""
+    return number(item.width, 4.0) / 2 if isinstance(item, m.Zebra) else 0.0
+
+
+def _width(road: m.Road) -> float:
+    """Return the width of a road's carriageways and what is between them, m."""
+    strips = ("bus_lane", "cycle_lane", "shoulder", "parking", "cycle_track")
+    side = sum(number(getattr(road, strip)) for strip in strips)
+    lanes = lanes_of(road)
+    return sum(lanes) * number(road.lane_width, 3.3) + number(road.median) + side * sum(n > 0 for n in lanes)

@@ -1,0 +1,159 @@
+"""What stands on or beside the roads of a network: roundabouts, ramps, zebra crossings, bumps, and rules for lanes."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from foresee_dsl.language.model import values as v
+from foresee_dsl.language.model.item import MOST_INLINE, Bounds, Item, Names
+
+_Lane = Annotated[v.Count, Bounds(1, 8)]
+_LaneWidth = Annotated[v.Length, Bounds(1.0, 10.0)]  # ours: as a road's
+
+
+class BannedTurn(Item):
+    """`forbid left over middle from [west, east]`: a turn that nobody may take there."""
+
+    pattern = "forbid {turn} over {junction} from {roads}"
+    words = "forbid (statement): a turn that nobody may take at a junction | forbid left over middle from [west, east]"
+
+    turn: v.Turn
+    junction: Annotated[v.Name, Names("junction")]
+    roads: tuple[Annotated[v.Name, Names("road")], ...]
+
+
+class LaneTurns(Item):
+    """`lane 1 of west goes [right, straight]`: where a lane leads at the end of its edge; lane 1 is the rightmost."""
+
+    pattern = "lane {lane} of {edge} goes {turns}"
+    words = """
+        goes (link): the turns that a lane leads to; the others of its edge keep theirs | lane 2 of west goes [left]
+    """
+
+    lane: _Lane
+    edge: Annotated[v.Name, Names("road")]
+    turns: tuple[v.Turn, ...]
+
+
+class Roundabout(Item):
+    """`roundabout circle at (0 m, 0 m) { radius 18 m; lanes 2 }`: a ring that the roads ending at it lead into.
+
+    The radius is that of the middle of its carriageway. Whoever is on the ring goes first. A junction for each arm is
+    called after the roundabout and the road: `circle_west`.
+    """
+
+    pattern = "roundabout {name} at {at} { radius; lanes; lane_width; speed; sidewalk; crossings [{crossings}] }"
+    words = """
+        roundabout (statement): a ring that roads lead into; on it goes first | roundabout circle at (0 m, 0 m) { ... }
+        radius (setting): of the middle of a roundabout's carriageway | radius 18 m
+    """
+
+    name: Annotated[v.Name, Names("junction", defines=True)]
+    at: v.Point
+    radius: Annotated[v.Length, Bounds(8.0, 200.0)]  # ours: below, two arms do not fit side by side
+    lanes: Annotated[v.Count, Bounds(1, 4)] | None = None
+    lane_width: _LaneWidth | None = None
+    speed: Annotated[v.Speed, Bounds(0.1)] | None = None
+    sidewalk: Annotated[v.Length, Bounds(0.0, 50.0)] | None = None
+    crossings: tuple[v.Name, ...] | None = None
+    """The roads that can be crossed where they meet the ring: empty for all, None for none."""
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether it has few settings."""
+        return lines <= MOST_INLINE
+
+
+class OnRamp(Item):
+    """`on_ramp up from side to a1 at 400 m { length 250 m }`: a lane from a junction into an edge, which has a further
+    lane on the right from there for `length`, the acceleration lane."""
+
+    pattern = "on_ramp {name} from {junction} to {edge} at {at} [{ length; speed; lane_width; via }]"
+    words = "on_ramp (statement): a lane that joins an edge on its right | on_ramp up from side to a1 at 400 m"
+
+    name: Annotated[v.Name, Names("road", defines=True)]
+    junction: Annotated[v.Name, Names("junction")]
+    edge: Annotated[v.Name, Names("road")]
+    at: Annotated[v.Length, Bounds(0.0)]
+    length: Annotated[v.Length, Bounds(20.0, 2000.0)] | None = None
+    speed: Annotated[v.Speed, Bounds(0.1)] | None = None
+    lane_width: _LaneWidth | None = None
+    via: tuple[v.Point, ...] = ()
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether it has few settings and no list of points."""
+        return lines <= MOST_INLINE and not self.via
+
+
+class OffRamp(Item):
+    """`off_ramp down from a1 at 900 m to side { length 200 m }`: a lane that leaves an edge, which has a further lane
+    on the right for `length` before it, the deceleration lane."""
+
+    pattern = "off_ramp {name} from {edge} at {at} to {junction} [{ length; speed; lane_width; via }]"
+    words = "off_ramp (statement): a lane that leaves an edge on its right | off_ramp down from a1 at 900 m to b"
+
+    name: Annotated[v.Name, Names("road", defines=True)]
+    edge: Annotated[v.Name, Names("road")]
+    at: Annotated[v.Length, Bounds(0.0)]
+    junction: Annotated[v.Name, Names("junction")]
+    length: Annotated[v.Length, Bounds(20.0, 2000.0)] | None = None
+    speed: Annotated[v.Speed, Bounds(0.1)] | None = None
+    lane_width: _LaneWidth | None = None
+    via: tuple[v.Point, ...] = ()
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether it has few settings and no list of points."""
+        return lines <= MOST_INLINE and not self.via
+
+
+class Zebra(Item):
+    """`zebra school on west at 40 m { width 4 m; island 2 m }`: a crossing without a signal, at which people go first.
+
+    It is a junction of this name. With an island people cross one direction at a time.
+    """
+
+    pattern = "zebra {name} on {road} at {at} [{ width; island }]"
+    words = """
+        zebra (statement): a crossing at which people go first, anywhere on a road | zebra school on west at 40 m
+        island (setting): a refuge of this width between the directions of a zebra crossing | island 2 m
+    """
+
+    name: Annotated[v.Name, Names("junction", defines=True)]
+    road: Annotated[v.Name, Names("road")]
+    at: Annotated[v.Length, Bounds(0.0)]
+    width: Annotated[v.Length, Bounds(2.0, 20.0)] | None = None
+    island: Annotated[v.Length, Bounds(1.0, 20.0)] | None = None  # ours: narrower is no refuge for anybody
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether it has few settings."""
+        return lines <= MOST_INLINE
+
+
+class Bump(Item):
+    """`bump hump on west at 60 m { speed 20 km/h; length 4 m }`: a speed bump, over which everybody drives that slowly.
+
+    It is the limit of a short piece of the road; nothing goes up and down. It begins at a junction of this name.
+    """
+
+    pattern = "bump {name} on {road} at {at} [{ speed; length }]"
+    words = "bump (statement): a speed bump: a short piece of a road with a low limit | bump hump on west at 60 m"
+
+    name: Annotated[v.Name, Names("junction", defines=True)]
+    road: Annotated[v.Name, Names("road")]
+    at: Annotated[v.Length, Bounds(0.0)]
+    speed: Annotated[v.Speed, Bounds(0.5)] | None = None
+    length: Annotated[v.Length, Bounds(1.0, 50.0)] | None = None
+
+    def fits_one_line(self, lines: int) -> bool:
+        """Return whether it has few settings."""
+        return lines <= MOST_INLINE
+
+
+class LaneEnd(Item):
+    """`lane 3 of a1 ends at 500 m`: a lane drop: from there the edge has a lane less; lane 1 is the rightmost."""
+
+    pattern = "lane {lane} of {edge} ends at {at}"
+    words = "ends (link): where a lane ends, and whoever is on it changes to the next | lane 3 of a1 ends at 500 m"
+
+    lane: _Lane
+    edge: Annotated[v.Name, Names("road")]
+    at: Annotated[v.Length, Bounds(0.0)]

@@ -1,0 +1,233 @@
+"""How the edges of a written network are cut where something on them begins or ends, and which roads meet on a ring.
+
+Nothing of it needs SUMO: the checks, the lints and the compiler read it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.streets.lines import XY, marks, number, xy
+
+BACK = "_back"
+"""Suffix of a road's name for its edge in the other direction."""
+RAMP_LANE_M = 200.0
+"""Length of a ramp's further lane. Ours: between the 150 m and 250 m that German and Dutch motorways have."""
+BUMP_MPS = 20 / 3.6
+"""Over a bump without a `speed`: 20 km/h, what sinusoidal humps in a 30 km/h zone are made for (ours)."""
+BUMP_M = 4.0
+"""Length of a bump without a `length`: that of the usual flat or round-topped hump, 3.7 m, and its ramps (ours)."""
+OWN_M = 0.5
+"""Two cuts nearer to each other than this leave no piece between them (ours: netconvert needs some length)."""
+
+OnRoads = m.Zebra | m.Bump | m.LaneEnd | m.OnRamp | m.OffRamp
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Where an edge is cut: at a length along it, m, by a node (a junction of SUMO's), because of a statement.
+
+    `last`: the statement's second cut, where what it began ends.
+    """
+
+    at_m: float
+    node: str
+    item: OnRoads
+    last: bool = False
+
+
+@dataclass(frozen=True)
+class Directed:
+    """One direction of a road: its id, its road, the junctions that it joins, its line, and where it is cut."""
+
+    id: str
+    road: m.Road
+    start: str
+    end: str
+    line: tuple[XY, ...]
+    cuts: tuple[Cut, ...] = ()
+
+    @property
+    def back(self) -> bool:
+        """Whether it runs against the road's own direction."""
+        return self.id != self.road.name
+
+    @property
+    def length_m(self) -> float:
+        """Its length along the road's line, from junction to junction."""
+        return marks(self.line)[-1]
+
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """The ids of its pieces, in driving order: its own where it is not cut."""
+        return tuple(f"{self.id}#{k}" for k in range(1, len(self.cuts) + 2)) if self.cuts else (self.id,)
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """The junctions between which its pieces run."""
+        return (self.start, *(cut.node for cut in self.cuts), self.end)
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A roundabout: its arms counter-clockwise, with the roads that end there.
+
+    Attributes:
+        arms: (angle from the centre, rad; the road).
+        radius_m: of the middle of the carriageway. outer_m: of its outer border.
+    """
+
+    item: m.Roundabout
+    centre: XY
+    radius_m: float
+    outer_m: float
+    arms: tuple[tuple[float, m.Road], ...] = field(default=())
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """The junctions at its arms, in the order of the arms."""
+        return tuple(f"{self.item.name}_{road.name}" for _, road in self.arms)
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """The ids of the edges on it; the first begins at the first arm."""
+        return tuple(f"{self.item.name}#{k}" for k in range(1, len(self.arms) + 1))
+
+    def place(self, angle_rad: float, radius_m: float | None = None) -> XY:
+        """Return a place on it."""
+        radius = self.radius_m if radius_m is None else radius_m
+        return self.centre[0] + radius * math.cos(angle_rad), self.centre[1] + radius * math.sin(angle_rad)
+
+
+def lanes_of(road: m.Road) -> tuple[int, int]:
+    """Return how many lanes a road has in either direction."""
+    lanes = round(number(road.lanes, 1))
+    return lanes, round(number(road.back, lanes))
+
+
+def rings_of(network: m.Network) -> Mapping[str, Ring]:
+    """Return the roundabouts of a network, by name; a road with both ends at one is no arm of it."""
+    found = {}
+    ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction | m.Roundabout)}
+    for item in network.body:
+        if not isinstance(item, m.Roundabout):
+            continue
+        x, y = centre = xy(item.at)
+        arms = []
+        for road in network.body:
+            if isinstance(road, m.Road) and (road.start == item.name) != (road.end == item.name):
+                far = ends.get(road.end if road.start == item.name else road.start, centre)
+                inner = [xy(p) for p in road.via] or [far]
+                near = inner[0] if road.start == item.name else inner[-1]
+                arms.append((math.atan2(near[1] - y, near[0] - x) % math.tau, road))
+        radius = number(item.radius, 1.0)
+        half = round(number(item.lanes, 1)) * number(item.lane_width, RING_LANE_M) / 2
+        found[item.name] = Ring(item, centre, radius, radius + half, tuple(sorted(arms, key=lambda arm: arm[0])))
+    return found
+
+
+RING_LANE_M = 4.5
+"""Width of a roundabout's lane without a `lane_width`: one lane of 4.5 m lets buses pass (the bundled town's)."""
+RING_MPS = 30 / 3.6
+"""The limit on a roundabout without a `speed` (the bundled town's)."""
+
+
+def directed(network: m.Network, rings: Mapping[str, Ring] | None = None) -> tuple[Directed, ...]:
+    """Return the edges of a network's roads in their order, each with its cuts; roads between unknown junctions are
+    left out."""
+    rings = rings_of(network) if rings is None else rings
+    ends = {item.name: xy(item.at) for item in network.body if isinstance(item, m.Junction)}
+    cuts: dict[str, list[Cut]] = {}
+    found: list[Directed] = []
+    for road in network.body:
+        if not isinstance(road, m.Road):
+            continue
+        joined = [_end(road, name, ends, rings) for name in (road.start, road.end)]
+        if None in joined or road.start == road.end:
+            continue
+        (start, first), (end, last) = (one for one in joined if one is not None)
+        line = (first, *(xy(p) for p in road.via), last)
+        found.append(Directed(road.name, road, start, end, line))
+        if lanes_of(road)[1]:
+            found.append(Directed(road.name + BACK, road, end, start, line[::-1]))
+    by_id = {edge.id: edge for edge in found}
+    for item in network.body:
+        if isinstance(item, OnRoads):
+            for edge, cut in _cuts(item, by_id):
+                cuts.setdefault(edge, []).append(cut)
+    return tuple(
+        Directed(e.id, e.road, e.start, e.end, e.line, tuple(sorted(cuts.get(e.id, ()), key=lambda cut: cut.at_m)))
+        for e in found
+    )
+
+
+def _end(road: m.Road, name: str, ends: Mapping[str, XY], rings: Mapping[str, Ring]) -> tuple[str, XY] | None:
+    """Return the junction at which a road ends, and where that is."""
+    if name in ends:
+        return name, ends[name]
+    ring = rings.get(name)
+    angle = next((angle for angle, arm in ring.arms if arm is road), None) if ring is not None else None
+    return (f"{name}_{road.name}", ring.place(angle)) if ring is not None and angle is not None else None
+
+
+def _cuts(item: OnRoads, edges: Mapping[str, Directed]) -> Iterator[tuple[str, Cut]]:
+    """Yield the cuts that a statement makes, with the id of their edge."""
+    at_m = number(item.at)
+    match item:
+        case m.Zebra() | m.Bump():
+            there, back = edges.get(item.road), edges.get(item.road + BACK)
+            further = number(item.length, BUMP_M) if isinstance(item, m.Bump) else 0.0
+            for edge in (there, back):
+                if edge is not None:
+                    places = [(at_m, item.name), (at_m + further, f"{item.name}_end")]
+                    for place, node in places if further else places[:1]:
+                        along = edge.length_m - place if edge.back else place
+                        yield edge.id, Cut(along, node, item, last=(node != item.name) != edge.back and further > 0)
+        case m.LaneEnd():
+            if item.edge in edges:
+                yield item.edge, Cut(at_m, f"{item.edge}_lane_{round(number(item.lane))}_end", item)
+        case m.OnRamp():
+            if item.edge in edges:
+                yield item.edge, Cut(at_m, item.name, item)
+                yield item.edge, Cut(at_m + number(item.length, RAMP_LANE_M), f"{item.name}_end", item, last=True)
+        case m.OffRamp():
+            if item.edge in edges:
+                yield item.edge, Cut(at_m - number(item.length, RAMP_LANE_M), f"{item.name}_begin", item)
+                yield item.edge, Cut(at_m, item.name, item, last=True)
+
+
+def next_piece(edge: str) -> str:
+    """Return what the piece after one of a cut edge is called; "" for an edge that is none."""
+    whole, _, number_ = edge.rpartition("#")
+    return f"{whole}#{int(number_) + 1}" if whole and number_.isdigit() else ""
+
+
+def parts_of(network: m.Network) -> Mapping[str, tuple[str, ...]]:
+    """Return the pieces of every edge that is cut, by its id."""
+    return {edge.id: edge.pieces for edge in directed(network) if edge.cuts}
+
+
+def joined_by_name(network: m.Network) -> Iterator[tuple[str, str, str]]:
+    """Yield (edge, start, end) of all edges by the names that a scenario uses: rings are one junction, edges are whole,
+    but cut at what can be named (a zebra crossing, a bump, a ramp)."""
+    rings = rings_of(network)
+    ring_of = {node: ring.item.name for ring in rings.values() for node in ring.nodes}
+    for edge in directed(network, rings):
+        nodes = [ring_of.get(node, node) for node in edge.nodes]
+        for piece, (start, end) in zip(edge.pieces, itertools.pairwise(nodes), strict=True):
+            yield piece, start, end
+    for item in network.body:
+        if isinstance(item, m.OnRamp):
+            yield item.name, item.junction, item.name
+        elif isinstance(item, m.OffRamp):
+            yield item.name, item.name, item.junction
+
+
+def named_junctions(network: m.Network) -> Sequence[str]:
+    """Return the names of everything that is a junction to a scenario."""
+    kinds = m.Junction | m.Roundabout | m.Zebra | m.Bump | m.OnRamp | m.OffRamp
+    return [item.name for item in network.body if isinstance(item, kinds)]
