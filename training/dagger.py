@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import argparse
 import os
+import random
 from functools import partial
 from pathlib import Path
 
 from foresee_dsl.drivers.registry import load_driver
-from training.plan import bundled_meanings, plan
+from training.plan import TOWN_SHARE, bundled_meanings, plan
 from training.record import CARLA, Job, record_all
 
 SHARE = 0.15
@@ -38,15 +39,17 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--share", type=float, default=SHARE, help="share of the time that the expert drives")
     parser.add_argument("--focus", action="append", default=[], help="file name of a scenario to draw more cases of")
+    parser.add_argument("--towns", type=float, default=TOWN_SHARE, help="share of the time that is driven in towns")
     parser.add_argument("--carla", type=Path, default=CARLA, help="folder of CARLA's maps")
     given = parser.parse_args()
     if given.weights is not None:
         os.environ["FORESEE_WEIGHTS"] = str(given.weights.resolve())
     carla = given.carla if given.carla.is_dir() else None
     name = f"round{given.round}_{given.driver}"
+    seed = seed_of(given.round, given.driver)
     pieces = plan(
-        given.hours, seed_of(given.round, given.driver), given.out / f"work_{name}", carla=carla, bursts=_BURSTS,
-        focus=given.focus, chunk=_CHUNK,
+        given.hours, seed, given.out / f"work_{name}", carla=carla, bursts=_BURSTS,
+        focus=given.focus, chunk=_CHUNK, towns=given.towns,
     )  # fmt: skip
     bundled = bundled_meanings()
     jobs = [
@@ -54,6 +57,7 @@ def main() -> None:
             given.share)
         for k, items in enumerate(pieces)
     ]  # fmt: skip
+    random.Random(seed).shuffle(jobs)  # what is cut short has some of everything
     record_all(jobs, given.jobs)
 
 

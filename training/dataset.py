@@ -162,7 +162,7 @@ def importance(labels: Labels, speed_mps: float, *, expert_drives: bool) -> floa
     if speed_mps < 0.3 and speeds.max() < 0.5:
         weight = 1.0  # waits, and goes on waiting; recordings hold few of these
     elif speed_mps < 1.5 and speeds[-1] > speed_mps + 1.0:
-        weight = 4.0  # starts
+        weight = 5.0  # starts
     elif speeds[6] < speed_mps - 1.0:
         weight = 3.0  # brakes
     elif abs(labels.trajectory[-1, 1]) > 3.0:
@@ -173,7 +173,7 @@ def importance(labels: Labels, speed_mps: float, *, expert_drives: bool) -> floa
     close = (ahead > 0) & (ahead < 25) & (np.abs(left) < 6)
     if np.isin(labels.groups[close], [GROUPS.index("pedestrian"), GROUPS.index("two_wheeler")]).any():
         weight *= 2.0
-    return weight * (1.0 if expert_drives else 2.0)
+    return weight * (1.0 if expert_drives else 3.0)
 
 
 class Data:

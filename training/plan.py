@@ -129,11 +129,12 @@ def plan(
     bursts: float = BURSTS,
     focus: Sequence[str] = (),
     chunk: int = CHUNK,
+    towns: float = TOWN_SHARE,
 ) -> tuple[tuple[Item, ...], ...]:
     """Return the runs in pieces that are recorded and written one by one: all of a piece have one network."""
     seconds = hours * 3600.0
-    cases = drawn_cases(work, round(seconds * (1 - TOWN_SHARE) / RUN_S["cases"] / 5), seed, scenarios, focus)
-    drives = town_drives(work, round(seconds * TOWN_SHARE / RUN_S["towns"]), seed, carla)
+    cases = drawn_cases(work, round(seconds * (1 - towns) / RUN_S["cases"] / 5), seed, scenarios, focus)
+    drives = town_drives(work, round(seconds * towns / RUN_S["towns"]), seed, carla)
     rng = np.random.Generator(np.random.PCG64([seed, 777]))
     pieces: list[tuple[Item, ...]] = []
     mixed = [(family, address) for family, addresses in sorted(cases.items()) for address in addresses]

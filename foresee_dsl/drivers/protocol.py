@@ -13,6 +13,8 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.drivers.pictures.layout import WHOLE, Window
+
 FloatArray = NDArray[np.float64]
 
 SignalColour = Literal["red", "amber", "green", "off"]
@@ -132,8 +134,8 @@ class SeenActor:
 class Views(Protocol):
     """Pictures of one step for learned drivers, drawn on request (docs/rasters.md has the layout)."""
 
-    def birds_eye(self) -> NDArray[np.uint8]:
-        """Return the map, the seen actors and the signals from above, [channels, rows, columns]."""
+    def birds_eye(self, window: Window = WHOLE) -> NDArray[np.uint8]:
+        """Return the map, the seen actors and the signals from above, [channels, rows, columns]; or a part of it."""
         ...
 
     def forward(self) -> NDArray[np.uint8]:

@@ -21,6 +21,8 @@ from foresee_dsl.plugins import PluginGroup, package_of
 
 DRIVERS = PluginGroup("foresee_dsl.drivers", "driver", DriverError)
 _ADDRESS = re.compile(r"(.*? via )?(?P<address>[\w+]+:.*)", re.S)
+_OURS = "foresee_dsl."
+"""Drivers that are cheap to import, and may have a class method `check` that raises a `DriverError`."""
 _IDEAL = "+ideal"
 REFERENCES = ("idm", "frenetix", "pdm")
 """Ours: the planners that come along."""
@@ -86,12 +88,16 @@ def with_ideal_sensors(address: str) -> str:
 
 
 def find_driver(address: str) -> None:
-    """Check that there is a driver of this name; nothing is imported.
+    """Check that there is a driver of this name, before anything runs; drivers of other packages are not imported.
 
     Raises:
-        DriverError: there is none (the message has close names and the list).
+        DriverError: there is none (the message has close names and the list), or one of ours lacks what it needs.
     """
-    DRIVERS.find(name_in(address))
+    entry = DRIVERS.find(name_in(address))
+    if entry.module.startswith(_OURS):
+        check = getattr(entry.load(), "check", None)
+        if check is not None:
+            check()
 
 
 def load_driver(address: str) -> Driver:

@@ -18,7 +18,7 @@ from foresee_dsl.compile.bundle import ActorKind, SumoBundle
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.topology import Lane
 from foresee_dsl.drivers.pictures.fill import box_pixels, filled, toggle_outlines
-from foresee_dsl.drivers.pictures.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS
+from foresee_dsl.drivers.pictures.layout import BIRDS_EYE, FORWARD, HEIGHTS_M, MAP_BITS, WHOLE, Window
 from foresee_dsl.drivers.protocol import Control, EgoState, JunctionPassage, Mission, Observation, SeenActor, Views
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.language.project.loading import load_test_case
@@ -78,7 +78,7 @@ def test_a_box_has_the_pixels_whose_middles_are_in_it() -> None:
     for _ in range(200):
         x, y, angle, length, width = (*rng.uniform(-2, 42, 2), rng.uniform(-4, 4), *rng.uniform(1, 15, 2))
         c, s = math.cos(angle), math.sin(angle)
-        _, pixels = box_pixels(box(x, y, c, s, length, width), 40, 50)
+        _, pixels = box_pixels(box(x, y, c, s, length, width), Window(0, 0, 40, 50))
         column, row = np.meshgrid(np.arange(50) + 0.5, np.arange(40) + 0.5)
         along, across = (column - x) * c + (row - y) * s, (row - y) * c - (column - x) * s
         slack = np.maximum(np.abs(along) - length / 2, np.abs(across) - width / 2)
@@ -93,7 +93,7 @@ def test_neighbouring_boxes_share_no_pixel_and_leave_none_out(quarter: int) -> N
     angle = quarter * math.pi / 2 + (1e-16 if quarter > 3 else 0.0)
     c, s = math.cos(angle), math.sin(angle)
     boxes = np.array([(10.5 + 3 * k * c, 10.5 + 3 * k * s, c, s, 3.0, 2.0) for k in (0, 1)])
-    index, pixels = box_pixels(boxes, 30, 30)
+    index, pixels = box_pixels(boxes, Window(0, 0, 30, 30))
     assert np.bincount(index).tolist() == [6, 6]
     assert len(set(pixels)) == 12
 
@@ -369,6 +369,18 @@ def test_the_view_from_above_shows_what_is_sensed_and_the_camera_what_is_there()
     lost = replace(views, ego=ego(2.0))
     assert np.array_equal(lost.forward(), ahead), "the camera is where the car is"
     assert not np.array_equal(lost.birds_eye(), above), "the map is where the localisation has it"
+
+
+@pytest.mark.parametrize("window", [Window(0, 32, 128, 128), Window(60, 90, 40, 20), WHOLE])
+def test_a_part_of_the_view_from_above_is_a_part_of_the_whole(window: Window) -> None:
+    seen = (
+        SeenActor(7, "car", 12.3, -2.1, 0.4, 3.0, 4.5, 1.8),
+        SeenActor(8, "pedestrian", 3.0, 16.0, 0.0, 1.0, 0.5, 0.5),
+    )
+    views = views_of(*seen, at=replace(ego(0.7), heading_rad=0.2), signals={"tls:0": "red"})
+    whole = views.birds_eye()[:, window.top : window.top + window.rows, window.left : window.left + window.columns]
+    assert whole[ABOVE["vehicle"]].any() and whole[ABOVE["ego"]].any()
+    assert np.array_equal(views.birds_eye(window), whole)
 
 
 def test_nudges_of_the_last_digits_change_no_pixel() -> None:

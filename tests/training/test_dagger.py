@@ -14,11 +14,12 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_case
-from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.simulate.results.verdict import RunResult, Verdict
 from foresee_dsl.simulate.trace import SPEED
 from training.dagger import seed_of
 from training.driving import HELD_UP_S, record
 from training.evaluate import row
+from training.samples import RecordedRun
 
 
 class _Pupil:
@@ -43,10 +44,17 @@ def bundle(scenarios: Path) -> SumoBundle:
     return replace(made, scene=replace(made.scene, end_s=16.0))
 
 
-def test_a_pupil_that_stands_for_no_reason_is_helped(bundle: SumoBundle) -> None:
+@pytest.fixture(scope="module")
+def braked(bundle: SumoBundle) -> tuple[_Pupil, RecordedRun, RunResult]:
+    """A run of a pupil that brakes whatever it sees."""
     pupil = _Pupil(Control(0.0, 0.0, 1.0))
     found, result = record(bundle, 3, {}, pupil=pupil, easy=100.0)
     assert found is not None
+    return pupil, found, result
+
+
+def test_a_pupil_that_stands_for_no_reason_is_helped(braked: tuple[_Pupil, RecordedRun, RunResult]) -> None:
+    pupil, found, result = braked
     speeds = result.trace.states[:, 0, SPEED]
     stood = int(np.flatnonzero(speeds < 0.1)[0])
     assert speeds[stood : stood + round(HELD_UP_S / 0.05) - 2].max() < 0.3
@@ -56,9 +64,8 @@ def test_a_pupil_that_stands_for_no_reason_is_helped(bundle: SumoBundle) -> None
     assert pupil.steps == result.steps  # it sees every step, also while the expert drives
 
 
-def test_the_labels_are_the_experts(bundle: SumoBundle) -> None:
-    found, _ = record(bundle, 3, {}, pupil=_Pupil(Control(0.0, 0.0, 1.0)), easy=100.0)
-    assert found is not None
+def test_the_labels_are_the_experts(braked: tuple[_Pupil, RecordedRun, RunResult]) -> None:
+    _, found, _ = braked
     standing = [k for k in found.labelled.tolist() if found.ego[k, 3] < 0.1]
     assert len(standing) > 10
     assert all(found.labels(k).acceleration_mps2 > 0.5 for k in standing)

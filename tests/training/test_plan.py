@@ -9,7 +9,8 @@ import pytest
 
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.language.project.loading import Project, load_test_case
-from training.driving import UNDISTURBED
+from tests.support.small_street import STREET
+from training.driving import UNDISTURBED, Disturbance
 from training.plan import Item, bundled_meanings, loaded, plan
 from training.record import Job, record_all, record_piece
 from training.towns import CARLA_HELD_OUT, GENERATED, drive, generate, town_names
@@ -20,8 +21,15 @@ def planned(scenarios: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return plan(0.4, 5, tmp_path_factory.mktemp("work"), carla=None, scenarios=scenarios)
 
 
-def test_no_drawn_case_means_what_a_bundled_one_does(planned: tuple[tuple[Item, ...], ...], scenarios: Path) -> None:
-    project, known = Project(), bundled_meanings(scenarios)
+@pytest.fixture(scope="module")
+def known(scenarios: Path) -> frozenset[str]:
+    return bundled_meanings(scenarios)
+
+
+def test_no_drawn_case_means_what_a_bundled_one_does(
+    planned: tuple[tuple[Item, ...], ...], known: frozenset[str]
+) -> None:
+    project = Project()
     drawn = [item for piece in planned for item in piece if item.family.isdigit()]
     assert {item.family for item in drawn} == {"3", "4", "7", "8", "9"}
     meanings = {project.test_case(item.address).meaning for item in drawn}
@@ -38,10 +46,10 @@ def test_a_piece_has_one_network_and_all_towns_are_driven_in(planned: tuple[tupl
     assert len(set(seeds)) == len(seeds)
 
 
-def test_what_means_a_bundled_case_is_left_out(scenarios: Path) -> None:
+def test_what_means_a_bundled_case_is_left_out(scenarios: Path, known: frozenset[str]) -> None:
     address = f"{scenarios}/scenario3/behind_the_bus.foresee::commuter"
     item = Item(address, "3", 1, UNDISTURBED)
-    assert loaded(Project(), item, bundled_meanings(scenarios)) is None
+    assert loaded(Project(), item, known) is None
     assert loaded(Project(), item, frozenset()) is not None
 
 
@@ -66,8 +74,10 @@ def test_drives_through_a_generated_town(tmp_path: Path) -> None:
     assert len(compile_test_case(load_test_case(alone)).scene.actors) == 1
 
 
-def test_the_same_for_any_number_of_jobs(planned: tuple[tuple[Item, ...], ...], tmp_path: Path) -> None:
-    items = [(piece[0],) for piece in planned[-2:]]
+def test_the_same_for_any_number_of_jobs(tmp_path: Path) -> None:
+    (tmp_path / "street.foresee").write_text(STREET.replace("end after 14 s", "end after 5 s"))
+    address = (tmp_path / "street.foresee").as_posix()
+    items = [(Item(address, "3", seed, Disturbance(True, True, 2.0)),) for seed in (1, 2)]
     one = [Job(piece, tmp_path / f"one_{k}.npz", frozenset()) for k, piece in enumerate(items)]
     two = [Job(piece, tmp_path / f"two_{k}.npz", frozenset()) for k, piece in enumerate(items)]
     tallies = [record_piece(job) for job in one]

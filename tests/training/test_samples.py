@@ -13,6 +13,7 @@ from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.language.project.loading import load_test_case
+from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.sensing import IDEAL
 from foresee_dsl.simulate.trace import HEADING, X, Y
@@ -22,6 +23,7 @@ from training.samples import RecordedRun, read
 from training.shards import write_shard
 
 SEED = 11
+SECONDS = 11.0
 
 
 class _Pupil:
@@ -57,11 +59,19 @@ class Recorded:
 @pytest.fixture(scope="module")
 def recorded(scenarios: Path) -> Recorded:
     bundle = compile_test_case(load_test_case(f"{scenarios}/scenario3/behind_the_bus.foresee::luggage_in_the_rain"))
-    bundle = replace(bundle, scene=replace(bundle.scene, end_s=20.0))
+    bundle = replace(bundle, scene=replace(bundle.scene, end_s=SECONDS))
     pupil = _Pupil()
     found, result = record(bundle, SEED, {"family": "3"}, pupil=pupil, easy=100.0)
     assert found is not None
     return Recorded(bundle, found, pupil, result.trace.states[:, 0][:, [X, Y, HEADING]])
+
+
+@pytest.fixture(scope="module")
+def expert(recorded: Recorded) -> tuple[RecordedRun, RunResult]:
+    """The same case driven by the expert."""
+    found, result = record(recorded.bundle, SEED, {}, easy=100.0)
+    assert found is not None
+    return found, result
 
 
 def test_a_recorded_observation_draws_the_same_pictures(recorded: Recorded, tmp_path: Path) -> None:
@@ -81,13 +91,13 @@ def test_a_recorded_observation_draws_the_same_pictures(recorded: Recorded, tmp_
         assert views.birds_eye().tobytes() == above
         assert views.forward().tobytes() == ahead
         compared += 1
-    assert compared > 30
+    assert compared > 15
 
 
 def test_rounded_files_are_small_and_show_nearly_the_same(recorded: Recorded, tmp_path: Path) -> None:
     write_shard(tmp_path / "exact.npz", [recorded.run], exact=True)
     write_shard(tmp_path / "rounded.npz", [recorded.run])
-    assert (tmp_path / "rounded.npz").stat().st_size < 0.6 * (tmp_path / "exact.npz").stat().st_size
+    assert (tmp_path / "rounded.npz").stat().st_size < 0.75 * (tmp_path / "exact.npz").stat().st_size
     (back,) = read(tmp_path / "rounded.npz")
     assert np.array_equal(back.labelled, recorded.run.labelled)
     other, pixels = 0, 0
@@ -106,7 +116,7 @@ def test_rounded_files_are_small_and_show_nearly_the_same(recorded: Recorded, tm
 def test_the_past_of_every_labelled_frame_is_there(recorded: Recorded) -> None:
     run_ = recorded.run
     later = [k for k in run_.labelled.tolist() if run_.time_s(k) >= 1.0]
-    assert len(later) > 50
+    assert len(later) > 25
     for k in later:
         for back_s in (0.5, 1.0):
             j = run_.past(k, back_s)
@@ -117,26 +127,27 @@ def test_the_past_of_every_labelled_frame_is_there(recorded: Recorded) -> None:
 
 
 def test_the_same_run_gives_the_same_bytes(recorded: Recorded, tmp_path: Path) -> None:
-    again, _ = record(recorded.bundle, SEED, {"family": "3"}, pupil=_Pupil(), easy=100.0)
-    assert again is not None
-    write_shard(tmp_path / "one.npz", [recorded.run])
-    write_shard(tmp_path / "two.npz", [again])
+    bundle = replace(recorded.bundle, scene=replace(recorded.bundle.scene, end_s=4.0))
+    for name in ("one", "two"):
+        found, _ = record(bundle, SEED, {"family": "3"}, pupil=PdmDriver(), easy=100.0)
+        assert found is not None
+        write_shard(tmp_path / f"{name}.npz", [found])
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
 
 
-def test_the_expert_in_the_shadow_drives_as_pdm_with_ideal_sensors(recorded: Recorded) -> None:
+def test_the_expert_in_the_shadow_drives_as_pdm_with_ideal_sensors(
+    recorded: Recorded, expert: tuple[RecordedRun, RunResult]
+) -> None:
     """It decides ten times a second and knows only signals that are in view: a small difference, no other driving."""
-    found, result = record(recorded.bundle, SEED, {})
-    assert found is not None
+    _, result = expert
     pdm = run(recorded.bundle, PdmDriver(), seed=SEED, sensors=IDEAL)
     frames = min(result.trace.frames, pdm.trace.frames)
     apart = np.hypot(*(result.trace.states[:frames, 0, :2] - pdm.trace.states[:frames, 0, :2]).T)
     assert apart.max() < 1.5
 
 
-def test_the_expert_goes_where_it_said_while_it_drives(recorded: Recorded) -> None:
-    found, result = record(recorded.bundle, SEED, {}, easy=100.0)
-    assert found is not None
+def test_the_expert_goes_where_it_said_while_it_drives(expert: tuple[RecordedRun, RunResult]) -> None:
+    found, result = expert
     states, errors = result.trace.states[:, 0], []
     for k in found.labelled.tolist():
         frame = int(found.frames[k, 0])
@@ -146,15 +157,16 @@ def test_the_expert_goes_where_it_said_while_it_drives(recorded: Recorded) -> No
         dx, dy = states[frame + 20, [X, Y]] - (x, y)
         went = np.array((np.cos(heading) * dx + np.sin(heading) * dy, np.cos(heading) * dy - np.sin(heading) * dx))
         errors.append(np.hypot(*(found.labels(k).at([1.0])[0] - went)))
-    assert len(errors) > 50
+    assert len(errors) > 25
     assert np.median(errors) < 0.4
 
 
-def test_disturbances_move_the_ego_and_stay_out_of_the_labels(recorded: Recorded) -> None:
+def test_disturbances_move_the_ego_and_stay_out_of_the_labels(
+    recorded: Recorded, expert: tuple[RecordedRun, RunResult]
+) -> None:
     found, result = record(recorded.bundle, SEED, {}, disturbance=Disturbance(True, True, 2.0), easy=100.0)
     assert found is not None
-    plain, _ = record(recorded.bundle, SEED, {}, easy=100.0)
-    assert plain is not None
+    plain, _ = expert
     start = recorded.bundle.scene.ego
     x, y, heading = result.trace.states[0, 0, [X, Y, HEADING]]
     assert (x, y, heading) != pytest.approx(tuple(plain.ego[0, 7:]))

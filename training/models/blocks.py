@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -105,6 +106,8 @@ class Attention(nn.Module):
 
     def forward(self, queries: Tensor, tokens: Tensor) -> Tensor:
         """Return [B, Q, width] of queries [B, Q, width] and tokens [B, T, width]."""
+        if torch.onnx.is_in_onnx_export():
+            return self._of_one(queries, tokens)
         batch, count, width = queries.shape
 
         def split(x: Tensor) -> Tensor:
@@ -115,6 +118,38 @@ class Attention(nn.Module):
         weights = torch.softmax(q @ k.transpose(2, 3), -1)
         mixed: Tensor = self.out((weights @ v).transpose(1, 2).reshape(batch, count, width))
         return mixed
+
+    def _of_one(self, queries: Tensor, tokens: Tensor) -> Tensor:
+        """Return [Q, width] of one sample's [Q, width] and [T, width]: the heads as one operator of onnxruntime."""
+        keys, values = self.key_value(tokens).chunk(2, 1)
+        asked = self.query(queries) * self.scale
+        mixed: Tensor = self.out(_Heads.apply(asked[None], keys[None], values[None], self.heads)[0])
+        return mixed
+
+
+class _Heads(torch.autograd.Function):
+    """Attention in heads, [1, Q, width] of queries, keys and values, for files: onnxruntime's `MultiHeadAttention`."""
+
+    @staticmethod
+    def forward(_: object, queries: Tensor, keys: Tensor, values: Tensor, heads: int) -> Tensor:  # type: ignore[override]
+        q, k, v = (x.unflatten(2, (heads, -1)).transpose(1, 2) for x in (queries, keys, values))
+        return (torch.softmax(q @ k.transpose(2, 3), -1) @ v).transpose(1, 2).flatten(2)
+
+    @staticmethod
+    def symbolic(g: Any, queries: Any, keys: Any, values: Any, heads: int) -> Any:  # noqa: ANN401  torch's
+        operator = "com.microsoft::MultiHeadAttention"
+        return g.op(operator, queries, keys, values, num_heads_i=heads, scale_f=1.0).setType(queries.type())
+
+
+def sample_of(tokens: Tensor) -> Tensor:
+    """Return tokens [B, T, width] as they are, or, for a file, those of the only sample: each product is then one
+    matrix by another, which is what onnxruntime is fast at."""
+    return tokens[0] if torch.onnx.is_in_onnx_export() else tokens
+
+
+def batch_of(tokens: Tensor) -> Tensor:
+    """Undo `sample_of`."""
+    return tokens[None] if torch.onnx.is_in_onnx_export() else tokens
 
 
 class EncoderLayer(nn.Module):

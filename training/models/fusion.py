@@ -16,7 +16,16 @@ from torch import Tensor, nn
 
 from foresee_dsl.drivers.learned.inputs import BIRDS_EYE_SHAPE, FORWARD_SHAPE, VECTOR
 from foresee_dsl.drivers.learned.outputs import DENSITY_CHANNELS, FUSION_TIMES_S, SIGNALS, SPEED_BINS_MPS
-from training.models.blocks import EncoderLayer, Reading, Residual, Stem, WaypointGru, convolution
+from training.models.blocks import (
+    EncoderLayer,
+    Reading,
+    Residual,
+    Stem,
+    WaypointGru,
+    batch_of,
+    convolution,
+    sample_of,
+)
 
 ABOVE = (32, 48, 96, 160)
 AHEAD = (16, 32, 64, 128)
@@ -63,10 +72,10 @@ class Exchange(nn.Module):
             ),
             1,
         )
-        tokens = tokens + self.places
+        tokens = sample_of(tokens + self.places)
         for layer in self.layers:
             tokens = layer(tokens)
-        tokens = self.norm(tokens)
+        tokens = batch_of(self.norm(tokens))
         from_above, from_ahead = tokens[:, : self.cells], tokens[:, self.cells : -1]
         above = above + _spread(self.out_above(from_above), self.grids[0], above)
         ahead = ahead + _spread(self.out_ahead(from_ahead), self.grids[1], ahead)

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from foresee_dsl.drivers.learned.inputs import BIRDS_EYE_SHAPE, FORWARD_SHAPE, VECTOR
 from foresee_dsl.drivers.learned.outputs import DENSITY_CHANNELS, FUSION_SAFE_TIMES_S, SIGNALS
-from training.models.blocks import DecoderLayer, EncoderLayer, Reading, Residual, Stem, WaypointGru
+from training.models.blocks import DecoderLayer, EncoderLayer, Reading, Residual, Stem, WaypointGru, batch_of, sample_of
 
 WIDTH, HEADS, INNER = 128, 4, 256
 ABOVE = (32, 48, 96)
@@ -79,14 +79,14 @@ class FusionSafe(nn.Module):
             ),
             1,
         )
-        tokens = tokens + self.places
+        tokens = sample_of(tokens + self.places)
         for layer in self.encoder:
             tokens = layer(tokens)
         tokens = self.norm(tokens)
-        asked = self.queries.expand(vector.shape[0], -1, -1)
+        asked = sample_of(self.queries.expand(vector.shape[0], -1, -1))
         for layer in self.decoder:
             asked = layer(asked, tokens)
-        asked = self.asked(asked)
+        asked = batch_of(self.asked(asked))
         return FusionSafeAnswer(
             self.waypoints(asked[:, 0], numbers),
             self._density(above, tokens),
@@ -96,8 +96,9 @@ class FusionSafe(nn.Module):
 
     def _density(self, above: Tensor, tokens: Tensor) -> Tensor:
         places = above[:, :, 2:14, 2:14].flatten(2).transpose(1, 2)
-        found = self.decoder_density(self.query_density(places) + self.places_density, tokens)
-        cells = self.density(self.asked_density(found)).transpose(1, 2)
+        asked = sample_of(self.query_density(places) + self.places_density)
+        found = self.decoder_density(asked, tokens)
+        cells = batch_of(self.density(self.asked_density(found))).transpose(1, 2)
         return nn.functional.pixel_shuffle(cells.reshape(-1, 4 * len(DENSITY_CHANNELS), 12, 12), 2)
 
 

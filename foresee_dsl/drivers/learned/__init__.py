@@ -15,6 +15,7 @@ from foresee_dsl.errors import DriverError, DriverUnavailableError
 
 if TYPE_CHECKING:
     from foresee_dsl.drivers.learned.decisions import Decisions
+    from foresee_dsl.drivers.learned.weights import Weights
 
 HANDOVER_S = 1.0
 """How long a driver watches at a clip's beginning before it drives: its pictures show where the others were 1.0 s ago
@@ -33,16 +34,29 @@ class _LearnedDriver:
     _state: Decisions | None = None
 
     def __init__(self) -> None:
+        self._weights = self._found()
+        self.weights_hash = self._weights.sha256
+        self.version = f"{type(self).version} (weights {self._weights.short})"
+
+    @classmethod
+    def check(cls) -> None:
+        """Raise what would keep it from driving: no onnxruntime, no weights, or weights that are damaged."""
+        found = cls._found()
+        if not found.named:  # nothing but opening them says whether they are whole
+            from foresee_dsl.drivers.learned.session import network_of
+
+            network_of(found)
+
+    @classmethod
+    def _found(cls) -> Weights:
         from foresee_dsl.drivers.learned.weights import find_weights
 
         if find_spec("onnxruntime") is None:
             raise DriverUnavailableError(
-                f"the driver {self.name} needs the package onnxruntime, which is not installed: "
+                f"the driver {cls.name} needs the package onnxruntime, which is not installed: "
                 "pip install 'foresee-dsl[learned]'"
             )
-        self._weights = find_weights(self.name)
-        self.weights_hash = self._weights.sha256
-        self.version = f"{type(self).version} (weights {self._weights.short})"
+        return find_weights(cls.name)
 
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:  # noqa: ARG002  the protocol's
         """Forget everything and start a new mission; the seed is not used."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from foresee_dsl.drivers.learned import settings as cfg
 from foresee_dsl.drivers.learned.decisions import Decision, Decisions
 from foresee_dsl.drivers.learned.inputs import LearnedInputs
 from foresee_dsl.drivers.learned.outputs import TARGET_SPEED_S, target_speed
@@ -16,9 +17,11 @@ from foresee_dsl.drivers.protocol import Observation, Reason
 class FusionState(Decisions):
     """What the driver knows since `reset`."""
 
-    def decide(self, observation: Observation, answer: Answer) -> Decision:  # noqa: ARG002  the pictures show all
-        """Take both as the network gives them."""
-        return _decision(answer)
+    def decide(self, observation: Observation, answer: Answer) -> Decision:
+        """Take both as the network gives them; where it wants to be much slower soon, brake as hard as the car can."""
+        decision = _decision(answer)
+        wanted_mps2 = (decision.target_mps - observation.ego.speed_mps) / decision.within_s
+        return decision._replace(hardest=wanted_mps2 < -cfg.FUSION_HARD_MPS2)
 
     def reasons(self, observation: Observation, inputs: LearnedInputs, decision: Decision) -> Sequence[Reason]:
         """Ask the network again without each of the objects and without the stop lines."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foresee_dsl.drivers.pictures.fill import box_pixels
-from foresee_dsl.drivers.pictures.layout import BIRDS_EYE, BIRDS_EYE_CHANNELS, FORWARD
+from foresee_dsl.drivers.pictures.layout import BIRDS_EYE, BIRDS_EYE_CHANNELS, FORWARD, Window
 from foresee_dsl.drivers.protocol import EgoState, FloatArray, Mission, Observation, SeenActor, VehicleLimits
 from foresee_dsl.errors import DriverError
 from foresee_dsl.kernels.arrays import IntArray
@@ -54,9 +54,14 @@ VECTOR = (
 )
 """What `LearnedInputs.vector` holds, in this order; turns are 0 or 1."""
 
-_TOP = round(BIRDS_EYE.rows_ahead - AHEAD_M / _SCALE)
-_LEFT = round(BIRDS_EYE.columns / 2 - SIDE_M / _SCALE)
-_ROWS, _COLUMNS = BIRDS_EYE_SHAPE[1:]
+_WINDOW = Window(
+    round(BIRDS_EYE.rows_ahead - AHEAD_M / _SCALE),
+    round(BIRDS_EYE.columns / 2 - SIDE_M / _SCALE),
+    *BIRDS_EYE_SHAPE[1:],
+)
+"""The part of the view from above that is drawn."""
+_OWN = Window(0, 0, *BIRDS_EYE_SHAPE[1:])
+"""The same in its own pixels, in which the route and the past are drawn."""
 _DRAWN = len(DRAWN_CHANNELS)
 _LEAST_PX = 2.0
 """As in `simulate.rasters.birdseye`: sides are drawn at least so long."""
@@ -123,15 +128,16 @@ class InputMaker:
         views, ego = observation.views, observation.ego
         if views is None:
             raise DriverError("a learned driver needs pictures, and this observation has none (Observation.views)")
-        birds_eye = np.zeros(BIRDS_EYE_SHAPE, np.uint8)
-        birds_eye[:_DRAWN] = views.birds_eye()[:_DRAWN, _TOP : _TOP + _ROWS, _LEFT : _LEFT + _COLUMNS]
+        birds_eye = np.empty(BIRDS_EYE_SHAPE, np.uint8)
+        birds_eye[:_DRAWN] = views.birds_eye(_WINDOW)[:_DRAWN]
+        birds_eye[_DRAWN:] = birds_eye[_ROUTE] = 0
         pose = (ego.x, ego.y, ego.heading_rad)
-        birds_eye[_ROUTE] = 0
-        birds_eye[_ROUTE].reshape(-1)[_covered(pose, self._line[_in_sight(pose, self._line)])] = 255
-        for channel, actors in enumerate(past, start=_DRAWN):
-            if actors:
-                boxes = np.array([(a.x, a.y, a.heading_rad, a.length_m, a.width_m) for a in actors])
-                birds_eye[channel].reshape(-1)[_covered(pose, boxes)] = 255
+        line = self._line[_in_sight(pose, self._line)]
+        before = [(a.x, a.y, a.heading_rad, a.length_m, a.width_m) for actors in past for a in actors]
+        ago = [_DRAWN + k for k, actors in enumerate(past) for _ in actors]
+        channels = np.array([_ROUTE] * len(line) + ago, np.int64)
+        box, pixel = _covered(pose, np.concatenate((line, np.array(before).reshape(-1, 5))))
+        birds_eye.reshape(len(CHANNELS), -1)[channels[box], pixel] = 255
         vector = self._route.vector(observation.time_s, ego)
         return LearnedInputs(birds_eye, views.forward(), vector)
 
@@ -164,8 +170,8 @@ def _in_sight(pose: Place, boxes: FloatArray) -> NDArray[np.bool_]:
     return (ahead > -BEHIND_M - _EDGE_M) & (ahead < AHEAD_M + _EDGE_M) & (abs(c * dy - s * dx) < SIDE_M + _EDGE_M)
 
 
-def _covered(pose: Place, boxes: FloatArray) -> IntArray:
-    """Return the flat indices of the pixels that any of some boxes covers, as seen from the ego's present place.
+def _covered(pose: Place, boxes: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the pixels that boxes cover as seen from the ego's present place: the box, and the pixel's flat index.
 
     `boxes`: [N, 5] x, y, heading, length, width.
     """
@@ -182,7 +188,7 @@ def _covered(pose: Place, boxes: FloatArray) -> IntArray:
             size,
         )
     )
-    return box_pixels(drawn, _ROWS, _COLUMNS)[1]
+    return box_pixels(drawn, _OWN)
 
 
 class _Route:

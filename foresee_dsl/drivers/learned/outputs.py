@@ -73,14 +73,13 @@ def road_users(density: Outputs, least_probability: float = 0.5) -> Iterator[Occ
     """Yield the road users of a density map [1, 8, 24, 24]: squares that are at least so probably occupied, and more so
     than their eight neighbours."""
     occupied = density[0, 0]
-    around = np.pad(occupied, 1, constant_values=-1.0)
-    neighbours = [
-        around[1 + i : 1 + i + DENSITY_ROWS, 1 + k : 1 + k + DENSITY_ROWS]
-        for i in (-1, 0, 1)
-        for k in (-1, 0, 1)
-        if (i, k) != (0, 0)
-    ]
-    peak = (occupied >= least_probability) & (occupied >= np.max(neighbours, axis=0))
+    most = occupied.copy()  # of each square and its neighbours
+    np.maximum(most[1:], occupied[:-1], out=most[1:])
+    np.maximum(most[:-1], occupied[1:], out=most[:-1])
+    beside = most.copy()
+    np.maximum(most[:, 1:], beside[:, :-1], out=most[:, 1:])
+    np.maximum(most[:, :-1], beside[:, 1:], out=most[:, :-1])
+    peak = (occupied >= least_probability) & (occupied == most)
     for row, column in np.argwhere(peak).tolist():
         _, ahead, left, length, width, c, s, speed = density[0, :, row, column].tolist()
         ahead_m, left_m = square_middle(row, column)

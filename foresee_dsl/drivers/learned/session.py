@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from foresee_dsl.errors import DriverUnavailableError
+from foresee_dsl.errors import DriverError, DriverUnavailableError
 
 if TYPE_CHECKING:
     from foresee_dsl.drivers.learned.weights import Weights
@@ -29,11 +29,11 @@ _networks: dict[str, Network] = {}
 class Network:
     """A network that is ready to be asked."""
 
-    def __init__(self, content: bytes) -> None:
-        """Load an ONNX file's bytes.
+    def __init__(self, content: bytes, name: str = "the network") -> None:
+        """Load an ONNX file's bytes; `name` is what errors call it.
 
         Raises:
-            DriverUnavailableError: onnxruntime is installed, but does not work here.
+            DriverUnavailableError: onnxruntime is installed, but does not work here. DriverError: it cannot read these.
         """
         try:
             import onnxruntime
@@ -46,7 +46,13 @@ class Network:
         options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
         options.use_deterministic_compute = True
         options.log_severity_level = _ERRORS_ONLY
-        self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        try:
+            self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        except Exception as err:  # onnxruntime has a class for each of its codes, without a common one
+            why = " ".join(str(err).split())
+            raise DriverError(
+                f"{name} is no network that onnxruntime can read ({why}); export it anew, or reinstall foresee-dsl"
+            ) from None
         self._inputs = tuple(one.name for one in self._session.get_inputs())
         self._outputs = tuple(one.name for one in self._session.get_outputs())
 
@@ -64,5 +70,5 @@ class Network:
 def network_of(weights: Weights) -> Network:
     """Return the network of a file; a process loads it once."""
     if weights.sha256 not in _networks:
-        _networks[weights.sha256] = Network(weights.content())
+        _networks[weights.sha256] = Network(weights.content(), str(weights.file))
     return _networks[weights.sha256]

@@ -23,10 +23,11 @@ _SHORT = 8
 
 
 class Weights(NamedTuple):
-    """A file of weights that is as it should be: where it is, and its SHA-256."""
+    """A file of weights that is as it should be: where it is, its SHA-256, and whether `SHA256SUMS` names it."""
 
     file: Path
     sha256: str
+    named: bool = True
 
     @property
     def short(self) -> str:
@@ -72,7 +73,7 @@ def checked(file: Path, *, sums_needed: bool = True) -> Weights:
     found = _sha256(file, facts.st_size, facts.st_mtime_ns)
     if wanted is not None and found != wanted:
         raise _damaged(file, found, wanted)
-    return Weights(file, found)
+    return Weights(file, found, wanted is not None)
 
 
 def _wanted(file: Path, sums_needed: bool) -> str | None:

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from foresee_dsl.drivers.pictures.layout import Window
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
 
 _SNAP = 1024
@@ -50,16 +51,17 @@ def filled(bits: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.bitwise_xor.accumulate(bits, axis=1, dtype=np.uint8)
 
 
-def box_pixels(boxes: FloatArray, rows: int, columns: int) -> tuple[IntArray, IntArray]:
-    """Return the pixels of oriented boxes: [P] index of the box, ascending, and [P] flat index of the pixel.
+def box_pixels(boxes: FloatArray, window: Window) -> tuple[IntArray, IntArray]:
+    """Return the pixels of oriented boxes: [P] index of the box, ascending, and [P] flat index of the window's pixel.
 
-    `boxes`: [K, 6] middle x, y; cosine and sine of the long side's direction; length, width; all in pixels. Outside of
-    the picture's `rows` and `columns` nothing is drawn.
+    `boxes`: [K, 6] middle x, y; cosine and sine of the long side's direction; length, width; all in pixels of the whole
+    picture. Outside of the window nothing is drawn.
     """
+    bottom, right = window.top + window.rows, window.left + window.columns
     x, y, c, s, length, width = (boxes[:, k, None] for k in range(6))
     reach_y = (np.abs(s) * length + np.abs(c) * width) / 2
-    top = np.clip(np.ceil(y - reach_y - 0.5) - 1, 0, rows)[:, 0].astype(np.int64)
-    below = np.clip(np.floor(y + reach_y - 0.5) + 2, 0, rows)[:, 0].astype(np.int64)
+    top = np.clip(np.ceil(y - reach_y - 0.5) - 1, window.top, bottom)[:, 0].astype(np.int64)
+    below = np.clip(np.floor(y + reach_y - 0.5) + 2, window.top, bottom)[:, 0].astype(np.int64)
     box, row = _runs(top, np.maximum(below - top, 0))
     if not len(box):
         return box, row
@@ -70,10 +72,10 @@ def box_pixels(boxes: FloatArray, rows: int, columns: int) -> tuple[IntArray, In
     low_b, high_b = _stretch(-s, c, dy, width / 2)
     first = np.ceil(_snapped(x + np.maximum(low_a, low_b)) - 0.5)
     end = np.ceil(_snapped(x + np.minimum(high_a, high_b)) - 0.5)
-    first = np.clip(first, 0, columns).astype(np.int64)
-    end = np.clip(end, 0, columns).astype(np.int64)
+    first = np.clip(first, window.left, right).astype(np.int64)
+    end = np.clip(end, window.left, right).astype(np.int64)
     run, column = _runs(first, np.maximum(end - first, 0))
-    return box[run], row[run] * columns + column
+    return box[run], (row[run] - window.top) * window.columns + column - window.left
 
 
 def _stretch(

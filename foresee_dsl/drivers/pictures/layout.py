@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 BIRDS_EYE_CHANNELS = (
     *("drivable", "lane_centre", "marking", "crossing", "footway", "parking", "building", "route"),
@@ -105,5 +106,16 @@ class ForwardLayout:
         return row, math.floor(self.columns / 2 - left_m / ahead_m * self.focal_px)
 
 
+class Window(NamedTuple):
+    """A part of a picture: its first row and column, and how many."""
+
+    top: int
+    left: int
+    rows: int
+    columns: int
+
+
 BIRDS_EYE = BirdsEyeLayout()
 FORWARD = ForwardLayout()
+WHOLE = Window(0, 0, BIRDS_EYE.rows, BIRDS_EYE.columns)
+"""All of the view from above."""

@@ -17,6 +17,8 @@ from foresee_dsl.drivers.pictures.layout import (
     MAP_BITS,
     VELOCITY_PER_MPS,
     VELOCITY_ZERO,
+    WHOLE,
+    Window,
 )
 from foresee_dsl.drivers.protocol import SignalColour
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
@@ -75,10 +77,15 @@ class BirdsEye:
         self._lines = np.array([(s.x, s.y, s.heading_rad, 0.0, _STOP_M, s.width_m) for s in stops]).reshape(-1, 6)
         self._bit = (1 << np.arange(_MAP, dtype=np.uint8))[:, None, None]
         ego = np.array([(0.0, 0.0, 0.0, 0.0, *ego_size_m)]) if min(ego_size_m) > 0 else np.empty((0, 6))
-        self._ego = self._pixels((0.0, 0.0, 0.0), ego)[1]
+        self._ego, self._own_pixels = ego, dict[Window, IntArray]()
 
     def draw(
-        self, pose: Pose, actors: FloatArray, groups: IntArray, signals: Mapping[str, SignalColour]
+        self,
+        pose: Pose,
+        actors: FloatArray,
+        groups: IntArray,
+        signals: Mapping[str, SignalColour],
+        window: Window = WHOLE,
     ) -> NDArray[np.uint8]:
         """Draw one picture.
 
@@ -86,34 +93,41 @@ class BirdsEye:
             pose: the ego's middle and heading.
             actors: [K, 6] x, y (m), heading (rad), speed (m/s), length, width (m); NaN where one is absent.
             groups: [K] index into `GROUPS`. signals: the colours that are seen.
+            window: the part to draw; its pixels are those of the whole picture.
 
         Returns:
             [C, H, W] uint8, channels as in `BIRDS_EYE_CHANNELS`.
         """
-        picture = np.empty(self._layout.shape, np.uint8)
-        self._draw_map(pose, picture[:_MAP])
+        picture = np.empty((len(BIRDS_EYE_CHANNELS), window.rows, window.columns), np.uint8)
+        self._draw_map(pose, picture[:_MAP], window)
         picture[_MAP:] = 0
         flat = picture.reshape(len(BIRDS_EYE_CHANNELS), -1)
-        if self._stops:
-            line, pixel = self._pixels(pose, self._lines)
-            channels = np.array([_STOP.get(signals.get(s.signal or "", ""), _STOP["other"]) for s in self._stops])
-            flat[channels[line], pixel] = 255
-        if len(actors):
-            actor, pixel = self._pixels(pose, actors)
-            flat[groups[actor] + _GROUP, pixel] = 255
-            turned, speed = actors[:, 2] - pose[2], actors[:, 3]
-            flat[_AHEAD, pixel] = _velocity(speed * np.cos(turned))[actor]
-            flat[_LEFT, pixel] = _velocity(speed * np.sin(turned))[actor]
-        flat[_EGO, self._ego] = 255
+        # Stop lines and road users together: few calls, each of which takes longer than its arithmetic.
+        channels = [_STOP.get(signals.get(s.signal or "", ""), _STOP["other"]) for s in self._stops]
+        box, pixel = self._pixels(pose, np.concatenate((self._lines, actors)), window)
+        flat[np.concatenate((np.array(channels, np.int64), groups + _GROUP))[box], pixel] = 255
+        first = np.searchsorted(box, len(channels))
+        actor, pixel = box[first:] - len(channels), pixel[first:]
+        turned, speed = actors[:, 2] - pose[2], actors[:, 3]
+        flat[_AHEAD, pixel] = _velocity(speed * np.cos(turned))[actor]
+        flat[_LEFT, pixel] = _velocity(speed * np.sin(turned))[actor]
+        flat[_EGO, self._own(window)] = 255
         return picture
 
-    def _draw_map(self, pose: Pose, planes: NDArray[np.uint8]) -> None:
-        bits = self._ground.sample(pose, self._ahead_m, self._left_m)
+    def _own(self, window: Window) -> IntArray:
+        """Return the pixels of the ego, which are the same in every picture."""
+        if window not in self._own_pixels:
+            self._own_pixels[window] = self._pixels((0.0, 0.0, 0.0), self._ego, window)[1]
+        return self._own_pixels[window]
+
+    def _draw_map(self, pose: Pose, planes: NDArray[np.uint8], window: Window) -> None:
+        rows, columns = slice(window.top, window.top + window.rows), slice(window.left, window.left + window.columns)
+        bits = self._ground.sample(pose, self._ahead_m[rows], self._left_m[:, columns])
         np.bitwise_and(bits, self._bit, out=planes)
         np.not_equal(planes, 0, out=planes.view(np.bool_))
         np.negative(planes, out=planes)  # 1 becomes 255
 
-    def _pixels(self, pose: Pose, boxes: FloatArray) -> tuple[IntArray, IntArray]:
+    def _pixels(self, pose: Pose, boxes: FloatArray, window: Window) -> tuple[IntArray, IntArray]:
         """Return the pixels of [K, 6] boxes as `actors` has them: index of the box, flat index of the pixel."""
         layout, (x, y, heading) = self._layout, pose
         c, s = math.cos(heading), math.sin(heading)
@@ -134,7 +148,7 @@ class BirdsEye:
                 size,
             )
         )
-        box, pixel = box_pixels(drawn, layout.rows, layout.columns)
+        box, pixel = box_pixels(drawn, window)
         return near[box], pixel
 
 

@@ -20,6 +20,8 @@ from foresee_dsl.drivers.pictures.layout import (
     HEIGHTS_M,
     SIGNAL_HEIGHT_M,
     SIGNAL_WIDTH_M,
+    WHOLE,
+    Window,
 )
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
 from foresee_dsl.errors import ForeseeError
@@ -67,9 +69,10 @@ class Canvas:
         actors: FloatArray,
         groups: IntArray,
         signals: Mapping[str, SignalColour] | None = None,
+        window: Window = WHOLE,
     ) -> NDArray[np.uint8]:
         """Draw the view from above, [19, 192, 192] uint8; arguments as `BirdsEye.draw`."""
-        return self._birds_eye.draw(pose, actors, groups, signals or {})
+        return self._birds_eye.draw(pose, actors, groups, signals or {}, window)
 
     def forward(
         self,
@@ -169,20 +172,20 @@ class StepViews:
         picture: NDArray[np.uint8] = RASTER_VIEWS.load(view)(self)
         return picture
 
-    def birds_eye(self) -> NDArray[np.uint8]:
-        """Return the view from above, [19, 192, 192]."""
-        return birds_eye_view(self)
+    def birds_eye(self, window: Window = WHOLE) -> NDArray[np.uint8]:
+        """Return the view from above, [19, 192, 192], or only a part of it."""
+        return birds_eye_view(self, window)
 
     def forward(self) -> NDArray[np.uint8]:
         """Return the view forward, [13, 64, 160]."""
         return forward_view(self)
 
 
-def birds_eye_view(step: StepViews) -> NDArray[np.uint8]:
+def birds_eye_view(step: StepViews, window: Window = WHOLE) -> NDArray[np.uint8]:
     """Draw what the observation says, where its localisation puts the ego."""
     actors, groups = seen_arrays(step.actors)
     pose = (step.ego.x, step.ego.y, step.ego.heading_rad)
-    return step.run.canvas.birds_eye(pose, actors, groups, step.signals)
+    return step.run.canvas.birds_eye(pose, actors, groups, step.signals, window)
 
 
 def forward_view(step: StepViews) -> NDArray[np.uint8]:

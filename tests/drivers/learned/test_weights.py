@@ -12,7 +12,7 @@ import pytest
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.drivers.learned.session import network_of
 from foresee_dsl.drivers.learned.weights import FOLDER_VARIABLE, SUMS, checked, find_weights
-from foresee_dsl.drivers.registry import describe_drivers, handover_of, load_driver
+from foresee_dsl.drivers.registry import describe_drivers, find_driver, handover_of, load_driver
 from foresee_dsl.errors import DriverError, DriverUnavailableError
 from tests.support.small_networks import write_networks
 
@@ -52,9 +52,19 @@ def test_a_flipped_byte_is_found(folder: Path) -> None:
         [sys.executable, "-m", "foresee_dsl", "run", "scenarios/scenario9.foresee::r01", "--driver", "fusion_safe"],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == 1
-    assert "is not the file that was trained" in " ".join(done.stdout.split())
-    assert "Traceback" not in done.stdout + done.stderr
+    assert (done.returncode, done.stdout) == (1, ""), "an error of the input, and nothing was simulated"
+    assert re.match(
+        r"error: \S+fusion_safe\.onnx is not the file that was trained.*write the file anew\n$", done.stderr
+    )
+
+
+def test_half_a_file_that_no_sums_name_is_found_before_a_run(folder: Path) -> None:
+    (folder / SUMS).unlink()
+    file = folder / "fusion.onnx"
+    find_driver("fusion")
+    file.write_bytes(file.read_bytes()[:200])
+    with pytest.raises(DriverError, match=r"fusion\.onnx is no network that onnxruntime can read.*export it anew"):
+        find_driver("fusion")
 
 
 def test_a_folder_of_ones_own_needs_no_sums_but_a_line_for_each_file_where_it_has_some(folder: Path) -> None:
