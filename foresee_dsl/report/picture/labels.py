@@ -80,7 +80,8 @@ class Room:
         if box is None:
             if not insist:
                 return None
-            box = _pushed(next((box for box in there if box.inside(self.whole)), there[0]), self.whole)
+            pushed = [_pushed(box, self.whole) for box in there]
+            box = min(pushed, key=lambda box: sum(box.touches(taken) for taken in self._taken))
         self.take(box)
         return box
 

@@ -297,8 +297,11 @@ class _Map:
                 shapes.append(Shape("plate", (np.array([screen[0], nose, screen[1]]),), width=0.0))
         words: tuple[Words, ...] = ()
         if body.tone != "traffic":
-            text = shortened(body.name, _LONGEST_NAME) + "".join(f", {change}" for change in body.changes)
-            label, leader = self._words(f"{body.tone}-name", text, self._box(body), size="text", insist=True)
+            name, changes = shortened(body.name, _LONGEST_NAME), "".join(f", {change}" for change in body.changes)
+            paint, thing = f"{body.tone}-name", self._box(body)
+            label, leader = self._words(paint, name + changes, thing, size="text", insist=not changes)
+            if label is None:  # there is no room for the changes, which the title has too
+                label, leader = self._words(paint, name, thing, size="text", insist=True)
             words = (label,) if label is not None else ()
             shapes = [leader, *shapes] if leader is not None else shapes
         title = f"{body.name}: {body.about}" + (f"; {body.mistake}" if body.mistake else "")
