@@ -15,9 +15,10 @@ from foresee_dsl.exchange.openscenario.reading.entities import Entity, read_part
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.source import read_source
 from foresee_dsl.exchange.outcome import Imported, SourceError
-from foresee_dsl.language.model import End, Quantity, Scenario
+from foresee_dsl.language.model import End, Quantity, Scenario, When
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.language.traversal import all_actions
 from foresee_dsl.simulate.trace import HEADING, Trace, X, Y
 from tests.exchange.corpus.player import play
 from tests.exchange.corpus.rows import Outcome, Row
@@ -49,7 +50,7 @@ def judge(file: Path, name: str, settings: Settings) -> Row:
         row = Row(name, Outcome.partial if lost else Outcome.imported, lost)
         (case,) = load_test_cases([file for file in done.files if file.name.endswith(f"{_scenario(done)}.foresee")])
         trace = run_test_case(_shortened(case), _DRIVER, 0).trace
-        return row if settings.player is None else _compared(row, file, done, trace, settings.player)
+        return row if settings.player is None else _compared(row, file, case.scenario, trace, settings.player)
 
 
 def _scenario(done: Imported) -> str:
@@ -62,14 +63,21 @@ def _shortened(case: TestCase) -> TestCase:
     return dataclasses.replace(case, scenario=Scenario(name=case.scenario.name, body=(*body, end)))
 
 
-def _compared(row: Row, file: Path, done: Imported, trace: Trace, player: Path) -> Row:
-    """Return the row with how far actors are from where the player has them; the ego is our driver's to drive."""
-    del done
+def _by_the_ego(scenario: Scenario) -> set[str]:
+    """Return the actors that are told to keep to the ego: where they are depends on the driver, as the ego does."""
+    actions = (action for when in scenario.all(When) for action in all_actions(when.actions))
+    return {action.actor for action in actions if getattr(action, "other", "") == "ego" and hasattr(action, "actor")}
+
+
+def _compared(row: Row, file: Path, scenario: Scenario, trace: Trace, player: Path) -> Row:
+    """Return the row with how far actors are from where the player has them; the ego is our driver's to drive, and
+    those that keep to it go where it goes."""
+    driven = _by_the_ego(scenario)
     played = play(player, file, AT_S)
     entities = read_participants(read_source(file, allow_outside=True), Losses(), name="x").entities
     off: dict[str, float] = {}
     for ref, entity in entities.items():
-        if entity.name == "ego" or ref not in played.at:
+        if entity.name == "ego" or entity.name in driven or ref not in played.at:
             continue
         ours = _reference_point(entity, trace)
         if ours is not None:

@@ -278,9 +278,14 @@ class _Import:
         return states
 
     def _lane_changers(self) -> set[str]:
-        """Return the entities that change lanes, or where they keep across theirs."""
-        changes, events = "LateralAction", (*self.events, *self.inits.events)
-        return {ref for e in events if any(kind.find(changes) is not None for kind in e.actions) for ref in e.refs}
+        """Return the entities that need lanes: that keep somewhere across theirs, or change lanes of which the map does
+        not say where they are."""
+        events = (*self.events, *self.inits.events)
+        tags = ["LateralAction/LaneOffsetAction", "LateralAction/LateralDistanceAction"]
+        if self.places.roads is None:
+            tags.append("LateralAction/LaneChangeAction")
+        asked = (e for e in events if any(kind.find(tag) is not None for kind in e.actions for tag in tags))
+        return {ref for e in asked for ref in e.refs}
 
     def _beginnings(self) -> dict[str, tuple[Pose, float]]:
         """Return where the middle of each entity but the ego is at the beginning, and how fast it is, m/s."""
