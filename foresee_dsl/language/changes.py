@@ -10,7 +10,6 @@ from typing import TypeVar, cast
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import Dimensions
 from foresee_dsl.language.codes.names import (
     BAD_CHANGE,
     MIXED_KINDS,
@@ -101,6 +100,8 @@ def _label(change: m.Change) -> str:
 
 def _mixed(now: m.Expression, body: tuple[m.ScenarioItem, ...]) -> tuple[str, str] | None:
     """Return what is wrong with the dimensions of an expression: message and help."""
+    from foresee_dsl.language.arithmetic.dimensions import Dimensions
+
     dimensions = Dimensions({item.name: item.type for item in body if isinstance(item, m.Param)})
     dimensions.of(now)
     return next(((found.message, found.help) for found in dimensions.mismatches), None)

@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import references
-from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
-from foresee_dsl.language.arithmetic.normal import normal_form
+from foresee_dsl.language.arithmetic.cases import ExpressionError, references
 from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1
@@ -128,6 +126,9 @@ def _plain(value: object) -> _Json:
 
 def _expression(value: m.Expression) -> _Json:
     """Return an expression's content: of one without parameters its value's, of `1 * gap` that of `gap`."""
+    from foresee_dsl.language.arithmetic.evaluate import evaluate
+    from foresee_dsl.language.arithmetic.normal import normal_form
+
     names = {ref.name for ref in references(value)}
     if not names:
         try:

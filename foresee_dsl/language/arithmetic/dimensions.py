@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, assert_never
@@ -150,18 +150,3 @@ def turned(value: m.Item) -> m.Product | None:
     if not isinstance(value, m.Product):
         return None
     return m.Product(left=value.left, op="/" if value.op == "*" else "*", right=value.right)
-
-
-def references(value: m.Item) -> Iterator[m.Ref]:
-    """Return the parameters that a value names, in the order in which they are written."""
-    match value:
-        case m.Ref():
-            yield value
-        case m.Sum(left=left, right=right) | m.Product(left=left, right=right):
-            yield from references(left)
-            yield from references(right)
-        case m.Negative(value=inner):
-            yield from references(inner)
-        case m.Extreme(values=values):
-            for part in values:
-                yield from references(part)

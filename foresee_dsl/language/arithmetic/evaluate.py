@@ -14,7 +14,8 @@ from typing import assert_never
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import POWERS, Powers, in_words, named, references
+from foresee_dsl.language.arithmetic.cases import ExpressionError
+from foresee_dsl.language.arithmetic.dimensions import POWERS, Powers, in_words, named
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.units import UNITS
 
@@ -22,14 +23,6 @@ _DIGITS = 12
 """Significant digits of a value that no decimal number is, such as a third (ours: below a float's own, and three more
 than meanings are compared by)."""
 _NO_VALUES: Mapping[str, m.ParamValue] = MappingProxyType({})
-
-
-class ExpressionError(Exception):
-    """An expression that has no value in a case: which part of it, and why."""
-
-    def __init__(self, item: m.Item, message: str) -> None:
-        super().__init__(message)
-        self.item, self.message = item, message
 
 
 def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES) -> m.Quantity:
@@ -58,56 +51,6 @@ def evaluate(value: m.AnyValue, values: Mapping[str, m.ParamValue] = _NO_VALUES)
     except ValidationError:
         message = f"`{written(value)}` is {float(found):.3g} {unit}".rstrip() + ", more than any value can be"
         raise ExpressionError(value, message) from None
-
-
-def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamValue]:
-    """Return the value of every parameter in a case (None: the defaults), in the order of the file.
-
-    Raises:
-        ExpressionError: a value that is worked out of others has none; `item` is its assignment, or a part of it.
-    """
-    defaults = {param.name: param.default for param in scenario.all(m.Param)}
-    if case is None:
-        return defaults
-    types = {param.name: param.type for param in scenario.all(m.Param)}
-    given = {assignment.name: assignment for assignment in case.values}
-    found: dict[str, m.ParamValue] = {}
-
-    def value_of(name: str, asking: tuple[str, ...]) -> m.ParamValue:
-        if name in found or name not in given:
-            return found.get(name, defaults[name])
-        assignment = given[name]
-        needed = needed_by(assignment, types)
-        for other in needed:
-            if other.name in (*asking, name):
-                chain = " -> ".join((*asking, name, other.name)[(*asking, name).index(other.name) :])
-                raise ExpressionError(assignment, f"'{other.name}' is worked out of itself: {chain}")
-        inner = {ref.name: value_of(ref.name, (*asking, name)) for ref in needed if ref.name in defaults}
-        value = assignment.value
-        if isinstance(value, m.EXPRESSIONS):
-            value = evaluate(value, inner)
-        elif isinstance(value, str) and needed:
-            value = inner[value]
-        found[name] = value
-        return value
-
-    return {name: value_of(name, ()) for name in defaults} | {
-        name: assignment.value
-        for name, assignment in given.items()
-        if name not in defaults and not isinstance(assignment.value, m.EXPRESSIONS)
-    }
-
-
-def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tuple[m.Ref, ...]:
-    """Return the parameters that an assignment's value is worked out of; `types`: of all parameters.
-
-    A bare word is a parameter where a number belongs and one is called so (`gap = other_gap`).
-    """
-    value = assignment.value
-    if isinstance(value, str):
-        number = any(types.get(assignment.name) == dimension for dimension in POWERS)
-        return (m.Ref(name=value),) if number and value in types else ()
-    return tuple(references(value))
 
 
 def _given(reference: m.Ref, values: Mapping[str, m.ParamValue]) -> m.Quantity:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import POWERS, references
-from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
+from foresee_dsl.language.arithmetic.cases import ExpressionError, references
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written
@@ -76,7 +76,7 @@ _Problem = tuple[m.Item, str, str, str, str]
 
 def _problem(use: Use, values: Values) -> _Problem | None:
     try:
-        result = evaluate(use.value, values)
+        result = _result(use.value, values)
     except ExpressionError as error:
         return error.item, "", c.NO_RESULT, error.message, "keep it out with a `require`, or with `max(..., ...)`"
     form = form_of(type(use.item), use.field.partition(".")[0])
@@ -119,6 +119,15 @@ def _with(use: Use, values: Values) -> str:
     return f" ({', '.join(given)})" if given else ""
 
 
+def _result(value: m.Ref | m.Expression, values: Values) -> m.Quantity:
+    given = values[value.name] if isinstance(value, m.Ref) else None
+    if isinstance(given, m.Quantity):
+        return given
+    from foresee_dsl.language.arithmetic.evaluate import evaluate
+
+    return evaluate(value, values)
+
+
 def is_number(type_: str) -> bool:
     """Return whether a parameter of this type has a number, not a word."""
-    return any(type_ == dimension for dimension in POWERS)
+    return type_ in get_args(Dimension)

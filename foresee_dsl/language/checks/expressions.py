@@ -5,21 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, references, turned
-from foresee_dsl.language.arithmetic.evaluate import ExpressionError, evaluate
+from foresee_dsl.language.arithmetic.cases import ExpressionError, references
+from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, turned
+from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.units import Dimension
-
-_ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogue of models", m.Campaign: "a campaign"}
-"""Files in which nothing is worked out, and what they are called."""
-
-
-def refused_in(model: m.Definition) -> str:
-    """Return what kind of file this is, if nothing may be worked out in it; else nothing."""
-    return _ONLY_VALUES.get(type(model), "")
 
 
 def refuse(findings: Findings, kind: str, item: m.Item, field: str, value: m.Expression) -> None:

@@ -6,8 +6,7 @@ import re
 from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.evaluate import ExpressionError, case_values, needed_by
-from foresee_dsl.language.checks.expressions import check_expression, compare_sides, unknown_in
+from foresee_dsl.language.arithmetic.cases import ExpressionError, case_values, needed_by
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
@@ -66,6 +65,8 @@ def _check_assignment(
             message = f"'{value}' is of type {other.type}, but '{parameter.name}' of type {parameter.type}"
             findings.add(assignment, "value", "FS032", message, f"use a parameter of type `{parameter.type}`")
     elif isinstance(value, m.EXPRESSIONS):
+        from foresee_dsl.language.checks.expressions import check_expression, unknown_in
+
         if parameter.type in WORD_TYPES:
             message = f"'{parameter.name}' is of type {parameter.type}, not a number"
             findings.add(
@@ -325,6 +326,8 @@ def _check_part(findings: Findings, part: m.Condition, parameters: dict[str, m.P
     if isinstance(part, m.Comparison) and isinstance(part.left, m.Ref) and not isinstance(part.right, m.EXPRESSIONS):
         return _check_compared(findings, part, part.left, part.right, parameters)
     if isinstance(part, m.Comparison) and not isinstance(part.left, m.Measure):
+        from foresee_dsl.language.checks.expressions import compare_sides, unknown_in
+
         types = {name: parameter.type for name, parameter in parameters.items()}
         unknown = unknown_in(part.left, types) or unknown_in(part.right, types)  # `check_values` reports them
         return not unknown and compare_sides(findings, part, types)

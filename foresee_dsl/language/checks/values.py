@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.evaluate import case_values
+from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
-from foresee_dsl.language.checks.expressions import check_expression, refuse, refused_in
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.messages.words import NOUNS
@@ -32,13 +31,17 @@ _WORD_OF_OTHERS: Mapping[tuple[type[m.Item], str], ParamType] = {
 """Fields whose name does not tell which type of parameter may stand for their word."""
 
 
+_ONLY_VALUES = {m.Clip: "a clip", m.Mutant: "a mutant", m.Catalogue: "a catalogue of models", m.Campaign: "a campaign"}
+"""Files in which nothing is worked out, and what they are called."""
+
+
 def check_values(findings: Findings, model: m.Definition) -> None:
     """Check every value of a definition."""
     body = model.body if isinstance(model, m.Scenario) else ()
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
     types = {name: parameter.type for name, parameter in parameters.items()}
     required = {id(part) for item in body if isinstance(item, m.Require) for part in walk(item)}
-    only_values = refused_in(model)
+    only_values = _ONLY_VALUES.get(type(model), "")
     for item in walk(model):
         compares = isinstance(item, m.Comparison | m.Equals) and id(item) not in required
         if compares and isinstance(item, m.Comparison | m.Equals) and not isinstance(item.left, m.Measure):
@@ -58,8 +61,12 @@ def check_values(findings: Findings, model: m.Definition) -> None:
             elif not isinstance(value, m.Expression) or isinstance(item, m.EXPRESSIONS):
                 continue
             elif only_values:
+                from foresee_dsl.language.checks.expressions import refuse
+
                 refuse(findings, only_values, item, field, value)
             elif id(item) not in required and not isinstance(item, m.Assignment):  # `check_parameters` knows of them
+                from foresee_dsl.language.checks.expressions import check_expression
+
                 check_expression(findings, item, field, value, _needed(item, field), types)
     if isinstance(model, m.Scenario) and not findings:
         _check_results(findings, model)

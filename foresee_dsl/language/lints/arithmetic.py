@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import references
+from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.ranges import holds_zero, interval_of, intervals
 from foresee_dsl.language.printer import written
 from foresee_dsl.language.traversal import walk

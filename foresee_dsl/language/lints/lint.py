@@ -8,12 +8,11 @@ from typing import get_args
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.evaluate import case_values, needed_by
+from foresee_dsl.language.arithmetic.cases import case_values, needed_by
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.codes.code import every_code
 from foresee_dsl.language.lints import dead_text
 from foresee_dsl.language.lints.allowances import without_allowed
-from foresee_dsl.language.lints.arithmetic import divisions_by_zero
 from foresee_dsl.language.lints.certain import Limits, always, never
 from foresee_dsl.language.lints.found import Found
 from foresee_dsl.language.lints.hidden import hidden_characters
@@ -37,10 +36,7 @@ def lint(document: Document, cases: Iterable[TestCase]) -> tuple[Diagnostic, ...
     """
     found: dict[tuple[Span | None, str], Diagnostic] = {}
     if isinstance(document.model, m.Scenario):
-        divisions = (
-            Found(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
-            for item, message, help in divisions_by_zero(document.model)
-        )
+        divisions = _divisions(document.model) if document.calculates else ()
         of_text = (*_unused_parameters(document.model), *_dead_cases(document.model), *divisions)
         for lint_ in (*of_text, *dead_text.dead_requirements(document.model)):
             _add(found, document, lint_)
@@ -100,6 +96,13 @@ def _dead_cases(scenario: m.Scenario) -> Iterator[Found]:
             message = f"case '{case.name}' has the same values as case '{seen[key]}'"
             yield Found(case, "name", c.DEAD_CASE, message, "change a value, or remove one of the two")
         seen.setdefault(key, case.name)
+
+
+def _divisions(scenario: m.Scenario) -> Iterator[Found]:
+    from foresee_dsl.language.lints.arithmetic import divisions_by_zero
+
+    for item, message, help in divisions_by_zero(scenario):
+        yield Found(item, "", c.MAY_DIVIDE_BY_ZERO, message, help)
 
 
 def _comparable(value: m.ParamValue) -> object:

@@ -8,8 +8,7 @@ from typing import TypeVar, cast
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import references
-from foresee_dsl.language.arithmetic.evaluate import ExpressionError, case_values, evaluate
+from foresee_dsl.language.arithmetic.cases import ExpressionError, case_values, references
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
@@ -116,6 +115,8 @@ def _substituted(item: _ItemT, values: Mapping[str, m.ParamValue], case: str | N
                 return part
         if isinstance(part, m.Ref):
             return values[part.name]
+        from foresee_dsl.language.arithmetic.evaluate import evaluate
+
         try:
             return evaluate(part, values)
         except ExpressionError as error:

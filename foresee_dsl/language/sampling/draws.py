@@ -16,8 +16,7 @@ from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.dimensions import references
-from foresee_dsl.language.arithmetic.evaluate import ExpressionError, case_values, evaluate
+from foresee_dsl.language.arithmetic.cases import ExpressionError, case_values, references
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
@@ -301,8 +300,13 @@ def _si(value: m.AnyValue, values: Mapping[str, m.ParamValue]) -> float | None:
 
     What cannot be worked out (a division by zero) is not a number: every comparison with it fails.
     """
-    if any(ref.name not in values for ref in references(value)):
+    given = values.get(value.name) if isinstance(value, m.Ref) else value
+    if isinstance(given, m.Quantity):
+        return float(f"{given.si:.{SIGNIFICANT_DIGITS}g}")
+    if not isinstance(value, m.EXPRESSIONS) or any(ref.name not in values for ref in references(value)):
         return None
+    from foresee_dsl.language.arithmetic.evaluate import evaluate
+
     try:
         return float(f"{evaluate(value, values).si:.{SIGNIFICANT_DIGITS}g}")
     except ExpressionError:

@@ -14,7 +14,6 @@ from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
 from foresee_dsl.language.model.pattern import FieldForm, Form, form_of, read_pattern
-from foresee_dsl.language.syntax.calculations import calculation, negative
 from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.units import UNITS
 
@@ -203,6 +202,8 @@ class NodeMaker:
         return node
 
     def _calculation(self, tree: _Tree) -> Node:
+        from foresee_dsl.language.syntax.calculations import calculation  # few files have one
+
         operands, signs = tree.children[::2], tree.children[1::2]
         if len(operands) > MAX_DEPTH:
             message = f"a calculation of {len(operands)} values"
@@ -212,6 +213,8 @@ class NodeMaker:
         return calculation(made, [(str(s), span_of(_token(s))) for s in signs[: len(made) - 1]])
 
     def _negative(self, tree: _Tree) -> Node:
+        from foresee_dsl.language.syntax.calculations import negative
+
         return negative(self.make(next(_trees(tree.children))), span_of(tree))
 
     def _comparison(self, tree: _Tree) -> Node:

@@ -1,0 +1,87 @@
+"""The parameters' values in a case, where some are worked out of others. Most scenarios need no more of expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import get_args
+
+from foresee_dsl.language import model as m
+from foresee_dsl.language.units import Dimension
+
+_NUMBERS = get_args(Dimension)
+"""The types of parameters that have a number."""
+
+
+class ExpressionError(Exception):
+    """An expression that has no value in a case: which part of it, and why."""
+
+    def __init__(self, item: m.Item, message: str) -> None:
+        super().__init__(message)
+        self.item, self.message = item, message
+
+
+def references(value: m.Item) -> Iterator[m.Ref]:
+    """Return the parameters that a value names, in the order in which they are written."""
+    match value:
+        case m.Ref():
+            yield value
+        case m.Sum(left=left, right=right) | m.Product(left=left, right=right):
+            yield from references(left)
+            yield from references(right)
+        case m.Negative(value=inner):
+            yield from references(inner)
+        case m.Extreme(values=values):
+            for part in values:
+                yield from references(part)
+
+
+def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamValue]:
+    """Return the value of every parameter in a case (None: the defaults), in the order of the file.
+
+    Raises:
+        ExpressionError: a value that is worked out of others has none; `item` is its assignment, or a part of it.
+    """
+    defaults = {param.name: param.default for param in scenario.all(m.Param)}
+    if case is None:
+        return defaults
+    types = {param.name: param.type for param in scenario.all(m.Param)}
+    given = {assignment.name: assignment for assignment in case.values}
+    found: dict[str, m.ParamValue] = {}
+
+    def value_of(name: str, asking: tuple[str, ...]) -> m.ParamValue:
+        if name in found or name not in given:
+            return found.get(name, defaults[name])
+        assignment = given[name]
+        needed = needed_by(assignment, types)
+        for other in needed:
+            if other.name in (*asking, name):
+                chain = " -> ".join((*asking, name, other.name)[(*asking, name).index(other.name) :])
+                raise ExpressionError(assignment, f"'{other.name}' is worked out of itself: {chain}")
+        inner = {ref.name: value_of(ref.name, (*asking, name)) for ref in needed if ref.name in defaults}
+        value = assignment.value
+        if isinstance(value, m.EXPRESSIONS):
+            from foresee_dsl.language.arithmetic.evaluate import evaluate
+
+            value = evaluate(value, inner)
+        elif isinstance(value, str) and needed:
+            value = inner[value]
+        found[name] = value
+        return value
+
+    return {name: value_of(name, ()) for name in defaults} | {
+        name: assignment.value
+        for name, assignment in given.items()
+        if name not in defaults and not isinstance(assignment.value, m.EXPRESSIONS)
+    }
+
+
+def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tuple[m.Ref, ...]:
+    """Return the parameters that an assignment's value is worked out of; `types`: of all parameters.
+
+    A bare word is a parameter where a number belongs and one is called so (`gap = other_gap`).
+    """
+    value = assignment.value
+    if isinstance(value, str):
+        number = types.get(assignment.name) in _NUMBERS
+        return (m.Ref(name=value),) if number and value in types else ()
+    return tuple(references(value))
