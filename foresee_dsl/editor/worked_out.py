@@ -10,7 +10,8 @@ from typing import get_args
 from foresee_dsl.editor.files import Files
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, references
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.dimensions import Dimensions, in_words
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.printer import value_text, written

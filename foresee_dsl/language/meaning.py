@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, references
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.project.document import TestCase
 
 VERSION = 1

@@ -6,18 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import get_args
 
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.units import Dimension
 
 _NUMBERS = get_args(Dimension)
 """The types of parameters that have a number."""
-
-
-class ExpressionError(Exception):
-    """An expression that has no value in a case: which part of it, and why."""
-
-    def __init__(self, item: m.Item, message: str) -> None:
-        super().__init__(message)
-        self.item, self.message = item, message
 
 
 def references(value: m.Item) -> Iterator[m.Ref]:

@@ -14,7 +14,7 @@ from typing import assert_never
 from pydantic import ValidationError
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError
+from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.dimensions import POWERS, Powers, in_words, named
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.units import UNITS

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, references
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written

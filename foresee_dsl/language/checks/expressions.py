@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, references
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.dimensions import POWERS, Dimensions, Powers, in_words, named, turned
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.codes import names as c

@@ -6,7 +6,8 @@ import re
 from typing import get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, case_values, needed_by
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import case_values, needed_by
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings

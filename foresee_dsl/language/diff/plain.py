@@ -8,7 +8,8 @@ from decimal import Decimal
 from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, references
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import references
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.diff.wording import NO_MEANING, field_path, is_statement, join, label, text
 from foresee_dsl.language.meaning import ORDERED, SIGNIFICANT_DIGITS, same_value

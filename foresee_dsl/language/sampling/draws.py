@@ -16,7 +16,8 @@ from types import MappingProxyType
 
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
-from foresee_dsl.language.arithmetic.cases import ExpressionError, case_values, references
+from foresee_dsl.language.arithmetic import ExpressionError
+from foresee_dsl.language.arithmetic.cases import case_values, references
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
