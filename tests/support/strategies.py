@@ -24,7 +24,7 @@ from pydantic.fields import FieldInfo
 from foresee_dsl.language import model as m
 from foresee_dsl.language.model.values import NAME_PATTERN
 from foresee_dsl.language.syntax.grammar import parse_tree, parser
-from foresee_dsl.language.syntax.nodes import ANY_NAME
+from foresee_dsl.language.syntax.nodes import ANY_NAME, RESERVED
 from foresee_dsl.language.traversal import walk
 from foresee_dsl.language.units import UNITS, Dimension
 
@@ -103,7 +103,7 @@ def _not_free() -> frozenset[str]:
         if get_origin(one) is Literal
         for word in get_args(one)
     }
-    return frozenset(literals) | _reserved()
+    return frozenset(literals) | _reserved() | RESERVED
 
 
 @functools.cache

@@ -336,7 +336,7 @@ class NameChecks:
         for place in action.points:
             yield from self._on_the_way(kind, place, None, action.actor)
             end = (si_of(place.x), si_of(place.y)) if isinstance(place, m.Point) else self.places.get(place)
-        if action.edges is None or actor is None:
+        if not action.edges or actor is None:
             return
         if actor.model.kind not in WHEELS:
             yield Problem("", kind, codes.NO_WAY, f"{actor.id} cannot join the traffic", "leave out `then joins`")

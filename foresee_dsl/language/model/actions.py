@@ -114,7 +114,8 @@ class FollowsPath(Item):
 
     actor: v.ActorName
     points: Annotated[tuple[v.Place, ...], Field(min_length=1)]
-    edges: Annotated[tuple[v.RoadId, ...], Field(min_length=1)] | None = None
+    edges: tuple[v.RoadId, ...] = ()
+    """Empty: it stays at the path's end."""
 
 
 class Joins(Item):

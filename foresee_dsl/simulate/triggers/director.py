@@ -349,11 +349,11 @@ class Director:
 
     def _follow_path(self, actor: Actor, action: m.FollowsPath) -> IsComplete:
         points = [at for place in action.points if (at := self._at(place)) is not None]
-        self.event("follows_path", {"points": points, "joins": action.edges is not None}, actor.id)
+        self.event("follows_path", {"points": points, "joins": bool(action.edges)}, actor.id)
         if len(points) < len(action.points) or not isinstance(actor, PathActor | GuidedVehicle):
             return _at_once  # an actor whose place is asked for is not there; a steered one has left its way
         found = None
-        if action.edges is not None and isinstance(actor, GuidedVehicle):
+        if action.edges and isinstance(actor, GuidedVehicle):
             with contextlib.suppress(RouteError):  # a place relative to an actor may be on no lane of theirs
                 kind = lane_kind(actor.placed.model)
                 found = joined_way(self._simulation.network, action.edges, points[-1], kind)
