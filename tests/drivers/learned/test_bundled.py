@@ -1,4 +1,4 @@
-"""The weights that come along: whole, and `fusion` arrives with them, in two workers with the same bits as here."""
+"""The weights that come along: whole, and `fusion` arrives with them, in a worker with the same bits as here."""
 
 from __future__ import annotations
 
@@ -31,11 +31,12 @@ def test_a_model_card_names_the_hash_of_its_weights(name: str) -> None:
     assert weights.sha256 in weights.file.with_suffix(".md").read_text(encoding="utf-8")
 
 
-def test_fusion_arrives_in_two_plain_cases_the_same_in_two_workers() -> None:
-    cases = load_test_cases([str(FILE)])[:2]
-    results = [run(compile_test_case(case), load_driver("fusion")) for case in cases]
-    assert [result.verdict for result in results] == [Verdict.PASS] * 2, [result.reason for result in results]
-    command = [sys.executable, "-m", "foresee_dsl", "assess", str(FILE), "--first", "2", "--driver", "fusion"]
-    done = subprocess.run([*command, "--jobs", "2", "--json"], capture_output=True, text=True, check=True)
-    digests = {one["case"]: one["digest"] for one in json.loads(done.stdout)["runs"]}
-    assert digests == {case.id: result.trace.digest for case, result in zip(cases, results, strict=True)}
+def test_fusion_arrives_in_a_plain_case_the_same_in_a_worker() -> None:
+    """With two workers: `test_runs.py`, whose networks are small."""
+    case = load_test_cases([str(FILE)])[0]
+    result = run(compile_test_case(case), load_driver("fusion"))
+    assert result.verdict is Verdict.PASS, result.reason
+    command = [sys.executable, "-m", "foresee_dsl", "assess", str(FILE), "--first", "1", "--driver", "fusion"]
+    done = subprocess.run([*command, "--jobs", "1", "--json"], capture_output=True, text=True, check=True)
+    (found,) = json.loads(done.stdout)["runs"]
+    assert (found["case"], found["digest"]) == (case.id, result.trace.digest)

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from foresee_dsl.drivers.learned.safe_speed import Speeds, fastest_safe_speed
 from foresee_dsl.drivers.protocol import FloatArray
 
-CASES = 2000
+CASES = 500
 
 
 def solved(now_mps: float, free_m: FloatArray, bounds: Speeds) -> float | None:
