@@ -297,13 +297,13 @@ def _takes_a_place(error: UnexpectedInput) -> bool:
     state = getattr(error, "interactive_parser", None)
     if state is None:
         return False
-    probe = state.copy()
     try:
+        probe = state.copy()
         probe.feed_token(Token("LPAR", "("))
         probe.feed_token(Token("NUMBER", "1"))
-    except UnexpectedInput:
+        return "COMMA" in probe.accepts()
+    except (UnexpectedInput, RecursionError):  # what is copied may be nested deeply
         return False
-    return "COMMA" in probe.accepts()
 
 
 def _accepted(error: UnexpectedInput) -> set[str]:
