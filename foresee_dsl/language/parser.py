@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,8 @@ from foresee_dsl.language.syntax.comments import attach
 from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.syntax.nodes import NodeMaker, span_of
-from foresee_dsl.language.syntax.size import check_size
 from foresee_dsl.language.traversal import walk
+from foresee_dsl.limits import most, raised_by
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,6 +36,14 @@ MAX_BYTES = 2_000_000
 _MAX_RECOVERED = 200_000
 """In a longer text only the first error of the grammar is looked for (ours: recovering costs 0.1 ms a line)."""
 
+_SMALL = 10_000
+"""Shorter texts are not counted: no limit can be passed in them (a part of a condition takes three characters)."""
+_UNCOUNTED = re.compile(r'"[^"\n]*"|#[^\n]*')
+_COUNTED = (
+    ("conditions", re.compile(r"\b(?:and|or|not)\b"), "conditions of {} parts (`and`, `or`, `not`)"),
+    ("network", re.compile(r"^[ \t]*(?:junction|road|building)\b", re.MULTILINE), "{} junctions, roads and buildings"),
+)
+
 
 def parse(text: str, path: str) -> Document:
     """Read a text; a byte order mark and any kind of newline are accepted. `path`: how messages call the file.
@@ -46,7 +55,7 @@ def parse(text: str, path: str) -> Document:
     if not text.strip():
         help = "begin with `foresee 1`, then a scenario, network, clip, mutant or models block"
         raise InputError((Diagnostic("FS002", "the file is empty", help, path),))
-    check_size(text, path)
+    _check_size(text, path)
     errors: list[TextError] = []
     comments: list[Token] = []
     try:
@@ -77,6 +86,23 @@ def parse(text: str, path: str) -> Document:
 def plain(text: str) -> str:
     """Return a text as the grammar reads it: newlines are `\\n`, no byte order mark."""
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _check_size(text: str, path: str) -> None:
+    """Make sure that a text can be parsed in seconds.
+
+    Raises:
+        InputError: it cannot; the message has the option that allows it nevertheless.
+    """
+    if len(text) < _SMALL:
+        return
+    counted = _UNCOUNTED.sub("", text)
+    for name, pattern, what in _COUNTED:
+        found, allowed = len(pattern.findall(counted)), most(name)
+        if found > allowed:
+            message = f"the file has {what.format(f'{found:,}')}, more than {allowed:,.0f}"
+            help = f"divide it into several files; {raised_by(name, found)}"
+            raise InputError((Diagnostic("FS002", message, help, path),))
 
 
 def load(path: Path, shown_as: str | None = None) -> Document:
