@@ -15,9 +15,19 @@ _KINDS: tuple[type[m.Item], ...] = get_args(get_args(m.Condition)[0])
 
 def walk(item: m.Item) -> Iterator[m.Item]:
     """Return an item and everything in it, in the order of the file."""
-    yield item
-    for _, inner in fields_of(item):
-        yield from walk(inner)
+    ahead = [item]
+    while ahead:
+        one = ahead.pop()
+        yield one
+        inner: list[m.Item] = []
+        for value in vars(one).values():  # as `fields_of`, without the names: every check walks a file a dozen times
+            if type(value) in PLAIN:
+                continue
+            if type(value) is tuple:
+                inner += [part for part in value if type(part) not in PLAIN and isinstance(part, m.Item)]
+            elif isinstance(value, m.Item):
+                inner.append(value)
+        ahead += reversed(inner)
 
 
 def fields_of(item: m.Item) -> Iterator[tuple[str, m.Item]]:

@@ -153,7 +153,8 @@ def _check_mentions(
     for root in body:
         for item in walk(root):
             place = isinstance(item, m.Measure) and item.what not in m.BETWEEN_ACTORS  # its `other` is a junction
-            named = [(field, getattr(item, field, None)) for field in (("actor",) if place else ("actor", "other"))]
+            fields = vars(item)  # what an item has not, pydantic looks for slowly
+            named = [(field, fields.get(field)) for field in (("actor",) if place else ("actor", "other"))]
             for field, name in ((field, name) for field, name in named if isinstance(name, str)):
                 group = re.fullmatch(r"(.+)_[0-9]+", name)
                 if name in actors or name in doors or (group is not None and group[1] in groups):

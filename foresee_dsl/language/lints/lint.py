@@ -161,11 +161,11 @@ def _places(case: TestCase, model: m.Definition) -> dict[int, m.Item]:
     found: dict[int, m.Item] = {id(case.scenario): model}
     if not isinstance(model, m.Scenario):
         return found
-    left: list[m.Item] = [item for item in model.body if not isinstance(item, SETTLED)]
+    left: dict[int, m.Item] = {id(item): item for item in model.body if not isinstance(item, SETTLED)}
     for item in case.scenario.body:
-        same = next((line for line in left if _same(line, item)), None)
+        same = left.get(id(item)) or next((line for line in left.values() if _same(line, item)), None)
         if same is not None:
-            left.remove(same)
+            del left[id(same)]
             _pair(item, same, found)
     return found
 
@@ -180,7 +180,7 @@ def _same(line: m.Item, item: m.Item) -> bool:
 
 
 def _pair(item: m.Item, line: m.Item, found: dict[int, m.Item]) -> None:
-    if type(item) is type(line):
+    if type(item) is type(line) and item is not line:  # without parameters a statement is its own
         found[id(item)] = line
         inner = dict(fields_of(line))
         for name, part in fields_of(item):

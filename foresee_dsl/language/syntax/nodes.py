@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
+from functools import cache
 from types import MappingProxyType
 from typing import cast
 
@@ -13,7 +14,7 @@ from lark import Token, Tree
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
-from foresee_dsl.language.model.pattern import FieldForm, Form, form_of, read_pattern
+from foresee_dsl.language.model.pattern import FieldForm, Form, Slot, form_of, read_pattern
 from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.units import UNITS
 
@@ -49,9 +50,14 @@ RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
 
 _KINDS = MappingProxyType({m.rule_of(kind): kind for kind in m.ITEMS})
 """Which class a rule of the grammar makes."""
-_CALCULATED = ("calculation", "negative", "extreme")
-_NESTED = ("either", "both", "not", "sustained", "then", *_CALCULATED)
+_CALCULATED = frozenset({"calculation", "negative", "extreme"})
+_NESTED = _CALCULATED | {"either", "both", "not", "sustained", "then"}
 """Rules that can contain themselves, directly or not."""
+
+
+@cache
+def _slots_of(pattern: str) -> tuple[Slot, ...]:
+    return read_pattern(pattern).slots
 
 
 def span_of(thing: _Tree | Token) -> Span:
@@ -90,24 +96,25 @@ class NodeMaker:
 
     def make(self, tree: _Tree) -> Node:
         """Return the node of a statement or value: its fields are those of the class's pattern, in that order."""
-        self._depth += tree.data in _NESTED
-        self.calculates |= tree.data in _CALCULATED
+        rule = str(tree.data)  # Lark's tokens are compared by a call in Python
+        self._depth += rule in _NESTED
+        self.calculates |= rule in _CALCULATED
         if self._depth > MAX_DEPTH:
-            node = Node(_KINDS.get(tree.data, m.Sum), span_of(tree))
+            node = Node(_KINDS.get(rule, m.Sum), span_of(tree))
             self._error("FS018", "this is nested too deeply", "split it into several statements", node.span)
-        elif (special := self._special.get(tree.data)) is not None:
+        elif (special := self._special.get(rule)) is not None:
             node = special(tree)
         else:
             node = self._made(tree, tree.children)
-        self._depth -= tree.data in _NESTED
+        self._depth -= rule in _NESTED
         return node
 
     # ---- the general case -----------------------------------------------------------------------------------------
 
     def _made(self, tree: _Tree, children: Sequence[_Child]) -> Node:
         """Make a node of a tree's class; None among the children is a field that is not given."""
-        node = Node(_KINDS[tree.data], span_of(tree))
-        slots = read_pattern(node.kind.pattern).slots
+        node = Node(_KINDS[str(tree.data)], span_of(tree))
+        slots = _slots_of(node.kind.pattern)
         node.fields |= {slot.field: () for slot in slots[len(children) :] if slot.between is not None}
         for k, child in enumerate(children):
             if isinstance(child, Tree) and child.data == "block":
