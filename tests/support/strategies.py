@@ -266,11 +266,17 @@ def _expected(depth: int) -> Strategy:
     return _builds(m.Expected, depth).map(sound)
 
 
+def _negatives(depth: int) -> Strategy:
+    """A number has its sign itself: `-2 m` is no calculation."""
+    return _builds(m.Negative, depth).filter(lambda item: not isinstance(item.value, m.Quantity))
+
+
 SPECIAL: dict[type[m.Item], Callable[[int], Strategy]] = {
     m.Measure: _measures,
     m.Param: _params,
     m.Change: _changes,
     m.Expected: _expected,
+    m.Negative: _negatives,
     m.Weather: _some(m.Weather),
     m.Quantity: lambda _: quantities(),
     m.Ref: lambda _: REFERENCES,
