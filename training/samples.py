@@ -86,7 +86,7 @@ class RecordedNetwork:
 
     def __init__(self, key: str, ground: GroundMap, buildings: tuple[tuple[tuple[float, float], ...], ...]) -> None:
         self.key, self.ground, self.buildings = key, ground, buildings
-        ground_maps._kept[self] = ground  # type: ignore[index]
+        ground_maps._drawn_maps[self] = ground  # type: ignore[index]
 
 
 @dataclass(frozen=True)
