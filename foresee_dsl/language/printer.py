@@ -243,7 +243,8 @@ def _text(value: m.Item | str, item: m.Item, field: str, parameters: frozenset[s
     if isinstance(value, m.Item):
         text = written(value, parameters)
         brackets = (*item.in_brackets, *dict(item.in_brackets_of).get(field, ()))
-        return f"({text})" if getattr(value, "kind", None) in brackets else text
+        signed = "negative" in brackets and text.startswith("-")
+        return f"({text})" if signed or getattr(value, "kind", None) in brackets else text
     form = form_of(type(item), field)
     match form.form:
         case Form.NAME | Form.MODEL:

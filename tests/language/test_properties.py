@@ -105,7 +105,8 @@ def one_value_is_one_line(document: Document, rng: random.Random) -> None:
     assert span.line == span.end_line
     changed = document.text.split("\n")
     line = changed[span.line - 1]
-    changed[span.line - 1] = f"{line[: span.column - 1]}77123{line[span.end_column - 1 :]}"
+    sign = line[span.column - 1] if line[span.column - 1] == "-" else ""  # on the left of `<` it needs brackets
+    changed[span.line - 1] = f"{line[: span.column - 1]}{sign}77123{line[span.end_column - 1 :]}"
     again = parse("\n".join(changed), "x")
     assert print_model(again.model, again.comments).split("\n") == changed
 

@@ -90,6 +90,7 @@ class Comparison(Phrase):
     """`ego.eta(j4) < 4 s`; in a `require`, both sides are values: `gap + 0.5 s < 2 * other`."""
 
     pattern = "{left} {op} {right}"
+    in_brackets_of = (("left", ("negative",)),)  # or `within 3 s -1 m < a.offset` would be a difference
 
     left: Annotated[Measure | v.Quantity | v.Ref | v.Expression, v.OfDimension(None, (Measure,))]
     op: Literal["<", "<=", ">", ">="]
