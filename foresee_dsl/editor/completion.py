@@ -187,6 +187,9 @@ def _parameters(files: Files, path: Path, slot: Slot) -> Iterator[Suggestion]:
     above = slot.above[-1] if slot.above else slot.node
     dimension = _dimension(files, path, slot)
     model = "model" in above.fields
+    given = next((node for node in slot.above if node.kind is m.Assignment), None)
+    if given is not None and not is_number(files.type_of(path, str(given.fields.get("name")))):
+        return  # a word
     for name, found in files.definitions(path, "parameter").items():
         type_ = found.occurrence.owner.fields.get("type")
         free = dimension is None and not model and (above.kind not in _CALCULATIONS or is_number(str(type_)))

@@ -30,6 +30,8 @@ _NUMBER_PROBE = "987654321"
 _PROBES = (_PROBE, _NUMBER_PROBE, f"{_PROBE}.{_PROBE}")
 _CLOSERS = ("$END", "RBRACE", "RSQB", "RPAR", "NUMBER", "NAME", "DOTTED", "STRING", "PIN", "COMPARE", "UNIT", "LBRACE")
 """How a statement is ended in the shortest way: what closes comes first, then values; words in their order."""
+_MORE = ("FUNCTION", "LPAR", "MINUS", "OPERATOR")
+"""What makes a calculation of a value: it never ends a statement."""
 _MOST_STEPS = 60
 """A statement that is not ended after so many tokens is given up (ours: the longest heads need some twenty)."""
 _SAMPLES = {"NUMBER": "1", "NAME": "zz", "DOTTED": "zz.zz", "STRING": '"zz"', "PIN": "sha256:000000000000", "UNIT": "s"}
@@ -190,7 +192,7 @@ def _ended(parser_: InteractiveParser, first: str) -> Tree[Token] | None:
 def _ranked(parser_: InteractiveParser) -> list[str]:
     """What may follow, what closes first."""
     state: Any = parser_  # as above
-    return sorted(state.accepts(), key=lambda n: (_CLOSERS.index(n) if n in _CLOSERS else len(_CLOSERS), n))
+    return sorted(state.accepts(), key=lambda n: (_CLOSERS.index(n) if n in _CLOSERS else len(_CLOSERS), n in _MORE, n))
 
 
 def _text_of(terminal: str) -> str:

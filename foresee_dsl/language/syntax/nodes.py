@@ -305,8 +305,8 @@ class NodeMaker:
         return node
 
     def _change(self, tree: _Tree) -> Node:
-        what, was, now, *when = tree.children
-        node = self._made(tree, (None, None, _word_of_ref(was), _word_of_ref(now), *when))
+        what, *rest = tree.children  # WAS, NOW, from, for; fewer while somebody types
+        node = self._made(tree, (None, None, *map(_word_of_ref, rest[:2]), *rest[2:]))
         token = _token(what)
         known = m.changeable_of(str(token).partition(".")[0])
         node.fields["property"] = self._dotted(token, node, "actor", known)
