@@ -55,7 +55,8 @@ def _walk_on(folder: Path, environment: dict[str, str]) -> None:
     assert sentence in ask("show", name, "--full")
     assert ask("minimise", name, "--out", "small")
     mutant = folder / "out" / finding["minimised"]["file"]
-    assert (folder / "small" / mutant.name).read_text() == mutant.read_text()
+    told = [line for line in mutant.read_text().splitlines() if not line.startswith("    avoided ")]
+    assert (folder / "small" / mutant.name).read_text().splitlines() == told
     changes = [line.strip() for line in mutant.read_text().splitlines() if line.strip().startswith("change ")]
     assert len(changes) == 1
     assert changes[0] in ask("review", name)

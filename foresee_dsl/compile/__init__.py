@@ -74,11 +74,11 @@ def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
         from foresee_dsl.compile.compiler import warnings_of
 
         warnings = warnings_of(case)
-        if case.document is not None:
+        if not warnings:
+            disk_cache.store(clear, True)
+        elif case.document is not None:
             from foresee_dsl.language.lints.allowances import left
 
             warnings = left(case.document, warnings)
         found |= dict.fromkeys(warnings)
-        if not warnings:
-            disk_cache.store(clear, True)
     return tuple(found)

@@ -174,11 +174,11 @@ def test_what_is_given_is_taken_in_si():
         (model(wheelbase=q(3), rear_overhang=q(2)), "rear overhang and wheelbase together are longer"),
         (model(wheelbase=q(3), front_overhang=q(1), rear_overhang=q(1)), "do not make up its length"),
         (model(height=q(0)), "its height must be above zero"),
-        (model(cruise_speed=Ref(name="slow")), "the parameter slow"),
+        (model(cruise_speed=Ref(name="slow")), "the parameter in `slow`"),
         (model(emergency_braking=q(1, "m/s^2")), "weaker than its braking"),
         (model(max_steer=q(90, "deg")), "80 deg"),
         (model("pedestrian.ghost", max_speed=q(0, "m/s")), "its max_speed must be above zero"),
-        (model(mass=Ref(name="heavy")), "the parameter heavy"),
+        (model(mass=Ref(name="heavy")), "the parameter in `heavy`"),
     ],
 )
 def test_models_that_cannot_be_are_refused(bad, words):

@@ -38,7 +38,7 @@ def go(start, *legs):
 
 def test_reads_lanes_with_their_users(road):
     sidewalk, lane = road.edges["south"].lanes
-    assert (sidewalk.kinds, lane.kinds) == ({"pedestrian"}, {"car", "bicycle"})
+    assert (sidewalk.kinds, lane.kinds) == ({"pedestrian"}, {"bus", "car", "bicycle"})
     assert (lane.width_m, lane.speed_mps) == (3.3, pytest.approx(50 / 3.6, abs=0.01))
     assert (road.edges["south"].start, road.edges["south"].end) == ("south_end", "j4")
 

@@ -206,7 +206,7 @@ def test_no_car_gets_stuck_in_the_bundled_town(tmp_path):
         (two_ends(road("main", "a", "b", lanes=0)), "at least one lane"),
         (two_ends(road("main", "a", "b"), road("main_back", "b", "a", back=0)), "the edge main_back"),
         (two_ends(road("main", "a", "b", via=[(200, 0)], median=1)), "twice in a row"),
-        (two_ends(road("main", "a", "b").model_copy(update={"lanes": Ref(name="n")})), "the parameter n"),
+        (two_ends(road("main", "a", "b").model_copy(update={"lanes": Ref(name="n")})), "the parameter in `n`"),
     ],
 )
 def test_networks_that_cannot_be_built_are_refused(tmp_path, network, words):

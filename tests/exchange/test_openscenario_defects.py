@@ -285,7 +285,7 @@ def test_a_loop_is_driven_round(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_that_somebody_slower_would_hold_up_keeps_its_speed(tmp_path: Path) -> None:
-    """As a default controller would drive it; one that changes lanes needs them."""
+    """As a default controller would drive it, also one that changes lanes."""
     slow = osc._CAR.format(name="Slow", catalogue="Cars")
     init = f"""<Private entityRef="Slow">{osc.teleport('<LanePosition roadId="1" laneId="-1" s="100"/>')}</Private>"""
     _, scenario = imported(tmp_path / "keeps", osc.scenario(entities=slow, init=init))
@@ -295,7 +295,7 @@ def test_a_vehicle_that_somebody_slower_would_hold_up_keeps_its_speed(tmp_path: 
     text = osc.scenario(entities=slow, init=init, events=osc.group("Target-1", osc.event("in", osc.lane_change(-1))))
     _, scenario = imported(tmp_path / "changes", text)
     target = next(actor for actor in scenario.actors if actor.name == "target_1")
-    assert any(isinstance(item, EdgeRoute) for item in target.body)
+    assert any(isinstance(item, m.Path) for item in target.body)
 
 
 def test_without_a_name_the_ego_is_the_first_vehicle_on_a_lane(tmp_path: Path) -> None:
