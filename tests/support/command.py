@@ -1,8 +1,8 @@
 """The command line in processes of their own that begin with everything imported: each is a fork of one server.
 
 Starting Python and importing SUMO, numba and pydantic costs 0.5 to 1.5 s of a core for each command, and the suite
-calls hundreds. How the real program starts is tested by `tests/cli/test_start_up.py`, `tests/test_wheel.py` and
-wherever processes get signals.
+calls hundreds. How the real program starts is tested by `tests/test_speed.py`, `tests/test_wheel.py`,
+`tests/test_readme.py`, and wherever processes get signals.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def foresee(
     env: Mapping[str, str] | None = None,
     expect: int | None = 0,
 ) -> subprocess.CompletedProcess[str]:
-    """Run a command; `env` is added to this process's environment, without colours. `expect` is its exit code."""
+    """Run a command, without colours; `env` is added to this process's environment, `expect` is its exit code."""
     words = [str(argument) for argument in arguments]
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "out", Path(folder) / "err"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Reference:
-    """What these steps have in common."""
+    """The driver, how many such steps follow from one failure, and what is recorded where the run breaks."""
 
     record: ClassVar[type[Record]] = ReferenceRun
     driver: str

@@ -137,8 +137,3 @@ def as_decimal(number: Fraction) -> Decimal:
     """Return a number with all its digits, or with 12 that matter."""
     found = Context(prec=_DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator))
     return found if found else Decimal(0)
-
-
-def as_si(number: Fraction, powers: Powers) -> float:
-    """Return an amount in metres, seconds, degrees and kilogrammes in SI."""
-    return float(number) * math.radians(1) ** powers.angle
