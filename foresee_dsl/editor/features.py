@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
+from foresee_dsl.editor.answers.fixes import fixes
+from foresee_dsl.editor.answers.hints import hints, lenses
+from foresee_dsl.editor.answers.tokens import tokens
+from foresee_dsl.editor.answers.worked_out import results
 from foresee_dsl.editor.completion import Suggestion, complete
 from foresee_dsl.editor.diagnosing import find, find_alone
 from foresee_dsl.editor.files import Files
-from foresee_dsl.editor.fixes import fixes
-from foresee_dsl.editor.hints import hints, lenses
 from foresee_dsl.editor.hover import hover as hover_of
-from foresee_dsl.editor.positions import Positions
-from foresee_dsl.editor.rpc import Json, RequestError
+from foresee_dsl.editor.protocol.positions import Positions
+from foresee_dsl.editor.protocol.rpc import Json, RequestError
+from foresee_dsl.editor.protocol.uris import is_file, path_of
 from foresee_dsl.editor.server import TOKEN_TYPES
 from foresee_dsl.editor.session import SOURCE, Session
 from foresee_dsl.editor.symbols import Entry, Occurrence, folds, outline
-from foresee_dsl.editor.tokens import tokens
-from foresee_dsl.editor.uris import is_file, path_of
-from foresee_dsl.editor.worked_out import results
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language.parser import format_text
 

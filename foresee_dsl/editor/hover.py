@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from foresee_dsl.editor import navigate
+from foresee_dsl.editor.answers.worked_out import worked_out
 from foresee_dsl.editor.files import Files, Found
 from foresee_dsl.editor.symbols import Occurrence
-from foresee_dsl.editor.worked_out import worked_out
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.keywords import KEYWORDS

@@ -8,12 +8,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, BinaryIO, Literal
 
 from foresee_dsl import __version__
-from foresee_dsl.editor.rpc import LATER, Connection, Handler, Json, RequestError, serve
+from foresee_dsl.editor.protocol.rpc import LATER, Connection, Handler, Json, RequestError, serve
+from foresee_dsl.editor.protocol.uris import path_of
 from foresee_dsl.editor.session import Session
-from foresee_dsl.editor.uris import path_of
 
 if TYPE_CHECKING:
-    from foresee_dsl.editor.positions import Encoding
+    from foresee_dsl.editor.protocol.positions import Encoding
 
 TOKEN_TYPES = ("class", "enumMember", "event", "keyword", "number", "parameter", "string", "struct", "type", "variable")
 """Kinds of semantic tokens, as the protocol names them; a token says its place in here."""
@@ -120,7 +120,7 @@ class Server:
         return handle
 
     def _page(self, params: Json) -> Json:
-        from foresee_dsl.editor.drawing import page
+        from foresee_dsl.editor.answers.drawing import page
 
         nonce = str(params.get("nonce", ""))
         if not nonce.replace("-", "").replace("_", "").isalnum():
@@ -129,7 +129,7 @@ class Server:
 
     def _draw(self, params: Json) -> object:
         """Draw beside the other requests: netconvert takes some tenths of a second for a new network."""
-        from foresee_dsl.editor.drawing import picture
+        from foresee_dsl.editor.answers.drawing import picture
 
         path, overlay, request = path_of(params["textDocument"]["uri"]), self._session.overlay(), params["foresee/id"]
         if isinstance(params.get("text"), str):

@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from foresee_dsl.editor.rpc import Connection, Json
-from foresee_dsl.editor.uris import absolute, is_file, path_of, uri_of
+from foresee_dsl.editor.protocol.rpc import Connection, Json
+from foresee_dsl.editor.protocol.uris import absolute, is_file, path_of, uri_of
 from foresee_dsl.errors import Diagnostic
 
 if TYPE_CHECKING:
     from foresee_dsl.editor.files import Files
-    from foresee_dsl.editor.positions import Encoding, Positions
+    from foresee_dsl.editor.protocol.positions import Encoding, Positions
 
 SOURCE = "foresee"
 _PAUSE_S = 0.2
@@ -108,7 +108,7 @@ class Session:
         return self._places(self.text(uri))
 
     def _places(self, text: str) -> Positions:
-        from foresee_dsl.editor.positions import Positions
+        from foresee_dsl.editor.protocol.positions import Positions
 
         return Positions(text, self.encoding)
 

@@ -12,14 +12,14 @@ import pytest
 from lsprotocol import types
 
 from foresee_dsl.editor import navigate
+from foresee_dsl.editor.answers.fixes import applied as fixed
+from foresee_dsl.editor.answers.fixes import fixes
+from foresee_dsl.editor.answers.hints import hints, lenses
+from foresee_dsl.editor.answers.tokens import tokens
+from foresee_dsl.editor.answers.worked_out import results
 from foresee_dsl.editor.diagnosing import find
 from foresee_dsl.editor.files import Files
-from foresee_dsl.editor.fixes import applied as fixed
-from foresee_dsl.editor.fixes import fixes
-from foresee_dsl.editor.hints import hints, lenses
-from foresee_dsl.editor.positions import Positions
-from foresee_dsl.editor.tokens import tokens
-from foresee_dsl.editor.worked_out import results
+from foresee_dsl.editor.protocol.positions import Positions
 from tests.support.editor_client import Editor, applied, at, session
 
 NET = """foresee 1

@@ -12,7 +12,7 @@ import pytest
 from foresee_dsl.exchange.openscenario.reading import importer
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.roads import Roads
-from foresee_dsl.exchange.openscenario.reading.trajectories import read_trajectory
+from foresee_dsl.exchange.openscenario.reading.ways.trajectories import read_trajectory
 from foresee_dsl.exchange.outcome import Imported, NotExpressed
 from tests.support import openscenario_files as osc
 

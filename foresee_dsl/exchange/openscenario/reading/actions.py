@@ -11,7 +11,6 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import number, quantity
 from foresee_dsl.exchange.openscenario.reading.conditions import Step
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
-from foresee_dsl.exchange.openscenario.reading.lane_changes import over_the_middle
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places, lane_beside
 from foresee_dsl.exchange.openscenario.reading.relations import (
@@ -22,7 +21,8 @@ from foresee_dsl.exchange.openscenario.reading.relations import (
     synchrony_of,
 )
 from foresee_dsl.exchange.openscenario.reading.storyboard import Event
-from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
+from foresee_dsl.exchange.openscenario.reading.ways.lane_changes import over_the_middle
+from foresee_dsl.exchange.openscenario.reading.ways.trajectories import SpeedProfile
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 

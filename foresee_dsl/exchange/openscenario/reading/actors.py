@@ -15,15 +15,15 @@ from foresee_dsl.compile.placement.starts import WHEELS, lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.exchange.naming import number, quantity
-from foresee_dsl.exchange.openscenario.reading import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.actions import from_the_start, speed_changes
 from foresee_dsl.exchange.openscenario.reading.conditions import Way
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
-from foresee_dsl.exchange.openscenario.reading.held_up import path_if_held_up, way_on
 from foresee_dsl.exchange.openscenario.reading.losses import Losses
 from foresee_dsl.exchange.openscenario.reading.places import Places
 from foresee_dsl.exchange.openscenario.reading.source import Source
+from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
+from foresee_dsl.exchange.openscenario.reading.ways.held_up import path_if_held_up, way_on
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from foresee_dsl.exchange.openscenario.reading.entities import Entity
-from foresee_dsl.exchange.openscenario.reading.trajectories import SpeedProfile
+from foresee_dsl.exchange.openscenario.reading.ways.trajectories import SpeedProfile
 
 
 @dataclass

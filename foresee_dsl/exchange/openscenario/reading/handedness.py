@@ -11,7 +11,7 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import number
 from foresee_dsl.exchange.openscenario.reading.source import Source
-from foresee_dsl.exchange.openscenario.reading.trajectories import nearest
+from foresee_dsl.exchange.openscenario.reading.ways.trajectories import nearest
 from foresee_dsl.exchange.outcome import Coordinates, ExchangeError
 
 _SAYS_SO = re.compile(r"\s*CARLA\s*:", re.IGNORECASE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from foresee_dsl.editor.rpc import Json
+from foresee_dsl.editor.protocol.rpc import Json
 
 
 def picture(path: Path, overlay: Mapping[Path, str], params: Json) -> Json:

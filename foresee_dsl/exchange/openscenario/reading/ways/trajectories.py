@@ -15,8 +15,8 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.roads.network import NearLane, RoadNetwork
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.exchange.openscenario.reading.curves import vertices
 from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.ways.curves import vertices
 from foresee_dsl.exchange.outcome import NotExpressed
 
 ON_LANE_M = 3.0

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from foresee_dsl.editor.positions import Positions
+from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language.messages.suggest import replacement
 

@@ -14,7 +14,7 @@ from foresee_dsl.compile.roads.polyline import XY
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.compile.roads.topology import LaneKind
-from foresee_dsl.exchange.openscenario.reading.trajectories import nearest, straight_on
+from foresee_dsl.exchange.openscenario.reading.ways.trajectories import nearest, straight_on
 
 _LOOKS_S = 20.0
 """How far ahead a bend or a slower actor is looked for: what the vehicle drives in this time, s (ours: a third of the

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from foresee_dsl.editor.rpc import Json
+from foresee_dsl.editor.protocol.rpc import Json
 from foresee_dsl.errors import Span
 from foresee_dsl.language.parser import plain
 

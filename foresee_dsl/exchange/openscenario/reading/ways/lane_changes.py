@@ -9,9 +9,9 @@ from foresee_dsl.compile.foreign.opendrive_geometry import Pose
 from foresee_dsl.compile.placement.starts import lane_kind
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.exchange.naming import quantity
-from foresee_dsl.exchange.openscenario.reading import trajectories as tracks
 from foresee_dsl.exchange.openscenario.reading.entity_state import EntityState
 from foresee_dsl.exchange.openscenario.reading.places import Places
+from foresee_dsl.exchange.openscenario.reading.ways import trajectories as tracks
 from foresee_dsl.exchange.outcome import NotExpressed
 from foresee_dsl.language import model as m
 

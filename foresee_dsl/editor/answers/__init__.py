@@ -1,0 +1,1 @@
+"""What the server shows beside mistakes: quick fixes, hints, lenses, tokens and pictures."""
