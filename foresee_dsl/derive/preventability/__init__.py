@@ -98,15 +98,15 @@ def _judged(bundle: SumoBundle, result: RunResult, failed: Impact) -> Preventabi
     if seen is None:
         where = " in the rear" if failed.side == "rear" else ""
         return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")
-    strays = _strays(run(bundle, Replay(result.trace, None)), result)
-    if strays:
-        return Preventability(Preventable.UNKNOWN, strays)
+    astray = strays(run(bundle, Replay(result.trace, None)), result)
+    if astray:
+        return Preventability(Preventable.UNKNOWN, astray)
     if seen.brakes_s >= result.time_s:
         return _too_late(seen, result.time_s)
     return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s)))
 
 
-def _strays(replay: RunResult, result: RunResult) -> str:
+def strays(replay: RunResult, result: RunResult) -> str:
     """Say how the replay without braking differs from the failure; "" where it does not."""
     again = "the replay without braking is not the failure: "
     if (replay.verdict, replay.with_) != (result.verdict, result.with_):

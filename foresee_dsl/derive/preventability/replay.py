@@ -70,18 +70,18 @@ class Replay:
 
     def _follow(self, bicycle: Bicycle) -> Control:
         wanted = self._states[self._frame + 1]
-        wheel = _share(float(wanted[STEER]), bicycle.limits.steer_max_rad)
+        wheel = wheel_share(float(wanted[STEER]), bicycle.limits.steer_max_rad)
         self._least_mps2 = max(-self._state.acceleration, 0.0)
-        return _pedals(bicycle, self._state, wheel, float(wanted[SPEED]))
+        return pedals_for(bicycle, self._state, wheel, float(wanted[SPEED]))
 
     def _brake(self, bicycle: Bicycle) -> Control:
         """Build up braking from the recorded driver's, never below it."""
         since = self._frame + 1 - self._brakes_from if math.isfinite(self._brakes_from) else 0
         level = min(self._least_mps2 + JERK_MPS3 * since * STEP_S, max(BRAKING_MPS2, self._least_mps2))
-        wheel = _share(self._angle(bicycle), bicycle.limits.steer_max_rad)
+        wheel = wheel_share(self._angle(bicycle), bicycle.limits.steer_max_rad)
         if self._state.speed <= level * STEP_S:
             return Control(wheel, 0.0, 1.0)  # it comes to rest, and is held
-        return _pedals(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
+        return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
 
     def _angle(self, bicycle: Bicycle) -> float:
         """The wheels' angle of the recorded path here, with the errors to it decaying critically damped."""
@@ -93,11 +93,12 @@ class Replay:
         return bicycle.steer_for(curvature - lateral / KEEPS_PATH_M**2 - 2 * turned / KEEPS_PATH_M)
 
 
-def _share(angle_rad: float, most_rad: float) -> float:
+def wheel_share(angle_rad: float, most_rad: float) -> float:
+    """Return an angle of the front wheels as a share of the largest."""
     return max(-1.0, min(1.0, angle_rad / most_rad)) if most_rad > 0 else 0.0
 
 
-def _pedals(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: float) -> Control:
+def pedals_for(bicycle: Bicycle, state: BicycleState, wheel: float, speed_mps: float) -> Control:
     """Return the control whose next speed is the wanted one, or the nearest to it.
 
     Throttle and brake are solved for separately: as their lags differ, the next speed jumps between them.

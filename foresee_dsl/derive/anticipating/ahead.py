@@ -1,0 +1,202 @@
+"""The driver who anticipates from the start of the clip: along the recorded way, never ahead of the recorded ego.
+
+It is no faster than the recorded driver at any place, slows with easy braking for what might happen (`hazards`), keeps
+two seconds behind others, stops at signals that have changed meanwhile, and brakes when somebody comes into its way
+(`foresight`), after the reaction time; comfortably where that is enough. It sees with the standard sensors, without
+their noise and delay. It knows nothing of who will be hit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts
+from foresee_dsl.derive.anticipating.hazards import Hazard, hazards
+from foresee_dsl.derive.anticipating.manoeuvre import HARDEST, steered
+from foresee_dsl.derive.anticipating.settings import (
+    COMFORTABLE_MPS2,
+    EASES_MPS2,
+    EXPECTED_REACTION_S,
+    HEADWAY_S,
+    SETS_OFF_MPS2,
+)
+from foresee_dsl.derive.anticipating.way import Way
+from foresee_dsl.derive.preventability.replay import JERK_MPS3, Replay, pedals_for, wheel_share
+from foresee_dsl.derive.preventability.risk import DELAY_S, EVALUATION_S, MOVED_M
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, SeenActor, VehicleLimits
+from foresee_dsl.simulate.actors.dynamics import Bicycle
+from foresee_dsl.simulate.sensing.settings import EXACT, NO_DROPOUTS, NO_NOISE, SensorSettings
+from foresee_dsl.simulate.trace import STEP_S, Trace
+
+CLEAR_SIGHT = SensorSettings(scan_s=STEP_S, latency_s=0.0, noise=NO_NOISE, dropouts=NO_DROPOUTS, localisation=EXACT)
+"""What it sees: all that the standard sensors have in view, exactly and at once. Reaction times are its own."""
+
+_CATCHES_UP_S = 2.0
+"""What it is behind the recorded ego, it catches up in this time where nothing speaks against it. Ours."""
+_KEPT_S = 1.0
+"""It goes on braking for so long after nobody comes into its way any more. Ours."""
+_STANDS_OFF_M = 1.0
+"""It means to stand this far from who comes into its way. Ours."""
+_DECIDES_EVERY = 2
+"""It decides at 10 Hz, as the standard sensors measure."""
+
+
+class Ahead(Replay):
+    """Drives a recorded run's way as somebody would who anticipates.
+
+    Attributes:
+        slowed_for: what it slowed for, the longest first.
+    """
+
+    name = "anticipating"
+    version = "1"
+
+    def __init__(self, trace: Trace, way: Way, from_s: float) -> None:
+        """`from_s`: until then the ego follows the clip's recorded states, whatever it is told."""
+        super().__init__(trace, None)
+        self._path, self._way = way, way
+        self._free_from = round(from_s / STEP_S)
+        self._info = trace.actors[0]
+        self._before: dict[int, SeenActor] = {}
+        self._since: dict[int, float] = {}
+        self._wish, self._level = 0.0, 0.0
+        self._quiet_s, self._brakes = math.inf, 0.0
+        self._slowed: dict[str, int] = {}
+
+    @property
+    def slowed_for(self) -> list[str]:
+        """What it was slower for, the longest first."""
+        return sorted(self._slowed, key=lambda what: -self._slowed[what])
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Begin at the run's first frame."""
+        super().reset(mission, vehicle, seed)
+        self._mission = mission
+
+    def step(self, observation: Observation) -> Control:
+        """Answer with the recorded states until it is free, then as it judges."""
+        if self._bicycle is None:
+            raise RuntimeError("stepped before reset")
+        others = self._others(observation)
+        if self._frame % _DECIDES_EVERY == 0:
+            self._decide(observation, others)
+        if self._frame < self._free_from:
+            control = self._follow(self._bicycle)
+            self._level = self._state.acceleration
+        else:
+            control = self._drive(self._bicycle)
+        before = self._state
+        self._state = self._bicycle.step(before, control, STEP_S)
+        self._along += math.hypot(self._state.x - before.x, self._state.y - before.y)
+        self._frame += 1
+        return control
+
+    def _drive(self, bicycle: Bicycle) -> Control:
+        change = JERK_MPS3 * STEP_S
+        self._level = min(max(self._wish, self._level - change), self._level + change)
+        wheel = wheel_share(steered(bicycle, self._way, self._along, self._state, (0.0, 0.0, 0.0)),
+                       bicycle.limits.steer_max_rad)  # fmt: skip
+        speed = self._state.speed + self._level * STEP_S
+        if speed <= 0.0:
+            return Control(wheel, 0.0, 1.0)
+        return pedals_for(bicycle, self._state, wheel, speed)
+
+    def _others(self, observation: Observation) -> list[tuple[int, Other]]:
+        found = []
+        for seen in observation.actors:
+            was = self._before.get(seen.track)
+            course, acceleration, rate = seen.heading_rad, 0.0, 0.0
+            if was is not None:
+                dx, dy = seen.x - was.x, seen.y - was.y
+                course = math.atan2(dy, dx) if math.hypot(dx, dy) > MOVED_M else course
+                acceleration = (seen.speed_mps - was.speed_mps) / STEP_S
+                rate = math.remainder(seen.heading_rad - was.heading_rad, math.tau) / STEP_S
+            found.append((seen.track, Other(seen.kind, seen.x, seen.y, seen.heading_rad, course, seen.speed_mps,
+                                            acceleration, rate, seen.length_m, seen.width_m)))  # fmt: skip
+        self._before = {seen.track: seen for seen in observation.actors}
+        return found
+
+    def _decide(self, observation: Observation, others: list[tuple[int, Other]]) -> None:
+        now, speed = observation.time_s, self._state.speed
+        ego = Ego(self._way, self._along, speed, self._info.length_m, self._info.width_m)
+        people = [other for _, other in others]
+        wish = self._usual(now)
+        slowing = min(hazards(ego, people), key=Hazard.allows, default=None)
+        expects = slowing is not None and slowing.allows() < speed + 1.0
+        if slowing is not None:
+            wanted = max((slowing.allows() - speed) / EXPECTED_REACTION_S, -EASES_MPS2)
+            if wanted < wish:
+                self._slowed[slowing.what] = self._slowed.get(slowing.what, 0) + 1
+            wish = min(wish, wanted)
+        wish = min(wish, self._behind(ego, people), self._signal(observation))
+        self._wish = min(wish, -self._for_conflicts(ego, others, now, expects) or math.inf)
+
+    def _usual(self, now: float) -> float:
+        """As the recorded ego drove at this place, but not ahead of it."""
+        speed = self._state.speed
+        late_m = self._way.along_at(now) - self._along
+        frame = min(self._frame, len(self._way.recorded_mps) - 1)
+        paced = float(self._way.recorded_mps[frame]) + late_m / _CATCHES_UP_S
+        wanted = min(self._way.recorded_at(self._along + speed * EXPECTED_REACTION_S), paced)
+        return min(max((wanted - speed) / EXPECTED_REACTION_S, -COMFORTABLE_MPS2), SETS_OFF_MPS2)
+
+    def _behind(self, ego: Ego, others: list[Other]) -> float:
+        """Two seconds behind the vehicle in front, with easy braking."""
+        if not others:
+            return math.inf
+        along, left, heading = self._way.beside(np.array([(other.x, other.y) for other in others]))
+        wish = math.inf
+        for k, other in enumerate(others):
+            same = other.kind != "pedestrian" and math.cos(other.heading_rad - float(heading[k])) > math.cos(0.5)
+            gap = float(along[k]) - ego.along_m - (other.length_m + ego.length_m) / 2
+            if same and gap > 0 and abs(float(left[k])) < (other.width_m + ego.width_m) / 2:
+                wanted = max(gap / HEADWAY_S, 0.0)
+                wish = min(wish, max((min(wanted, other.speed_mps + 0.5) - ego.speed_mps) / HEADWAY_S, -EASES_MPS2)
+                           if wanted < ego.speed_mps else math.inf)  # fmt: skip
+        return wish
+
+    def _signal(self, observation: Observation) -> float:
+        """Stop at a signal that is not green, where that is comfortable."""
+        state, speed = self._state, self._state.speed
+        line = self._mission.centreline
+        nearest = int(np.argmin(np.hypot(line[:, 0] - state.x, line[:, 1] - state.y)))
+        front = float(self._mission.s[nearest]) + self._info.length_m / 2
+        for junction in self._mission.junctions:
+            room = junction.stop_s - front
+            if junction.signal is None or room < 0.0:
+                continue
+            if observation.signals.get(junction.signal) in ("red", "amber"):
+                needed = speed**2 / (2 * max(room, 0.1))
+                return -needed if EASES_MPS2 / 2 < needed <= COMFORTABLE_MPS2 else math.inf
+            break
+        return math.inf
+
+    def _for_conflicts(self, ego: Ego, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
+        """Return the braking for who comes into its way, m/s^2, once the reaction time is over."""
+        reaction = DELAY_S if expects else EVALUATION_S + DELAY_S
+        found = conflicts(ego, [other for _, other in others])
+        needed = 0.0
+        for (track, other), within_s in zip(others, found, strict=True):
+            if within_s is None:
+                if now - self._since.get(track, now) > reaction + _KEPT_S:
+                    self._since.pop(track)
+                continue
+            if now - self._since.setdefault(track, now) >= reaction - 1e-9:
+                needed = max(needed, _needed(ego, other, within_s))
+        if needed > 0.0:
+            self._quiet_s, self._brakes = now, needed
+        elif now - self._quiet_s < _KEPT_S:
+            needed = min(self._brakes, COMFORTABLE_MPS2)
+        return needed
+
+
+def _needed(ego: Ego, other: Other, within_s: float) -> float:
+    """Return how hard to brake for somebody who comes into the way after a time: comfortably or as hard as it takes."""
+    _, _, heading = ego.way.at(np.array([ego.along_m]))[0].tolist()
+    with_mps = max(other.speed_mps * math.cos(other.heading_rad - heading), 0.0)
+    sheds = max(ego.speed_mps - (with_mps if other.kind != "pedestrian" else 0.0), 0.0)
+    room = max(sheds * within_s - _STANDS_OFF_M, 0.1)
+    needed = sheds**2 / (2 * room)
+    return COMFORTABLE_MPS2 if needed <= COMFORTABLE_MPS2 else min(needed * 1.2, HARDEST)

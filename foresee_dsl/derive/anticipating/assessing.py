@@ -1,0 +1,207 @@
+"""The order of an assessment: what is asked first, which runs confirm it, and what is answered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.compile.bundle import SumoBundle
+from foresee_dsl.derive.anticipating.ahead import CLEAR_SIGHT, Ahead
+from foresee_dsl.derive.anticipating.answer import Answer, Anticipation
+from foresee_dsl.derive.anticipating.foresight import onset
+from foresee_dsl.derive.anticipating.manoeuvre import Manoeuvre
+from foresee_dsl.derive.anticipating.screening import Screened, Screening, sideways
+from foresee_dsl.derive.anticipating.settings import LOOKS_ON_S, MARGIN_M, MOST_RUNS
+from foresee_dsl.derive.anticipating.way import Way
+from foresee_dsl.derive.preventability import contact, strays
+from foresee_dsl.derive.preventability.replay import Replay
+from foresee_dsl.derive.preventability.risk import DELAY_S, EVALUATION_S, sight_of
+from foresee_dsl.drivers.protocol import Driver
+from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
+from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
+from foresee_dsl.simulate.runner import run
+from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S
+
+REACTION_S = EVALUATION_S + DELAY_S
+"""From the first moment at which the driver can tell until it acts: R157's evaluation and delay, 1.15 s."""
+_BRAKED_MPS2 = 3.5
+"""Who is hit from behind while it brakes harder than this may have given cause. Ours: just over comfortable braking."""
+_LOOKS_BACK_S = 3.0
+
+
+def assess(child: TestCase, result: RunResult) -> Anticipation:
+    """Say whether a driver who anticipates would have prevented a failure (the child's run `result`), and by what.
+
+    Raises:
+        ValueError: the run did not fail.
+    """
+    if not result.verdict.is_failure:
+        raise ValueError(f"{child.id} did not fail: {result.reason}")
+    return assess_bundle(compile_test_case(child), result)
+
+
+def assess_bundle(bundle: SumoBundle, result: RunResult) -> Anticipation:
+    """Do the same for a test case that is compiled."""
+    failed = contact(result)
+    if failed is None:
+        what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
+        return Anticipation(Answer.UNDECIDED, f"{what}: the model only knows how to keep clear of others")
+    return _Assessment(bundle, result, failed).answer()
+
+
+@dataclass
+class _Confirmed:
+    result: RunResult
+    least_m: float | None
+
+
+class _Assessment:
+    """One failure, and the runs that were spent on it."""
+
+    def __init__(self, bundle: SumoBundle, result: RunResult, failed: Impact) -> None:
+        self._result, self._failed, self._trace = result, failed, result.trace
+        end_s = min(bundle.scene.end_s, result.time_s + LOOKS_ON_S)
+        self._bundle = replace(bundle, scene=replace(bundle.scene, end_s=end_s))
+        self._whole = bundle
+        self._way = Way(result.trace, bundle.scene.ego.line)
+        self._other = result.trace.index(failed.with_)
+        self._runs = 0
+        self._tried: list[str] = []
+
+    def answer(self) -> Anticipation:
+        """Ask in turn: could it tell, brake, evade, drive ahead of time?"""
+        return replace(self._answered(), runs=self._runs)
+
+    def _answered(self) -> Anticipation:
+        stood = self._stood()
+        if stood:
+            return stood
+        again = self._run(Replay(self._trace, None), self._whole)
+        if why := strays(again.result, self._result):
+            return Anticipation(Answer.UNDECIDED, why)
+        seen_s = onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole))
+        begins_s = None if seen_s is None else round(seen_s + REACTION_S, 6)
+        if begins_s is not None and begins_s < self._result.time_s:
+            screening = Screening(self._trace, self._way, self._whole)
+            for attempt in (self._by_braking, self._by_evading):
+                found = attempt(screening, begins_s)
+                if found is not None:
+                    return replace(found, seen_s=seen_s)
+        found = self._by_driving_ahead(seen_s)
+        return replace(found or self._not(seen_s, begins_s), seen_s=seen_s)
+
+    def _stood(self) -> Anticipation | None:
+        """Who stands, and stood for as long as anything could be done about it, prevents nothing."""
+        if self._failed.ego_mps >= STUCK_SPEED_MPS:
+            return None
+        speeds = self._trace.states[:, 0, SPEED]
+        moving = np.flatnonzero(speeds >= STUCK_SPEED_MPS)
+        since_s = (int(moving[-1]) + 1) * STEP_S if len(moving) else 0.0
+        seen_s = onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole))
+        stands_s = self._result.time_s - since_s
+        if since_s > 0.0 and seen_s is not None and since_s > seen_s + REACTION_S:
+            return None  # it still drove when it could have acted
+        how = f"for {stands_s:.1f} s" if since_s > 0.0 else "from the first frame on"
+        return Anticipation(Answer.NO, f"the ego stood {how}: {self._failed.struck}", seen_s=seen_s)
+
+    def _run(self, driver: Driver, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> _Confirmed:
+        self._runs += 1
+        result = run(bundle or self._bundle, driver, sensors=sensors)
+        near = result.near_misses.distance_m
+        return _Confirmed(result, near.value if near is not None else None)
+
+    def _confirm(self, screened: Screened) -> _Confirmed:
+        return self._run(Manoeuvre(self._trace, self._way, screened.plan))
+
+    def _by_braking(self, screening: Screening, begins_s: float) -> Anticipation | None:
+        screened = screening.braking(begins_s)
+        confirmed = self._confirm(screened)
+        hardest = screening.hardest(begins_s)
+        if not _clear(confirmed.result) and screened.plan != hardest.plan:
+            screened, confirmed = hardest, self._confirm(hardest)
+        plan = screened.plan
+        strength = f"braking with up to {plan.braking_mps2:.1f} m/s^2 from {begins_s:.2f} s on"
+        if not _clear(confirmed.result):
+            self._tried.append(f"{strength} {self._ended(confirmed.result)}")
+            return None
+        spare = screening.latest_s(begins_s) - begins_s if screened.least_m >= MARGIN_M else 0.0
+        early = f" ({self._result.time_s - begins_s:.1f} s before the contact"
+        early += f"; the hardest braking had {spare:.1f} s more)" if spare >= 0.1 else ")"
+        return Anticipation(
+            Answer.BRAKING, f"{strength}{early} {self._leaves(confirmed)}",
+            begins_s=begins_s, braking_mps2=plan.braking_mps2, spare_s=round(spare, 6), least_m=confirmed.least_m,
+        )  # fmt: skip
+
+    def _by_evading(self, screening: Screening, begins_s: float) -> Anticipation | None:
+        for screened in screening.evading(begins_s)[:2]:
+            confirmed, plan = self._confirm(screened), screened.plan
+            mild = f", braking with {plan.braking_mps2:.1f} m/s^2," if plan.braking_mps2 else ""
+            what = f"evading {sideways(plan.sideways_m)}{mild} from {begins_s:.2f} s on"
+            if _clear(confirmed.result):
+                return Anticipation(
+                    Answer.EVADING, f"{what} {self._leaves(confirmed)}", begins_s=begins_s,
+                    braking_mps2=plan.braking_mps2 or None, sideways_m=plan.sideways_m, least_m=confirmed.least_m,
+                )  # fmt: skip
+            self._tried.append(f"{what} {self._ended(confirmed.result)}")
+        return None
+
+    def _by_driving_ahead(self, seen_s: float | None) -> Anticipation | None:
+        if self._runs >= MOST_RUNS:
+            return None
+        recorded = self._whole.scene.ego.recorded
+        free_s = recorded[-1].time_s if recorded else 0.0
+        driver = Ahead(self._trace, self._way, free_s)
+        confirmed = self._run(driver, sensors=CLEAR_SIGHT)
+        at_s = self._result.time_s if seen_s is None else seen_s
+        frame = min(round(at_s / STEP_S), confirmed.result.trace.frames - 1, self._trace.frames - 1)
+        slower = float(self._trace.states[frame, 0, SPEED] - confirmed.result.trace.states[frame, 0, SPEED])
+        reasons = driver.slowed_for
+        because = f" for {reasons[0]}" if reasons else ""
+        what = f"driving ahead of time{because}, {max(slower, 0.0) * 3.6:.0f} km/h slower at {frame * STEP_S:.2f} s,"
+        if _clear(confirmed.result):
+            return Anticipation(Answer.AHEAD, f"{what} {self._leaves(confirmed)}", begins_s=free_s,
+                                slower_mps=round(slower, 6), least_m=confirmed.least_m)  # fmt: skip
+        self._tried.append(f"{what} {self._ended(confirmed.result)}")
+        return None
+
+    def _not(self, seen_s: float | None, begins_s: float | None) -> Anticipation:
+        tried = "; ".join(self._tried)
+        if seen_s is None and self._failed.side == "rear":
+            last = self._trace.states[-round(_LOOKS_BACK_S / STEP_S) :, 0, ACCELERATION]
+            braked = -float(last.min())
+            if braked > _BRAKED_MPS2:
+                why = (
+                    f"hit from behind after it braked with {braked:.1f} m/s^2, which the model does not judge; {tried}"
+                )
+                return Anticipation(Answer.UNDECIDED, why)
+            return Anticipation(Answer.NO, f"hit from behind while it drove evenly; {tried}")
+        if seen_s == 0.0:
+            return Anticipation(Answer.UNDECIDED, f"it is in the way at the first frame already; {tried}")
+        if begins_s is None or begins_s >= self._result.time_s:
+            when = (
+                "never before the contact"
+                if seen_s is None
+                else f"{self._result.time_s - seen_s:.2f} s before the contact, sooner than it can react"
+            )
+            return Anticipation(Answer.NO, f"the driver can tell {when}; {tried}")
+        return Anticipation(Answer.NO, tried)
+
+    def _leaves(self, confirmed: _Confirmed) -> str:
+        near = confirmed.least_m
+        return "avoids it" if near is None else f"avoids it, {near:.1f} m at the nearest"
+
+    def _ended(self, result: RunResult) -> str:
+        left = contact(result)
+        if left is None:
+            return f"ends otherwise: {result.reason}"
+        stands = ", the ego standing" if left.ego_mps < STUCK_SPEED_MPS else ""
+        return f"leaves {left.relative_mps:.1f} m/s ({left.struck}{stands})"
+
+
+def _clear(result: RunResult) -> bool:
+    """Whether a confirming run ended without a contact, on the road."""
+    return result.verdict in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK)

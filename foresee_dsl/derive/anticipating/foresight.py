@@ -1,0 +1,175 @@
+"""From when on a driver can tell that another comes into its way: what it may reasonably be expected to do.
+
+Of each other actor in sight the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
+of `settings`: a walker goes on, up to a little faster and within a small turn; a vehicle goes on as it moves now, and
+one that cuts in stays on the ego's line; one that crosses or oncomes is expected to wait as long as it can still do
+so with comfortable braking. There is a conflict where one of them comes to the ego's way when the ego does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.derive.anticipating.settings import (
+    COMFORTABLE_MPS2,
+    CROSSES_RAD,
+    FORESEES_S,
+    FORGETS_S,
+    GAP_S,
+    TURNS_RAD,
+    WALKER_HASTENS_MPS,
+)
+from foresee_dsl.derive.anticipating.way import Way
+from foresee_dsl.derive.preventability.risk import MERGES_RAD, MOVED_M, WANDER_M, in_view
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import box_overlap
+from foresee_dsl.simulate.sensing.sight import Sight
+from foresee_dsl.simulate.trace import ACCELERATION, HEADING, SPEED, STEP_S, YAW_RATE, Trace, X, Y
+
+_EVERY_S = 0.1
+_CREEPS_MPS = 2.0
+"""An ego that is slower is predicted with this: whether it could set off. Ours."""
+_EVERY_FRAMES = 2
+
+
+@dataclass(frozen=True)
+class Other:
+    """Another road user at a moment; `course_rad`: where it moves to."""
+
+    kind: str
+    x: float
+    y: float
+    heading_rad: float
+    course_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+    yaw_rate_rad_s: float
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True)
+class Ego:
+    """The ego at a place of its way."""
+
+    way: Way
+    along_m: float
+    speed_mps: float
+    length_m: float
+    width_m: float
+
+
+def horizon_s(speed_mps: float) -> float:
+    """Return how far ahead others are predicted: until the ego would stand after comfortable braking."""
+    return FORESEES_S + speed_mps / COMFORTABLE_MPS2
+
+
+def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
+    """Return where the ego will be if it keeps its speed, [N, 5], as long as the gap that it wants."""
+    speed = max(ego.speed_mps, _CREEPS_MPS)
+    boxes = np.empty((len(time_s), 5))
+    boxes[:, :3] = ego.way.at(ego.along_m + speed * time_s)
+    boxes[:, 3:] = (ego.length_m + 2 * GAP_S * speed, ego.width_m + 2 * WANDER_M)
+    return boxes
+
+
+def conflicts(ego: Ego, others: list[Other]) -> list[float | None]:
+    """Return of each other after how long it comes into the ego's way, s; None where it does not."""
+    time_s = np.arange(0.0, horizon_s(ego.speed_mps) + 1e-9, _EVERY_S)
+    mine = ego_boxes(ego, time_s)
+    reach = mine[:, 3].max() / 2 + ego.speed_mps * float(time_s[-1])
+    at = mine[0]
+    found: list[float | None] = []
+    for other in others:
+        far = reach + (other.speed_mps + WALKER_HASTENS_MPS) * float(time_s[-1]) + other.length_m
+        near = math.hypot(other.x - at[0], other.y - at[1]) < far
+        found.append(_conflict(mine, other, time_s) if near and _in_front(ego, at, other) else None)
+    return found
+
+
+def _in_front(ego: Ego, at: FloatArray, other: Other) -> bool:
+    ahead = (other.x - at[0]) * math.cos(at[2]) + (other.y - at[1]) * math.sin(at[2])
+    return bool(ahead > -ego.length_m / 2)
+
+
+def _conflict(mine: FloatArray, other: Other, time_s: FloatArray) -> float | None:
+    turned = math.cos(other.heading_rad - mine[0, 2])
+    hits = [box_overlap(mine, boxes) for boxes in _motions(mine[0], other, time_s, turned)]
+    waits = other.kind != "pedestrian" and turned < math.cos(CROSSES_RAD)
+    if waits and not all(bool(hit.any()) for hit in hits):
+        return None  # it can still wait
+    first = [float(time_s[int(hit.argmax())]) for hit in hits if hit.any()]
+    return min(first, default=None)
+
+
+def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) -> list[FloatArray]:
+    """Return the foreseeable motions of another, each [N, 5]."""
+    if other.kind == "pedestrian":
+        if other.speed_mps < MOVED_M / STEP_S:
+            return [_moved(other, time_s, 0.0, 0.0, other.speed_mps)]
+        speeds = (other.speed_mps, other.speed_mps + WALKER_HASTENS_MPS)
+        return [_moved(other, time_s, turn, 0.0, v) for v in speeds for turn in (-TURNS_RAD, 0.0, TURNS_RAD)]
+    brakes = max(-other.acceleration_mps2, 0.0)
+    if turned >= math.cos(MERGES_RAD):
+        return [_merged(_moved(other, time_s, 0.0, brakes, other.speed_mps), me)]
+    # It keeps on, or begins to wait.
+    return [_moved(other, time_s, 0.0, a, other.speed_mps) for a in (brakes, max(brakes, COMFORTABLE_MPS2))]
+
+
+def _moved(other: Other, time_s: FloatArray, turn_rad: float, brakes_mps2: float, speed_mps: float) -> FloatArray:
+    rolls = np.minimum(time_s, speed_mps / brakes_mps2) if brakes_mps2 > 0 else time_s
+    moved = speed_mps * rolls - brakes_mps2 * rolls**2 / 2
+    steers = other.kind != "pedestrian" and speed_mps > MOVED_M / STEP_S
+    turned = other.yaw_rate_rad_s / speed_mps * moved if steers else np.zeros_like(moved)
+    chord, course = moved * np.sinc(turned / (2 * np.pi)), other.course_rad + turn_rad + turned / 2
+    boxes = np.empty((len(time_s), 5))
+    boxes[:, 0], boxes[:, 1] = other.x + chord * np.cos(course), other.y + chord * np.sin(course)
+    boxes[:, 2] = other.heading_rad + turned
+    boxes[:, 3:] = (other.length_m, other.width_m)
+    return boxes
+
+
+def _merged(boxes: FloatArray, me: FloatArray) -> FloatArray:
+    """Let a way that crosses the ego's line from the side continue along it: a cut-in."""
+    cos, sin = math.cos(me[2]), math.sin(me[2])
+    lateral = (boxes[:, 1] - me[1]) * cos - (boxes[:, 0] - me[0]) * sin
+    over = lateral * lateral[0] < 0.0
+    boxes[over, 0] += lateral[over] * sin
+    boxes[over, 1] -= lateral[over] * cos
+    boxes[over, 2] = me[2]
+    return boxes
+
+
+def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
+    """Return an actor of a trace (its column) at a frame; None where it is absent."""
+    row, info = trace.states[frame, actor], trace.actors[actor]
+    if math.isnan(row[X]):
+        return None
+    x, y, heading, speed, acceleration, rate = (
+        float(np.nan_to_num(row[k])) for k in (X, Y, HEADING, SPEED, ACCELERATION, YAW_RATE)
+    )
+    course = heading
+    if frame > 0:
+        dx, dy = (trace.states[frame, actor, [X, Y]] - trace.states[frame - 1, actor, [X, Y]]).tolist()
+        course = math.atan2(dy, dx) if math.hypot(dx, dy) > MOVED_M else heading
+    return Other(info.kind, x, y, heading, course, speed, acceleration, rate, info.length_m, info.width_m)
+
+
+def onset(trace: Trace, way: Way, other: int, sight: Sight) -> float | None:
+    """Return from when on the driver can tell, without a break, that the other comes into its way until the contact
+    at the run's end, s; None where it cannot tell before."""
+    info, forgets = trace.actors[0], round(FORGETS_S / STEP_S)
+    found: int | None = None
+    for frame in range(trace.frames - 2, -1, -_EVERY_FRAMES):
+        them = other_at(trace, other, frame)
+        me = Ego(way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m)
+        if them is not None and conflicts(me, [them])[0] is not None and in_view(trace, other, frame, sight):
+            found = frame
+        elif (trace.frames - 1 if found is None else found) - frame >= forgets:
+            break
+    if found is None:
+        return None
+    return 0.0 if found < _EVERY_FRAMES else round(found * STEP_S, 6)

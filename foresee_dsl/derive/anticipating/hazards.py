@@ -1,0 +1,119 @@
+"""What an anticipating driver slows for before anything happens: hidden places, walkers at the kerb, buses at stops.
+
+From a place beside the way at which somebody could step out, a distance g from the ego's side, one needs g / v_walk to
+be in the way. A driver of speed v who reacts after t and brakes with b either stands before the place, or is past it
+in time, as long as v is at most 2 b (g / v_walk - t). So this is the speed that suits the place; in practice people
+do not drive slower than `settings.SLOWEST_MPS`, or past a bus at its stop `SLOWEST_AT_BUS_MPS`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.derive.anticipating.foresight import Ego, Other
+from foresee_dsl.derive.anticipating.settings import (
+    BESIDE_M,
+    EASES_MPS2,
+    EXPECTED_REACTION_S,
+    HARDEST_MPS2,
+    KERB_M,
+    NEAR_VEHICLE_M,
+    RUNNING_MPS,
+    SLOWEST_AT_BUS_MPS,
+    SLOWEST_MPS,
+    STANDS_MPS,
+    WALKING_MPS,
+)
+
+_TOWARDS_MPS = 0.2
+"""A walker who comes nearer to the way's line at this speed walks towards it. Ours: a seventh of walking pace."""
+_APPROACHES_M = 8.0
+"""A walker who walks towards the way is slowed for from this distance to it. Ours: five seconds of walking."""
+
+
+@dataclass(frozen=True)
+class Hazard:
+    """A place that is driven past with care.
+
+    Attributes:
+        what: for people. from_m: how far ahead of the ego's front the speed must be reached. speed_mps: that speed.
+    """
+
+    what: str
+    from_m: float
+    speed_mps: float
+
+    def allows(self) -> float:
+        """Return how fast the ego may be now to reach the speed in time with easy braking."""
+        return math.sqrt(self.speed_mps**2 + 2 * EASES_MPS2 * max(self.from_m, 0.0))
+
+
+def suits_mps(gap_m: float, walks_mps: float, slowest_mps: float) -> float:
+    """Return the speed at which somebody who steps out from a distance beside the way is not hit, or the slowest."""
+    return max(2 * HARDEST_MPS2 * (gap_m / walks_mps - EXPECTED_REACTION_S), slowest_mps)
+
+
+def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
+    """Return what lies ahead to slow for, of what is in sight."""
+    if not others:
+        return []
+    along, left, heading = ego.way.beside(np.array([(other.x, other.y) for other in others]))
+    found = []
+    for k, other in enumerate(others):
+        across = _half_across(other, float(heading[k]))
+        half = _half_along(other, float(heading[k]))
+        gap = abs(float(left[k])) - across - ego.width_m / 2
+        front = ego.along_m + ego.length_m / 2
+        if float(along[k]) + half < front or gap <= 0.0:
+            continue
+        before = float(along[k]) - half - front
+        found += _of(other, others, gap, before, float(left[k]), float(heading[k]))
+    return found
+
+
+def _of(other: Other, others: list[Other], gap: float, before: float, left: float, heading: float) -> list[Hazard]:
+    if other.kind == "pedestrian":
+        return _walker(other, others, gap, before, left, heading)
+    if other.kind in ("bicycle", "motorcycle", "obstacle") or other.speed_mps > STANDS_MPS or gap > BESIDE_M:
+        return []
+    bus, people = other.kind == "bus", _people_near(other, others)
+    slowest = SLOWEST_AT_BUS_MPS if bus or people else SLOWEST_MPS
+    speed = suits_mps(gap, RUNNING_MPS if bus else WALKING_MPS, slowest)
+    what = "a bus that stands" if bus else "a stopped vehicle with people near it" if people else "a stopped vehicle"
+    return [Hazard(what, before - _stopping_m(speed), speed)]
+
+
+def _walker(other: Other, others: list[Other], gap: float, before: float, left: float, heading: float) -> list[Hazard]:
+    towards = -math.copysign(1.0, left) * other.speed_mps * math.sin(other.course_rad - heading)
+    stands = other.speed_mps < STANDS_MPS
+    if not (stands and gap < KERB_M) and not (towards > _TOWARDS_MPS and gap < _APPROACHES_M):
+        return []
+    beside_vehicle = any(o.kind not in ("pedestrian", "bicycle") and _people_near(o, [other]) for o in others)
+    slowest = SLOWEST_AT_BUS_MPS if beside_vehicle or not stands else SLOWEST_MPS
+    speed = suits_mps(gap, max(WALKING_MPS, towards), slowest)
+    return [Hazard("a walker at the kerb", before - _stopping_m(speed), speed)]
+
+
+def _people_near(vehicle: Other, others: list[Other]) -> bool:
+    return vehicle.speed_mps < STANDS_MPS and any(
+        other.kind == "pedestrian"
+        and math.hypot(other.x - vehicle.x, other.y - vehicle.y) < vehicle.length_m / 2 + NEAR_VEHICLE_M
+        for other in others
+    )
+
+
+def _stopping_m(speed_mps: float) -> float:
+    return speed_mps * EXPECTED_REACTION_S + speed_mps**2 / (2 * HARDEST_MPS2)
+
+
+def _half_across(other: Other, heading_rad: float) -> float:
+    turned = other.heading_rad - heading_rad
+    return (other.length_m * abs(math.sin(turned)) + other.width_m * abs(math.cos(turned))) / 2
+
+
+def _half_along(other: Other, heading_rad: float) -> float:
+    turned = other.heading_rad - heading_rad
+    return (other.length_m * abs(math.cos(turned)) + other.width_m * abs(math.sin(turned))) / 2

@@ -1,0 +1,108 @@
+"""The driver of a confirming run: replays the failing run, then brakes, or evades, along its way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.derive.anticipating.settings import (
+    BUILDS_UP_S,
+    COMFORTABLE_MPS2,
+    LATERAL_JERK_MPS3,
+    LATERAL_MPS2,
+)
+from foresee_dsl.derive.anticipating.way import Way
+from foresee_dsl.derive.preventability.replay import BRAKING_MPS2, KEEPS_PATH_M, Replay, pedals_for, wheel_share
+from foresee_dsl.drivers.protocol import Control
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState
+from foresee_dsl.simulate.trace import STEP_S, Trace
+
+_PEAK, _JERK = 10 / math.sqrt(3), 30.0
+"""A step to the side is the polynomial 10 u^3 - 15 u^4 + 6 u^5: its second derivative is at most 5.77, and its third is
+30 in the middle, where the wheel goes over."""
+_SLOW_MPS = 1.0
+"""Slower than this nobody evades. Ours: the wheel's angle would be divided by the speed."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the driver does, and when.
+
+    Attributes:
+        begins_s: until then it does what was recorded. braking_mps2: how hard it then brakes, 0 for not at all.
+        sideways_m: how far it evades, left positive. stops_s: from when on it brakes comfortably to a stand.
+    """
+
+    begins_s: float
+    braking_mps2: float
+    sideways_m: float = 0.0
+    stops_s: float = math.inf
+
+    def braking_at(self, time_s: float, before_mps2: float) -> float:
+        """Return the braking at a time, m/s^2, which builds up from what was braked before."""
+        built = min(max((time_s - self.begins_s) / BUILDS_UP_S, 0.0), 1.0)
+        if not self.sideways_m:
+            least = max(self.braking_mps2, before_mps2)  # never less than the recorded driver
+            return before_mps2 + (least - before_mps2) * built
+        stops = min(max((time_s - self.stops_s) / BUILDS_UP_S, 0.0), 1.0)
+        braking = before_mps2 + (self.braking_mps2 - before_mps2) * built
+        return braking + (max(COMFORTABLE_MPS2, braking) - braking) * stops
+
+    def aside_at(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return how far to the side it wants to be at times [N], m, and that one's first and second derivatives."""
+        takes = sidestep_s(self.sideways_m)
+        u = np.clip((time_s - self.begins_s) / takes, 0.0, 1.0)
+        d = self.sideways_m
+        return (
+            d * u**3 * (10 - 15 * u + 6 * u**2),
+            d * 30 * u**2 * (1 - u) ** 2 / takes,
+            d * 60 * u * (1 - u) * (1 - 2 * u) / takes**2,
+        )
+
+
+def sidestep_s(sideways_m: float) -> float:
+    """Return how long a step to the side takes within the limits of comfort, s."""
+    far = max(abs(sideways_m), 1e-3)
+    return max(math.sqrt(_PEAK * far / LATERAL_MPS2), math.cbrt(_JERK * far / LATERAL_JERK_MPS3))
+
+
+HARDEST = BRAKING_MPS2
+"""The hardest braking: R157's, 0.774 g."""
+
+
+class Manoeuvre(Replay):
+    """Drives a recorded run again, and from the plan's beginning on does what the plan says."""
+
+    name = "anticipating"
+    version = "1"
+
+    def __init__(self, trace: Trace, way: Way, plan: Plan) -> None:
+        super().__init__(trace, plan.begins_s)
+        self._path, self._way, self._plan = way, way, plan
+
+    def _brake(self, bicycle: Bicycle) -> Control:
+        now = (self._frame + 1) * STEP_S
+        level = self._plan.braking_at(now, self._least_mps2)
+        wheel = wheel_share(self._steered(bicycle, now), bicycle.limits.steer_max_rad)
+        if self._state.speed <= level * STEP_S:
+            return Control(wheel, 0.0, 1.0)  # it comes to rest, and is held
+        return pedals_for(bicycle, self._state, wheel, self._state.speed - level * STEP_S)
+
+    def _steered(self, bicycle: Bicycle, time_s: float) -> float:
+        """The wheels' angle towards the wanted line beside the way, errors to it decaying critically damped."""
+        aside, rate, bend = (float(value[0]) for value in self._plan.aside_at(np.array([time_s])))
+        return steered(bicycle, self._way, self._along, self._state, (aside, rate, bend))
+
+
+def steered(bicycle: Bicycle, way: Way, along_m: float, s: BicycleState, wanted: tuple[float, float, float]) -> float:
+    """Return the wheels' angle that follows a line beside a way; `wanted`: how far aside, and its two derivatives."""
+    x, y, heading = way.at(np.array([along_m]))[0].tolist()
+    dx, dy = s.x - x, s.y - y
+    speed = max(s.speed, _SLOW_MPS)
+    lateral = -dx * math.sin(heading) + dy * math.cos(heading) - wanted[0]
+    turned = math.remainder(s.heading - heading, math.tau) - wanted[1] / speed
+    ahead = math.tan(way.steer(along_m + s.speed * STEP_S)) / bicycle.limits.wheelbase_m + wanted[2] / speed**2
+    return bicycle.steer_for(ahead - lateral / KEEPS_PATH_M**2 - 2 * turned / KEEPS_PATH_M)
