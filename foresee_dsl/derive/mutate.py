@@ -10,6 +10,7 @@ import numpy as np
 from foresee_dsl import __version__
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive import presets
+from foresee_dsl.derive.avoidable import avoidable
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.meaning import pin_of
@@ -85,10 +86,15 @@ class Mutator:
         plans, pin, clip = self._plans, self._pin, self._clip
         made: list[Mutant] = []
         seen: set[tuple[Change, ...]] = set()
-        for k in range(1, count + 1) if plans else ():
-            entropy = [seed, int(pin.partition(":")[2], 16), k]
-            rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
-            drawn = _child(self._situation, self._preset, plans[(k - 1) % len(plans)], rng, seen)
+        pinned = int(pin.partition(":")[2], 16)
+        found = avoidable(self._situation, self._preset, count, np.random.default_rng([seed, pinned]))
+        for k in range(1, count + 1) if plans or found else ():
+            drawn: _Drawn | None = None
+            if k <= len(found):
+                drawn = found[k - 1]
+            elif plans:
+                rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, pinned, k])))
+                drawn = _child(self._situation, self._preset, plans[(k - 1) % len(plans)], rng, seen)
             if drawn is None:
                 continue
             names, changes = drawn
@@ -105,6 +111,8 @@ class Mutator:
         return tuple(made)
 
 
+_Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
+"""The names of operators, and what they change."""
 _Plan = tuple[tuple[Operator, str], ...]
 """The operators of one child, each with its target."""
 
@@ -172,7 +180,7 @@ def _acts(situation: Situation, preset: Preset, operator: Operator, target: str)
 
 def _child(
     situation: Situation, preset: Preset, plan: _Plan, rng: np.random.Generator, seen: set[tuple[Change, ...]]
-) -> tuple[tuple[str, ...], tuple[Change, ...]] | None:
+) -> _Drawn | None:
     """Draw one child's operators and changes that no earlier child has; None where there are none left.
 
     Of the preset's number of draws it is the one that comes nearest to the ego.

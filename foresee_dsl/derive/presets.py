@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
 from foresee_dsl.errors import ForeseeError
+from foresee_dsl.forecast.careful.behaviours import CarefulSettings
 
 Target = Literal["ranked", "letter"]
 
@@ -122,6 +123,8 @@ class Preset:
         reach_m: the ranked actor is left for the closest one that can where no draw brings it nearer than this to the
             ego (behind a fence no timing brings an actor near); None: it is not.
         farthest_m: a target farther from the ego than this at the risky point is not mutated; None for no limit.
+        search: children are the best candidates of this search (`forecast.careful`), whoever behaves otherwise in
+            them; the rest of this preset makes those that it leaves over. None: no search.
     """
 
     name: str
@@ -135,6 +138,7 @@ class Preset:
     delay: DelaySettings = DelaySettings()
     head_start: HeadStartSettings = HeadStartSettings()
     line: LineSettings = LineSettings()
+    search: CarefulSettings | None = None
 
 
 PAPER = Preset(
@@ -179,7 +183,10 @@ FOCUSED = Preset(
 )
 """Ours, the default: the ranked actor, one second before the risky point."""
 
-PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, PAPER)})
+AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
+"""Ours: first what hits the ego as it drove and a careful driver could have avoided; then as `focused`."""
+
+PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, PAPER, AVOIDABLE)})
 """All presets by name. A study makes its own with `dataclasses.replace` and passes the object."""
 
 

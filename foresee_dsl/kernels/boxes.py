@@ -65,7 +65,7 @@ def _posed(pose: FloatArray, size: FloatArray) -> Box:
 
 
 @inner
-def _overlap(a: Box, b: Box) -> bool:
+def overlap(a: Box, b: Box) -> bool:
     """Say whether two boxes share a point; False where a value is NaN."""
     dx, dy = b.x - a.x, b.y - a.y
     ca, sa, cb, sb = np.cos(a.heading), np.sin(a.heading), np.cos(b.heading), np.sin(b.heading)
@@ -97,9 +97,9 @@ def _corners_apart(of: Box, to: Box) -> float:
 
 
 @inner
-def _gap(a: Box, b: Box) -> float:
+def apart(a: Box, b: Box) -> float:
     """Return how far two boxes are apart, m."""
-    if _overlap(a, b):
+    if overlap(a, b):
         return 0.0
     # Two convex shapes that do not overlap are nearest at a corner of one of them.
     return min(_corners_apart(b, a), _corners_apart(a, b))
@@ -111,7 +111,7 @@ def gaps(a: FloatArray, b: FloatArray) -> FloatArray:
     NaN."""
     found = np.empty(a.shape[0])
     for k in range(a.shape[0]):
-        found[k] = np.nan if np.isnan(a[k].sum() + b[k].sum()) else _gap(_box(a[k]), _box(b[k]))
+        found[k] = np.nan if np.isnan(a[k].sum() + b[k].sum()) else apart(_box(a[k]), _box(b[k]))
     return found
 
 
@@ -136,7 +136,9 @@ def gaps_to_first(poses: FloatArray, sizes: FloatArray, within: FloatArray) -> F
         for t in range(found.shape[1]):
             dx, dy = poses[k + 1, t, 0] - poses[0, t, 0], poses[k + 1, t, 1] - poses[0, t, 1]
             near = dx * dx + dy * dy <= most * most  # a NaN is not
-            found[k, t] = _gap(_posed(poses[0, t], sizes[0]), _posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
+            found[k, t] = (
+                apart(_posed(poses[0, t], sizes[0]), _posed(poses[k + 1, t], sizes[k + 1])) if near else np.inf
+            )
     return found
 
 
@@ -153,7 +155,7 @@ def ever_within(paths: FloatArray, other: FloatArray, sizes: FloatArray, radius:
             # The circles inside the boxes are near enough; those around them are, and then the boxes may be.
             if squared <= inside * inside:
                 return True
-            if squared <= outer * outer and _gap(_posed(paths[n, t], sizes[0]), _posed(other[t], sizes[1])) <= radius:
+            if squared <= outer * outer and apart(_posed(paths[n, t], sizes[0]), _posed(other[t], sizes[1])) <= radius:
                 return True
     return False
 
@@ -163,7 +165,7 @@ def overlaps_of(a: FloatArray, b: FloatArray) -> Flags:
     """Return [N], which boxes overlap; arguments as `gaps`."""
     found = np.empty(a.shape[0], dtype=np.bool_)
     for k in range(a.shape[0]):
-        found[k] = _overlap(_box(a[k]), _box(b[k]))
+        found[k] = overlap(_box(a[k]), _box(b[k]))
     return found
 
 
@@ -177,7 +179,7 @@ def _hits(box: Box, poses: FloatArray, sizes: FloatArray) -> IntArray:
         dx, dy = poses[k, 0] - box.x, poses[k, 1] - box.y
         # Circles around the boxes first: hardly any other actor is this near. A NaN is not.
         most = (reach + sizes[k, 0] + sizes[k, 1]) / 2
-        if dx * dx + dy * dy <= most * most and _overlap(box, _posed(poses[k], sizes[k])):
+        if dx * dx + dy * dy <= most * most and overlap(box, _posed(poses[k], sizes[k])):
             found[count] = k
             count += 1
     return found[:count]

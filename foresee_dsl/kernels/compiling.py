@@ -31,6 +31,7 @@ TABLE = types.float64[:, ::1]
 ANY_TABLE = types.float64[:, :]
 """[M, N], a part of another one, perhaps."""
 BYTE_TABLE = types.uint8[:, ::1]
+FLAG_TABLE = types.boolean[:, ::1]
 CUBE = types.float64[:, :, ::1]
 HYPERCUBE = types.float64[:, :, :, ::1]
 

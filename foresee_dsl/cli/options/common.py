@@ -40,7 +40,7 @@ HandoverOption = Annotated[
 ]
 RankerOption = Annotated[
     str,
-    typer.Option("--ranker", help="What picks the risky points: foresee, proximity, random, exhaustive, selforacle"),
+    typer.Option("--ranker", help="What picks the risky points: foresee, careful, proximity, random, ..."),
 ]
 AddressArgument = Annotated[
     str, typer.Argument(metavar="FILE[::CASE]", help="A test case, a clip or a mutant.", autocompletion=case_addresses)
@@ -71,7 +71,7 @@ DeadlineOption = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="The folder to write into.")]
 PresetOption = Annotated[
-    str, typer.Option("--preset", help="How clips are mutated: focused (ours), or paper (exactly as in the paper).")
+    str, typer.Option("--preset", help="How clips are mutated: focused, avoidable, or paper (exactly as in the paper).")
 ]
 
 

@@ -37,7 +37,7 @@ class Steer(BuiltIn):
         # A target that stands at the onset is steered only where the preset asks for no speed (the paper's letter).
         if speed < settings.least_speed_mps:
             return ()
-        bound = _largest_share(situation.spec(target), speed, settings)
+        bound = largest_share(situation.spec(target), speed, settings)
         low, high = max(settings.low, -bound), min(settings.high, bound)
         value = drawn(rng, low, high, settings.step, centre=0.0, dead=max(settings.least_share * bound, settings.step))
         when = {
@@ -71,7 +71,7 @@ class Steer(BuiltIn):
         return next(iter(situation.closest(0, steerable)), "")
 
 
-def _largest_share(spec: ModelSpec, speed_mps: float, settings: SteerSettings) -> float:
+def largest_share(spec: ModelSpec, speed_mps: float, settings: SteerSettings) -> float:
     """Return the largest share of the steering angle that comfort and the steering rate allow at a speed."""
     angle = spec.max_steer_rad
     if angle <= 0:

@@ -1,0 +1,127 @@
+"""The children of the preset `avoidable`: the best candidates of a clip, each as a change of the clip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.random import Generator
+
+from foresee_dsl.compile.roads.polyline import Polyline
+from foresee_dsl.derive.operators.situation import Situation, touches_nobody
+from foresee_dsl.derive.operators.steer import largest_share
+from foresee_dsl.derive.presets import Preset
+from foresee_dsl.forecast.careful.behaviours import Candidate, Kind
+from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.forecast.careful.scoring import Scored, search
+from foresee_dsl.language.model import Change, Quantity
+
+SAME_KIND = 0.5
+"""A candidate counts so much less for each one of the same actor and kind that is a child already. Ours: a second
+strength of one behaviour often ends the same way."""
+SAME_ACTOR = 0.8
+"""And so much less for each of the same actor. Ours."""
+LEAST = 0.02
+"""Candidates with a smaller score are left to chance. Ours: their roll-outs miss the ego by more than a metre."""
+_PROPERTY = {
+    Kind.LATE: "delay",
+    Kind.EARLY: "moving",
+    Kind.PACE: "timing",
+    Kind.DRIFTS: "line",
+    Kind.SWERVES: "steer",
+}
+NAMES = {
+    Kind.LATE: "late_start",
+    Kind.EARLY: "early_start",
+    Kind.PACE: "pace",
+    Kind.HESITATES: "hesitates",
+    Kind.BRAKES: "hard_braking",
+    Kind.HALTS: "stops_after_turn",
+    Kind.DRIFTS: "drifts",
+    Kind.CUTS_IN: "cuts_in",
+    Kind.SWERVES: "swerves",
+}
+"""What a mutant's `origin` calls the behaviours."""
+
+_Found = list[tuple[tuple[str, ...], tuple[Change, ...]]]
+
+
+def avoidable(situation: Situation, preset: Preset, count: int, rng: Generator) -> _Found:
+    """Return up to `count` children, best first and of several kinds: operators and changes."""
+    if preset.search is None:
+        return []
+    trace = situation.trace
+    heights = {name: spec.height_m for name, spec in situation.models.items()}
+    run = Recorded.of(trace, heights)
+    candidates = search(run, list(situation.columns.values()), 0, trace.frames - 1, situation.frame, rng, preset.search)
+    left = [
+        (scored, change)
+        for scored in candidates
+        if scored.score >= LEAST and (change := _change(situation, preset, scored.candidate))
+    ]
+    found: _Found = []
+    chosen: list[Candidate] = []
+    while left and len(found) < count:
+        best, change = max(left, key=lambda one: _worth(one[0], chosen))
+        left = [one for one in left if one[1] != change]
+        chosen.append(best.candidate)
+        found.append(((NAMES[best.candidate.kind],), (change,)))
+    return found
+
+
+def _worth(scored: Scored, chosen: list[Candidate]) -> float:
+    mine = scored.candidate
+    actor = sum(c.actor == mine.actor for c in chosen)
+    kind = sum(c.actor == mine.actor and c.kind is mine.kind for c in chosen)
+    return scored.score * SAME_ACTOR**actor * SAME_KIND**kind
+
+
+def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
+    """Return a candidate as a change; None where the clip's language cannot say it of this actor."""
+    if candidate.kind not in _PROPERTY:
+        return None
+    name, actor = _PROPERTY[candidate.kind], candidate.actor
+    was = situation.present_value(actor, name)
+    if was is None:
+        return None
+    value = _value(situation, preset, candidate, was.si)
+    if value is None:
+        return None
+    now = Quantity.of(value, was.dimension, 2)
+    if now.si == was.si:
+        return None
+    change = Change(actor=actor, property=name, was=was, now=now)
+    if candidate.kind is Kind.SWERVES:
+        times = {
+            "start": Quantity.of(candidate.at_s or 0.0, "time", 2),
+            "duration": Quantity.of(candidate.for_s or 0.0, "time", 2),
+        }
+        return change.model_copy(update=times)
+    return change
+
+
+def _value(situation: Situation, preset: Preset, candidate: Candidate, was: float) -> float | None:
+    """Return the property's new value, in SI; None where it cannot be."""
+    spec = situation.spec(candidate.actor)
+    match candidate.kind:
+        case Kind.PACE:
+            fastest = float(np.nanmax(situation.trace.states[:, situation.columns[candidate.actor], 3]))
+            return candidate.strength if candidate.strength * fastest <= spec.max_speed_mps else None
+        case Kind.EARLY:
+            return was + candidate.strength if _free(situation, candidate.actor, was + candidate.strength) else None
+        case Kind.SWERVES:
+            frame = situation.trace.frame_at(candidate.at_s or 0.0)
+            most = largest_share(spec, situation.speed_mps(candidate.actor, frame), preset.steer)
+            share = math.atan(candidate.strength * spec.wheelbase_m) / spec.max_steer_rad if most > 0 else 0.0
+            return min(max(share, -most), most) or None
+        case Kind.DRIFTS:
+            return was + candidate.strength if candidate.at_s is None else None
+        case _:
+            return was + candidate.strength
+
+
+def _free(situation: Situation, actor: str, along_m: float) -> bool:
+    """Say whether an actor touches nobody at a place of its path, at the beginning."""
+    info, column = situation.info(actor), situation.columns[actor]
+    box = np.array([*Polyline.of(info.path).at(along_m), info.length_m, info.width_m])
+    return touches_nobody(situation.trace, column, 0, box)

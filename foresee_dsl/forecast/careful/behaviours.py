@@ -1,0 +1,265 @@
+"""What people are seen to do otherwise: the behaviours that candidates are made of, with the bounds of their strength.
+
+A candidate is one actor of a run that behaves otherwise in one way. Strengths stay within what is observed of people.
+They are drawn from equal parts of their range, one from each, so that a few candidates cover it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import assert_never
+
+import numpy as np
+from numpy.random import Generator
+
+from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.forecast.settings import VEHICLE_KINDS
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.what_if import WhatIf
+from foresee_dsl.simulate.trace import STEP_S, YAW_RATE, ActorInfo
+
+
+class Kind(StrEnum):
+    """What an actor does otherwise, as people would say it."""
+
+    LATE = "starts later"
+    EARLY = "starts earlier"
+    PACE = "is faster or slower"
+    HESITATES = "hesitates"
+    BRAKES = "brakes hard"
+    HALTS = "stops after the turn"
+    DRIFTS = "drifts"
+    CUTS_IN = "cuts in"
+    SWERVES = "swerves"
+
+
+@dataclass(frozen=True, slots=True)
+class CarefulSettings:
+    """Bounds of the behaviours, and which moments and actors are looked at.
+
+    Attributes:
+        late_s: how much later it starts. A pedestrian's start-up time is 1.9 s in the mean and 3.1 s for 15 % (younger;
+            older people 2.5 s and 3.8 s), Knoblauch et al. 1996, Transportation Research Record 1538.
+        early_s: how much earlier. Ours: as the operator `head_start`.
+        walker_pace: walking speed as a ratio. 15 % of older people walk 0.97 m/s, younger ones 1.5 m/s in the mean
+            (Knoblauch et al. 1996); people can walk with 2.5 m/s.
+        vehicle_pace: of vehicles and bicycles. Ours: as the operator `timing`.
+        hesitates_mps2, hesitates_s: how a walker slows down on the way, and for how long. Ours: from 1.4 m/s to a
+            stand within one or two paces, and as long as a start-up time.
+        brakes_mps2: braking of the one ahead. From the 3.4 m/s^2 that most drivers are comfortable with (AASHTO, A
+            Policy on Geometric Design, 3.2.2) to 0.75 g; near-crashes of the 100-car study begin at 0.5 to 0.6 g
+            (Dingus et al. 2006, DOT HS 810 593).
+        brakes_s: for how long. Ours: from 30 km/h to a crawl, or to a stand and a moment there.
+        halts_mps2, halts_s: stopping after a turn (somebody who looks for a place to park). Ours: braking in comfort.
+        turned_rad: what counts as having turned within the last seconds. Ours: 40 deg in `turned_s`.
+        drifts_m: how far off its line. Ours: from half of a bicycle's width to what leaves a lane of 3.3 m by half a
+            car's; in-lane wandering has a standard deviation of 0.2 m to 0.35 m.
+        drifts_mps: how fast. Ours. drifts_for_s: how long it stays there. Ours.
+        cuts_in_m: towards the ego's lane. Ours: a lane's width. cuts_in_mps: lane changes take 3 s to 6 s; hurried
+            ones 2 s.
+        swerve_g, swerve_s, swerve_least_mps: as the operator `steer` of the preset `focused`.
+        onset_s, onsets: a timed behaviour begins so long before the moment of the point at most, at so many times.
+        draws: strengths of a behaviour.
+        reach_m: an actor that never comes nearer to the ego than this in the window is not looked at. Ours: what a
+            driver at 50 km/h needs to stop, 28 m (R157's braking after a second), and a little.
+    """
+
+    late_s: tuple[float, float] = (0.2, 3.0)
+    early_s: tuple[float, float] = (0.2, 1.0)
+    walker_pace: tuple[float, float] = (0.6, 1.5)
+    vehicle_pace: tuple[float, float] = (0.6, 1.4)
+    hesitates_mps2: tuple[float, float] = (1.0, 2.0)
+    hesitates_s: tuple[float, float] = (1.0, 3.0)
+    brakes_mps2: tuple[float, float] = (3.4, 7.4)
+    brakes_s: tuple[float, float] = (1.0, 3.0)
+    halts_mps2: tuple[float, float] = (2.0, 3.5)
+    halts_s: tuple[float, float] = (3.0, 6.0)
+    turned_rad: float = math.radians(40)
+    turned_s: float = 5.0
+    drifts_m: tuple[float, float] = (0.3, 1.0)
+    drifts_mps: float = 0.6
+    drifts_for_s: float = 3.0
+    cuts_in_m: tuple[float, float] = (2.0, 3.5)
+    cuts_in_mps: float = 1.0
+    swerve_g: float = 0.3
+    swerve_s: float = 1.0
+    swerve_least_mps: float = 2.0
+    onset_s: float = 4.0
+    onsets: int = 6
+    draws: int = 6
+    reach_m: float = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One actor with one changed behaviour.
+
+    Attributes:
+        what: as the kernel rolls it out. strength: in the unit of the kind. at_s, for_s: since the window's beginning,
+            of a timed behaviour.
+    """
+
+    kind: Kind
+    actor: str
+    strength: float
+    what: WhatIf
+    at_s: float | None = None
+    for_s: float | None = None
+
+    @property
+    def sentence(self) -> str:
+        """What the actor does, in words."""
+        value = self.strength
+        match self.kind:
+            case Kind.LATE:
+                what = f"starts {value:.1f} s later"
+            case Kind.EARLY:
+                what = f"is {value:.1f} m further on its way"
+            case Kind.PACE:
+                what = f"is {value:.2f} times as fast"
+            case Kind.HESITATES:
+                what = f"hesitates for {self.for_s:.1f} s"
+            case Kind.BRAKES:
+                what = f"brakes with {value:.1f} m/s^2"
+            case Kind.HALTS:
+                what = "stops after the turn"
+            case Kind.DRIFTS:
+                what = f"drifts {abs(value):.1f} m to the {_side(value)}"
+            case Kind.CUTS_IN:
+                what = f"cuts in from the {_side(-value)}"
+            case Kind.SWERVES:
+                what = f"swerves to the {_side(value)}"
+            case _:
+                assert_never(self.kind)
+        return f"{self.actor} {what}"
+
+
+def _side(left: float) -> str:
+    return "left" if left > 0 else "right"
+
+
+class Behaviours:
+    """Makes the candidates of a window of a run.
+
+    Args:
+        frame: the moment that the window is about. rng: draws the strengths.
+    """
+
+    def __init__(
+        self, run: Recorded, first: int, last: int, frame: int, settings: CarefulSettings, rng: Generator
+    ) -> None:
+        self._run, self._first, self._last, self._settings, self._rng = run, first, last, settings, rng
+        self._moment_s = (frame - first) * STEP_S
+
+    def of(self, actor: int) -> Iterator[Candidate]:
+        """Yield what one actor may do otherwise."""
+        info = self._run.trace.actors[actor]
+        if info.path:
+            yield from self._on_path(actor, info)
+        elif info.kind in VEHICLE_KINDS and info.route:
+            yield from self._on_lane(actor, info)
+
+    def _on_path(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
+        s, stands = self._settings, self._run.mps(actor, self._first) <= 0.1
+        if stands or info.kind == "pedestrian":
+            for late in self._drawn(s.late_s):
+                yield self._made(Kind.LATE, actor, late, delay=late)
+        if not stands:
+            along = self._run.trace.along[self._first : self._last, actor]
+            for early in self._drawn(s.early_s):
+                frame = min(round(early / STEP_S), len(along) - 1)
+                ahead = float(along[frame] - along[0])
+                if ahead >= 0.2:
+                    yield self._made(Kind.EARLY, actor, ahead, ahead=ahead)
+        yield from self._paces(actor, info)
+        if info.kind == "pedestrian":
+            for at in self._onsets():
+                for strength, long in zip(self._drawn(s.hesitates_mps2, 3), self._drawn(s.hesitates_s, 3), strict=True):
+                    if self._moves(actor, at):
+                        yield self._made(Kind.HESITATES, actor, strength, at, long, braking=strength)
+        for left in self._either(s.drifts_m):
+            yield self._made(Kind.DRIFTS, actor, left, left=left, left_at=0.0, left_for=math.inf, left_rate=1.0)
+
+    def _on_lane(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
+        s = self._settings
+        yield from self._paces(actor, info)
+        for at in self._onsets():
+            if not self._moves(actor, at, s.swerve_least_mps):
+                continue
+            turned = self._turned(actor, at)
+            for strength, long in zip(self._drawn(s.brakes_mps2, 3), self._drawn(s.brakes_s, 3), strict=True):
+                yield self._made(Kind.BRAKES, actor, strength, at, long, braking=strength)
+            if turned:
+                for strength, long in zip(self._drawn(s.halts_mps2, 2), self._drawn(s.halts_s, 2), strict=True):
+                    yield self._made(Kind.HALTS, actor, strength, at, long, braking=strength)
+            for left in self._either(s.drifts_m, 2):
+                yield self._made(Kind.DRIFTS, actor, left, at, s.drifts_for_s, left=left, left_at=at,
+                                 left_for=s.drifts_for_s, left_rate=s.drifts_mps)  # fmt: skip
+            if info.kind != "bicycle":
+                for left in self._either(s.cuts_in_m, 1):
+                    yield self._made(Kind.CUTS_IN, actor, left, at, 10.0, left=left, left_at=at, left_for=10.0,
+                                     left_rate=s.cuts_in_mps)  # fmt: skip
+            yield from self._swerves(actor, info, at)
+
+    def _paces(self, actor: int, info: ActorInfo) -> Iterator[Candidate]:
+        s = self._settings
+        bounds = s.walker_pace if info.kind == "pedestrian" else s.vehicle_pace
+        for pace in self._drawn(bounds, 2 * s.draws):
+            if abs(pace - 1) >= 0.05:
+                yield self._made(Kind.PACE, actor, pace, pace=pace)
+
+    def _swerves(self, actor: int, info: ActorInfo, at: float) -> Iterator[Candidate]:
+        s, frame = self._settings, self._first + round(at / STEP_S)
+        speed = self._run.mps(actor, frame)
+        if info.wheelbase_m <= 0:
+            return
+        most = s.swerve_g * 9.81 / speed**2
+        for share in self._either((0.3, 1.0), 2):
+            yield self._made(Kind.SWERVES, actor, share * most, at, s.swerve_s, turn=share * most, turn_at=at,
+                             turn_for=s.swerve_s)  # fmt: skip
+
+    def _made(
+        self, kind: Kind, actor: int, strength: float, at: float | None = None, long: float | None = None,
+        **changed: float,
+    ) -> Candidate:  # fmt: skip
+        info = self._run.trace.actors[actor]
+        braking = {} if "braking" not in changed else {"brakes_at": at, "brakes_for": long}
+        neutral = {
+            "delay": 0.0, "ahead": 0.0, "pace": 1.0, "brakes_at": 0.0, "brakes_for": 0.0, "braking": 0.0,
+            "left": 0.0, "left_at": 0.0, "left_for": 0.0, "left_rate": 0.0, "turn": 0.0, "turn_at": 0.0,
+            "turn_for": 0.0, "goes_at": math.inf, "cruise": info.cruise_mps,
+        }  # fmt: skip
+        what = WhatIf(actor=actor, first=self._first, last=self._last, length=info.length_m, width=info.width_m,
+                      **neutral | changed | braking)  # type: ignore[arg-type]  # fmt: skip
+        return Candidate(kind, info.id, strength, what, at, long)
+
+    def _drawn(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:
+        """Draw one strength from each of some equal parts of a range, on two decimals."""
+        count = count or self._settings.draws
+        shares = (np.arange(count) + self._rng.random(count)) / count
+        return np.round(bounds[0] + shares * (bounds[1] - bounds[0]), 2)
+
+    def _either(self, bounds: tuple[float, float], count: int | None = None) -> FloatArray:
+        found = self._drawn(bounds, count)
+        return np.concatenate([found, -found])
+
+    def _onsets(self) -> FloatArray:
+        s = self._settings
+        return np.round(np.unique(np.maximum(self._moment_s - self._drawn((0.0, s.onset_s), s.onsets), 0.1)), 1)
+
+    def _moves(self, actor: int, at: float, least: float = 0.5) -> bool:
+        frame = self._first + round(at / STEP_S)
+        return frame < self._run.trace.frames and self._run.mps(actor, frame) >= least
+
+    def _turned(self, actor: int, at: float) -> bool:
+        """Say whether an actor has just turned off, and drives straight on again."""
+        frame, s = self._first + round(at / STEP_S), self._settings
+        since = max(0, frame - round(s.turned_s / STEP_S))
+        track = self._run.tracks[actor]
+        return bool(
+            abs(track[frame, 2] - track[since, 2]) >= s.turned_rad
+            and abs(np.nan_to_num(self._run.trace.states[frame, actor, YAW_RATE])) < 0.2
+        )

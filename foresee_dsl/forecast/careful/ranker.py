@@ -1,0 +1,76 @@
+"""The ranker `careful`: moments by the best candidates around them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from foresee_dsl.forecast.careful.behaviours import CarefulSettings
+from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.forecast.careful.scoring import Scored, search
+from foresee_dsl.forecast.foresee import CloseEncounter, ForeseeRanker, close_encounters
+from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.forecast.settings import ForeseeSettings
+from foresee_dsl.simulate.trace import STEP_S, Trace
+
+BEST = 4
+"""A moment counts as much as its best candidates on average: so many (the children of a clip in a campaign)."""
+APART_S = 2.0
+"""Moments of one actor nearer than this are one. Ours: clips of 10 s that begin nearer than this show the same."""
+
+
+@dataclass(frozen=True)
+class CarefulRanker:
+    """Ranks encounters by what may happen around them: somebody behaves otherwise, hits the ego as it drove, and a
+    careful driver could have avoided it. Moments without such candidates follow in the order of `foresee`."""
+
+    settings: CarefulSettings = field(default_factory=CarefulSettings)
+    encounters: ForeseeSettings = field(
+        default_factory=lambda: ForeseeSettings(vehicle_radius_m=15.0, pedestrian_radius_m=25.0)
+    )
+    name: str = "careful"
+
+    def rank(
+        self, trace: Trace, *, seed: int = 0, before_s: float = 5.0, after_s: float = 5.0
+    ) -> tuple[RiskyPoint, ...]:
+        """Rank the moments of a run; see `Ranker.rank`."""
+        run = Recorded.of(trace)
+        found: list[tuple[float, CloseEncounter, Scored]] = []
+        for number, encounter in enumerate(close_encounters(trace, self.encounters, before_s=before_s)):
+            first = max(0, encounter.frame - round(before_s / STEP_S))
+            last = min(trace.frames - 1, encounter.frame + round(after_s / STEP_S))
+            rng = np.random.default_rng(np.random.SeedSequence([seed, number]))
+            best = search(run, [encounter.actor], first, last, encounter.frame, rng, self.settings)[:BEST]
+            if best:
+                found.append((sum(s.score for s in best) / BEST, encounter, best[0]))
+        found.sort(key=lambda f: (-f[0], f[1].frame, f[1].actor))
+        points = [_point(trace, *f, before_s) for f in _apart(found)]
+        taken = {(p.frame, p.actor) for p in points}
+        rest = ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s)
+        points += [replace(p, score=0.0) for p in rest if (p.frame, p.actor) not in taken]
+        return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
+
+
+def _apart(found: list[tuple[float, CloseEncounter, Scored]]) -> list[tuple[float, CloseEncounter, Scored]]:
+    kept: list[tuple[float, CloseEncounter, Scored]] = []
+    for one in found:
+        near = (abs(one[1].frame - k[1].frame) * STEP_S < APART_S and one[1].actor == k[1].actor for k in kept)
+        if not any(near):
+            kept.append(one)
+    return kept
+
+
+def _point(trace: Trace, score: float, encounter: CloseEncounter, best: Scored, before_s: float) -> RiskyPoint:
+    begins_s = max(0.0, float(trace.time_s[encounter.frame]) - before_s)
+    return RiskyPoint(
+        rank=0,
+        frame=encounter.frame,
+        time_s=float(trace.time_s[encounter.frame]),
+        actor=trace.actors[encounter.actor].id,
+        group="close",
+        distance_m=encounter.distance_m,
+        trajectory_distance_m=float("nan"),
+        score=score,
+        why=best.sentence(begins_s),
+    )

@@ -1,0 +1,130 @@
+"""How good a candidate is: would it hit the ego as it drove, and could a careful driver have avoided that?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from foresee_dsl.forecast.careful.behaviours import Behaviours, Candidate, CarefulSettings, Kind
+from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.records import dtype_of
+from foresee_dsl.kernels.what_if import Ending, Style, WhatIf, roll_out
+from foresee_dsl.simulate.trace import STEP_S
+
+DRIVES = (
+    Style(delay=0.4, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0),
+    Style(delay=0.8, horizon=2.0, braking=7.0, pace=1.0, aside=0.0, room=0.0),
+    Style(delay=0.4, horizon=3.0, braking=4.0, pace=1.0, aside=0.0, room=0.2),
+    Style(delay=0.4, horizon=1.2, braking=8.0, pace=1.0, aside=0.0, room=0.0),
+)
+"""The driver as it is, whose reaction is not known: four that span the bundled drivers. Ours."""
+CAREFUL = (
+    Style(delay=0.3, horizon=4.0, braking=5.0, pace=1.0, aside=0.0, room=0.5),
+    Style(delay=0.4, horizon=3.0, braking=6.0, pace=0.85, aside=0.0, room=0.3),
+    Style(delay=0.4, horizon=3.0, braking=6.0, pace=0.7, aside=0.0, room=0.3),
+    Style(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=0.7, room=0.2),
+    Style(delay=0.4, horizon=3.0, braking=6.0, pace=1.0, aside=-0.7, room=0.2),
+)
+"""What a careful driver does: brakes early, approaches slower (twice), keeps to the left or to the right. Ours: less
+than half a lane's free width aside, and the speed of somebody who expects something."""
+NEAR_M = 0.4
+"""A roll-out that misses by this much counts about a third. Ours: what the roll-out is off by after some seconds."""
+STANDS_MPS = 0.5
+"""An ego slower than this at the contact stands: then nobody could have avoided it."""
+_HITS = 0.5
+"""What a miss of no width counts, against a contact. Ours."""
+
+_STYLES = np.array([*DRIVES, *CAREFUL], dtype=dtype_of(Style))
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """A candidate with what its roll-outs say.
+
+    Attributes:
+        score: 0 to 1: how likely it is hit as the ego drove, times how likely it is avoidable. hit, avoidable: the
+            two. contact_s: when, since the window's beginning. braking_s: from when a careful driver brakes, if that
+            is what avoids it. gap_m: the smallest distance to the ego as it drove.
+    """
+
+    candidate: Candidate
+    score: float
+    hit: float
+    avoidable: float
+    contact_s: float
+    braking_s: float | None
+    gap_m: float
+
+    def sentence(self, begins_s: float) -> str:
+        """Say what happens, with times of the run that the window begins in at that time."""
+        ends = f"contact at {begins_s + self.contact_s:.1f} s" if self.gap_m == 0 else f"{self.gap_m:.1f} m are left"
+        if self.braking_s is not None:
+            return f"{self.candidate.sentence}: {ends}, avoidable by braking from {begins_s + self.braking_s:.1f} s"
+        return f"{self.candidate.sentence}: {ends}, {_ways(self.avoidable)}"
+
+
+def _ways(avoidable: float) -> str:
+    return "avoidable by a slower approach or by keeping aside" if avoidable > 0 else "hardly avoidable"
+
+
+def endings(run: Recorded, candidates: Sequence[Candidate]) -> Records:
+    """Roll candidates out: [C, S] endings, with the styles of `DRIVES` and then those of `CAREFUL`."""
+    found = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(Ending))
+    if candidates:
+        whats = np.array([c.what for c in candidates], dtype=dtype_of(WhatIf))
+        roll_out(whats, _STYLES, run.tracks, run.sizes, found)
+    return found
+
+
+def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
+    """Score candidates; those that hit an ego that stands, or that nobody avoids, have 0."""
+    rolled = endings(run, candidates)
+    count = len(DRIVES)
+    drives, careful = rolled[:, :count], rolled[:, count:]
+    touches = np.isfinite(drives["contact"])
+    fair = drives["struck"] & (drives["ego"] >= STANDS_MPS)
+    hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
+    hits[(touches & (drives["ego"] < STANDS_MPS)).any(axis=1)] = 0.0
+    avoided = ~np.isfinite(careful["contact"])
+    hit, avoidable = hits.mean(axis=1), 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
+    return [
+        _one(candidates[k], float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]), careful[k, 0])
+        for k in range(len(candidates))
+    ]
+
+
+def _one(candidate: Candidate, hit: float, avoidable: float, drives: Records, brakes: bool, early: Records) -> Scored:
+    nearest = drives[int(np.argmin(drives["gap"]))]
+    braking_s = float(early["brakes"]) if brakes and math.isfinite(early["brakes"]) else None
+    return Scored(candidate, hit * avoidable, hit, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]))
+
+
+def search(
+    run: Recorded, actors: Sequence[int], first: int, last: int, frame: int, rng: Generator,
+    settings: CarefulSettings | None = None,
+) -> list[Scored]:  # fmt: skip
+    """Return the scored candidates of some actors in a window of a run, best first; none without a score."""
+    s = settings or CarefulSettings()
+    behaviours = Behaviours(run, first, last, frame, s, rng)
+    candidates = [c for actor in actors if _near(run, actor, first, last, s.reach_m) for c in behaviours.of(actor)]
+    candidates = [c for c in candidates if c.kind is not Kind.SWERVES or not _ego_stands(run, c)]
+    return sorted((s for s in scored(run, candidates) if s.score > 0), key=lambda s: -s.score)
+
+
+def _near(run: Recorded, actor: int, first: int, last: int, reach_m: float) -> bool:
+    if not run.there[actor, first]:
+        return False
+    apart: FloatArray = run.tracks[actor, first : last + 1, :2] - run.tracks[0, first : last + 1, :2]
+    return bool(np.hypot(*apart.T).min() <= reach_m)
+
+
+def _ego_stands(run: Recorded, candidate: Candidate) -> bool:
+    """Say whether the ego stands at any time at which a swerving actor may come to it."""
+    at = candidate.what.first + round((candidate.at_s or 0.0) / STEP_S)
+    until = at + round(3.0 / STEP_S)
+    return bool((run.trace.states[at : until + 1, 0, 3] < STANDS_MPS).any())

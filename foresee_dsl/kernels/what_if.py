@@ -1,0 +1,344 @@
+"""What if one actor behaved otherwise: kinematic roll-outs of a recorded run with one changed actor, compiled.
+
+A roll-out moves the changed actor along its own recorded track, at other times and somewhat beside it, and the ego
+along its recorded path, slower where it reacts or approaches more carefully. Everybody else does what was recorded. It
+says in microseconds which of hundreds of changes are worth a simulation, not how they end.
+
+The ego predicts the changed actor with the velocity that it has, and brakes when the prediction is in its way; how soon
+it does so and how hard is a `Style`.
+"""
+
+from __future__ import annotations
+
+from math import cos, exp, hypot, inf, sin
+from typing import NamedTuple
+
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.bicycle import Record
+from foresee_dsl.kernels.boxes import Box, apart, overlap
+from foresee_dsl.kernels.compiling import CUBE, TABLE, compiled, inner
+from foresee_dsl.kernels.records import array_of
+
+STEP_S = 0.1
+"""A step of the roll-out. Ours: in it walkers move by a hand's breadth; half the time of single frames."""
+FRAMES = 2.0
+"""Recorded frames a step."""
+STANDS_MPS = 0.5
+"""An actor that is slower than this is taken as this fast where braking is worked out. Ours: a walker's slowest
+steps."""
+SLACK_M = 0.3
+"""So much wider than its body is the corridor that the ego keeps free. Ours: what is left beside people who stand."""
+LOOKS = 4
+"""At so many moments up to a style's horizon the ego compares where both will be. Ours: at 10 m/s and 2 s they are
+5 m apart, about a car's length."""
+BEFORE_M = 1.0
+"""The ego keeps so much free before and behind it. Ours."""
+RECOVERS_S = 1.0
+"""How fast a steered vehicle takes back an error of its heading (as `derive.operators.steer`)."""
+GAINS_MPS2 = 1.5
+"""How an actor or the ego takes up its recorded pace again. Ours: unhurried."""
+SIDEWAYS_S = 1.5
+"""The ego has moved aside after this time. Ours: 0.8 m at half a metre a second."""
+RELEASES_S = 0.5
+"""So long the ego goes on braking after its way is free. Ours: a moment's doubt."""
+MISSES_M = 3.0
+"""A change that misses the ego by more than this is of no use, however it drives. Ours: about a lane's width."""
+LANE_SHARE = 0.25
+"""An actor moves sideways at most with this share of its speed (`kernels.sumo_traffic.SIDEWAYS_SHARE`)."""
+
+
+class WhatIf(NamedTuple):
+    """One actor with one changed behaviour; what does not change has the neutral value.
+
+    Attributes:
+        actor: its column. first, last: the frames of the window.
+        delay: it stands that much longer at the beginning, s (0). ahead: its head start, m (0). pace: ratio of its
+            speed along its track (1).
+        brakes_at, brakes_for: since the window's beginning, s; braking: m/s^2 (0).
+        left: how far beside its track it goes, m (0), from left_at for left_for (s) at left_rate (m/s).
+        turn: what is added to its heading by each metre of way, rad/m (0), from turn_at for turn_for (s).
+        goes_at: from here it drives on with up to `cruise` (m/s), whatever made it stand in the recorded run (inf).
+        length, width: of its footprint, m.
+    """
+
+    actor: int
+    first: int
+    last: int
+    delay: float
+    ahead: float
+    pace: float
+    brakes_at: float
+    brakes_for: float
+    braking: float
+    left: float
+    left_at: float
+    left_for: float
+    left_rate: float
+    turn: float
+    turn_at: float
+    turn_for: float
+    goes_at: float
+    cruise: float
+    length: float
+    width: float
+
+
+class Style(NamedTuple):
+    """How an ego drives the recorded path.
+
+    Attributes:
+        delay: from the moment that the prediction is in its way to the braking, s. horizon: how far ahead it predicts,
+            s. braking: m/s^2. pace: ratio of the recorded speed, from the window's beginning. aside: how far it moves
+            to the left (negative: right), m. room: how much more it keeps free on either side, m.
+    """
+
+    delay: float
+    horizon: float
+    braking: float
+    pace: float
+    aside: float
+    room: float
+
+
+class Ending(NamedTuple):
+    """How one roll-out ends.
+
+    Attributes:
+        contact: s since the window's beginning, inf for none. gap: the smallest, m. at: when it was smallest, s.
+        ego: the ego's speed then, m/s. brakes: when the ego first braked for the actor, s, inf for never.
+        struck: whether the other was in front of the ego's middle then, or slower than it.
+    """
+
+    contact: float
+    gap: float
+    at: float
+    ego: float
+    brakes: float
+    struck: bool
+
+
+class _Moves(NamedTuple):
+    """Where a changed actor is: its clock (frames of its track), its share of the recorded pace, how far it is to the
+    left of its track (m), how far it is turned from it (rad)."""
+
+    clock: float
+    share: float
+    left: float
+    turned: float
+
+
+WHAT_IFS, STYLES, ENDINGS = array_of(WhatIf), array_of(Style), array_of(Ending, 2)
+
+
+@inner
+def _pose(track: FloatArray, clock: float) -> tuple[float, float, float]:
+    """Return x, y and heading of a track at a frame that may lie between two; straight on beyond its end."""
+    last = track.shape[0] - 1
+    if clock >= last:
+        x, y, heading, step = track[last]
+        way = (clock - last) * step
+        return x + way * cos(heading), y + way * sin(heading), heading
+    k = max(int(clock), 0)
+    share, a, b = clock - k, track[k], track[k + 1]
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+
+
+@inner
+def _mps(track: FloatArray, clock: float) -> float:
+    """Return the recorded speed at a clock, m/s."""
+    k = min(max(int(clock), 0), track.shape[0] - 1)
+    return float(track[k, 3] * FRAMES / STEP_S)
+
+
+@inner
+def _advanced(track: FloatArray, clock: float, way: float) -> float:
+    """Return the clock at which a track has come `way` metres further; it does not wait where the track stood."""
+    last = track.shape[0] - 1
+    while way > 0.0 and clock < last:
+        k = int(clock)
+        step = hypot(track[k + 1, 0] - track[k, 0], track[k + 1, 1] - track[k, 1])
+        rest = step * (k + 1 - clock)
+        if rest > way:
+            return clock + way / step
+        way -= rest
+        clock = k + 1.0
+    step = track[last, 3]
+    return clock + way / step if way > 0.0 and step > 0.0 else clock
+
+
+@inner
+def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves:
+    """Return where the changed actor is a step later; `since`: from the window's beginning to now, s."""
+    share, before = now.share, max(_mps(track, now.clock), STANDS_MPS)
+    braked = what["braking"] > 0.0 and since >= what["brakes_at"]
+    if since < what["delay"]:
+        share = 0.0
+    elif braked and since < what["brakes_at"] + what["brakes_for"]:
+        share = max(0.0, share - what["braking"] * STEP_S / before)
+    elif braked or what["delay"] > 0.0:
+        share = min(what["pace"], share + GAINS_MPS2 * STEP_S / before)
+    clock = now.clock + share * FRAMES
+    if since >= what["goes_at"]:
+        onset = _mps(track, what["first"] + what["goes_at"] / STEP_S * FRAMES)
+        speed = min(onset + GAINS_MPS2 * (since - what["goes_at"]), max(what["cruise"], onset))
+        clock = _advanced(track, now.clock, speed * STEP_S)
+    x, y, _ = _pose(track, now.clock)
+    to_x, to_y, _ = _pose(track, clock)
+    way = hypot(to_x - x, to_y - y)
+    left, turned = now.left, now.turned
+    if what["turn_at"] <= since < what["turn_at"] + what["turn_for"]:
+        turned += what["turn"] * way
+    else:
+        turned *= exp(-STEP_S / RECOVERS_S)
+    if what["left"] != 0.0 and since >= what["left_at"]:
+        wanted = 0.0 if since >= what["left_at"] + what["left_for"] else what["left"]
+        most = min(what["left_rate"] * STEP_S, LANE_SHARE * way)
+        left += max(-most, min(most, wanted - left))
+    return _Moves(clock, share, left + way * sin(turned), turned)
+
+
+@inner
+def _placed(track: FloatArray, at: _Moves) -> tuple[float, float, float]:
+    """Return x, y and heading of an actor beside its track."""
+    x, y, heading = _pose(track, at.clock)
+    return x - at.left * sin(heading), y + at.left * cos(heading), heading + at.turned
+
+
+@inner
+def _hidden(
+    x: float, y: float, to_x: float, to_y: float, actor: int, tracks: FloatArray, frame: int, sizes: FloatArray
+) -> bool:
+    """Say whether another body, at least as high as an actor, stands between the ego and that actor's middle.
+
+    The line is looked at in nine places around where it comes nearest to the body's middle.
+    """
+    dx, dy = to_x - x, to_y - y
+    squared = max(dx * dx + dy * dy, 1e-9)
+    for k in range(1, sizes.shape[0]):
+        if k == actor or sizes[k, 2] < sizes[actor, 2]:
+            continue
+        bx, by = tracks[k, frame, 0] - x, tracks[k, frame, 1] - y
+        share = (bx * dx + by * dy) / squared
+        radius = hypot(sizes[k, 0], sizes[k, 1]) / 2
+        # Written so that the NaN of somebody absent does not pass.
+        if not (hypot(bx - share * dx, by - share * dy) < radius and 0.0 < share < 1.0):
+            continue
+        body = Box(bx, by, tracks[k, frame, 2], sizes[k, 0], sizes[k, 1])
+        for part in range(-4, 5):
+            at = share + part * radius / 4 / squared**0.5
+            if 0.0 < at < 1.0 and overlap(Box(at * dx, at * dy, 0.0, 0.0, 0.0), body):
+                return True
+    return False
+
+
+@inner
+def _threatens(ego: FloatArray, clock: float, style: Record, size: tuple[float, float], other: Box, vx: float,
+               vy: float) -> bool:  # fmt: skip
+    """Say whether the other, at its present velocity, comes into the ego's way within the style's horizon."""
+    length, width = size[0] + 2 * BEFORE_M, size[1] + SLACK_M + 2 * style["room"]
+    reach = (hypot(length, width) + hypot(other.length, other.width)) / 2
+    for look in range(1, LOOKS + 1):
+        later = style["horizon"] * look / LOOKS
+        x, y, heading = _pose(ego, clock + style["pace"] * later / STEP_S * FRAMES)
+        ox, oy = other.x + vx * later, other.y + vy * later
+        if hypot(ox - x, oy - y) <= reach:
+            then = Box(ox, oy, other.heading, other.length, other.width)
+            if overlap(Box(x, y, heading, length, width), then):
+                return True
+    return False
+
+
+@inner
+def _runs_into(box: Box, actor: int, tracks: FloatArray, frame: int, sizes: FloatArray) -> bool:
+    """Say whether the ego touches somebody else who is in front of its middle."""
+    c, s = cos(box.heading), sin(box.heading)
+    own = hypot(box.length, box.width) / 2
+    for k in range(1, sizes.shape[0]):
+        x, y, heading, _ = tracks[k, frame]
+        dx, dy = x - box.x, y - box.y
+        reach = own + (sizes[k, 0] + sizes[k, 1]) / 2
+        # Written so that the NaN of somebody absent does not pass.
+        if k == actor or not dx * dx + dy * dy <= reach * reach or dx * c + dy * s < 0.0:
+            continue
+        if overlap(box, Box(x, y, heading, sizes[k, 0], sizes[k, 1])):
+            return True
+    return False
+
+
+@inner
+def _towards(now: float, wanted: float, most: float) -> float:
+    return now + max(-most, min(most, wanted - now))
+
+
+@inner
+def _rolled(what: Record, style: Record, tracks: FloatArray, sizes: FloatArray, ending: Record) -> None:
+    """Roll one change out with one style of driving, and write how it ends."""
+    ego, track, actor = tracks[0], tracks[what["actor"]], what["actor"]
+    size = (sizes[0, 0], sizes[0, 1])
+    at = _Moves(_advanced(track, float(what["first"]), what["ahead"]), what["pace"], 0.0, 0.0)
+    clock, share, aside = float(what["first"]), style["pace"], 0.0
+    threatened, braking_until = inf, -inf
+    ending["contact"], ending["gap"], ending["at"], ending["ego"] = inf, inf, 0.0, 0.0
+    ending["brakes"], ending["struck"] = inf, False
+    # Its velocity at the first moment: that of the recorded run, bar for one that is to stand.
+    moved = _Moves(at.clock - (0.0 if what["delay"] > 0.0 else at.share * FRAMES), at.share, 0.0, 0.0)
+    ox, oy, oh = _placed(track, moved)
+    for step in range(int((what["last"] - what["first"]) / FRAMES) + 1):
+        since = step * STEP_S
+        frame = min(int(what["first"] + step * FRAMES), tracks.shape[1] - 1)
+        x, y, heading = _pose(ego, clock)
+        x, y = x - aside * sin(heading), y + aside * cos(heading)
+        was_x, was_y = ox, oy
+        ox, oy, oh = _placed(track, at)
+        vx, vy = (ox - was_x) / STEP_S, (oy - was_y) / STEP_S
+        speed = _mps(ego, clock) * share
+        box = Box(x, y, heading, size[0], size[1])
+        other = Box(ox, oy, oh, what["length"], what["width"])
+        if hypot(ox - x, oy - y) - (hypot(size[0], size[1]) + hypot(other.length, other.width)) / 2 < ending["gap"]:
+            gap = apart(box, other)
+            if gap < ending["gap"]:
+                ahead = (ox - x) * cos(heading) + (oy - y) * sin(heading)
+                ending["gap"], ending["at"], ending["ego"] = gap, since, speed
+                ending["struck"] = ahead > 0.0 or speed > hypot(vx, vy)
+            if gap == 0.0:
+                ending["contact"] = since
+                return
+        if (style["pace"] != 1.0 or style["aside"] != 0.0) and _runs_into(box, actor, tracks, frame, sizes):
+            ending["contact"], ending["gap"], ending["at"], ending["ego"] = since, 0.0, since, speed
+            ending["struck"] = True
+            return
+        if _threatens(ego, clock, style, size, other, vx, vy) and not _hidden(
+            x, y, ox, oy, actor, tracks, frame, sizes
+        ):
+            threatened = min(threatened, since)
+            if since >= threatened + style["delay"] - 1e-9:
+                braking_until = since + RELEASES_S
+                ending["brakes"] = min(ending["brakes"], since)
+        elif since > braking_until:
+            threatened = inf
+        before = max(_mps(ego, clock), STANDS_MPS)
+        if since < braking_until:
+            share = max(0.0, share - style["braking"] * STEP_S / before)
+        else:
+            share = min(style["pace"], share + GAINS_MPS2 * STEP_S / before)
+        clock += share * FRAMES
+        aside = _towards(aside, style["aside"], abs(style["aside"]) * STEP_S / SIDEWAYS_S)
+        at = _acted(what, track, at, since)
+
+
+@compiled(WHAT_IFS, STYLES, CUBE, TABLE, ENDINGS)
+def roll_out(whats: Records, styles: Records, tracks: FloatArray, sizes: FloatArray, endings: Records) -> None:
+    """Roll every change out with every style of driving.
+
+    Args:
+        tracks: [A, T, 4] x, y (m), heading (rad, continuous), way from the frame to the next (m); the ego first. NaN
+            before an actor is there; after it has left, straight on.
+        sizes: [A, 3] length, width, height, m.
+        endings: [C, S] is written. A change that misses the first style by far is not rolled out with the others.
+    """
+    for w in range(whats.size):
+        for s in range(styles.size):
+            if s > 0 and endings[w, 0]["gap"] > MISSES_M:
+                endings[w, s] = endings[w, 0]
+            else:
+                _rolled(whats[w], styles[s], tracks, sizes, endings[w, s])
