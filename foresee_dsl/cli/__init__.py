@@ -45,6 +45,7 @@ COMMANDS = (
     ("Campaign", "assess", "campaigns.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
+    ("Campaign", "study", "study.study"),
     ("Campaign", "review", "minimise.review"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "keep", "keep.keep"),

@@ -39,6 +39,8 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
+from foresee_dsl.study.running import Planned
+from foresee_dsl.study.tables.table import Table
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RUN = {
@@ -92,6 +94,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "file": str, "scenario": str, "cases": [_CASE], "distinct": int,
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},
     },
+    "study": ({"tables": list[Table]}, {"questions": list[Planned]}),
     "store": (Statistics, {"new": int, "known": int}, Swept, {"rows": int, "file": str}),
     "verify": {"ok": bool, "counts": dict[Status, int], "written": list[str], "tests": list[Recheck]},
 })  # fmt: skip

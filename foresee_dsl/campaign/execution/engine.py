@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, RunOptions, Update
@@ -71,23 +72,51 @@ def run_campaign(
     stages = Stages(cases, settings, store, out, options.shard)
     folder = CampaignFolder(out)
     with folder.working() as work:
-        run = _Run(stages, store, CaseFiles(work / "cases"), listeners, options, started)
-        broken, stopped = run.until_done()
+        ran = run_missing(stages, work=work, store=store, listeners=listeners, options=options)
         found = assemble(stages, out)
         wall_s = time.monotonic() - started
-        result = CampaignResult(settings, found.seeds, found.clips, wall_s, stopped, tuple(sorted(broken)),
-                                found.minimised)  # fmt: skip
+        result = CampaignResult(settings, found.seeds, found.clips, wall_s, ran.stopped, ran.broken, found.minimised)
         folder.publish(result, found.traces, store.blobs)
     return result
+
+
+class Ran(NamedTuple):
+    """How a campaign's runs went. `broken`: what could not be done, sorted. `stopped`: before the end."""
+
+    broken: tuple[str, ...]
+    stopped: bool
+
+
+def run_missing(
+    stages: Stages,
+    *,
+    work: Path,
+    store: Store,
+    listeners: Sequence[Listener] = (),
+    options: RunOptions = RunOptions(),  # noqa: B008 - immutable
+    minimise: bool = True,
+) -> Ran:
+    """Run those steps of a campaign that the store does not have, and write no folder.
+
+    Args:
+        stages: its steps; its test cases are possible on their networks.
+        work: a folder for the files that workers read; the caller removes it.
+        minimise: whether the findings' representatives are made smaller at the end.
+
+    Raises:
+        StoreError: the store cannot be written any more; what was finished is in it.
+    """
+    run = _Run(stages, store, CaseFiles(work / "cases"), listeners, options)
+    broken, stopped = run.until_done(minimise=minimise)
+    return Ran(tuple(sorted(broken)), stopped)
 
 
 class _Run:
     """What is under way in a campaign."""
 
     def __init__(
-        self, stages: Stages, store: Store, files: CaseFiles, listeners: Sequence[Listener], options: RunOptions,
-        started_s: float,
-    ) -> None:  # fmt: skip
+        self, stages: Stages, store: Store, files: CaseFiles, listeners: Sequence[Listener], options: RunOptions
+    ) -> None:
         self._stages, self._store, self._files = stages, store, files
         self._listeners, self._options = listeners, options
         self._executor: Executor | None = None
@@ -99,18 +128,18 @@ class _Run:
         """Keys that tasks under way may give, and how many of these tasks."""
         self._broken: list[str] = []
         budget_s = options.limits.budget_s
-        self._ends_s = math.inf if budget_s is None else started_s + budget_s
+        self._ends_s = math.inf if budget_s is None else time.monotonic() + budget_s
         self._stopped_early = False
         """Whether it was stopped while it looked at what there is to do."""
 
-    def until_done(self) -> tuple[list[str], bool]:
+    def until_done(self, *, minimise: bool) -> tuple[list[str], bool]:
         """Run what is missing; return what could not be done, and whether it was stopped before the end."""
         if self._options.retry:
             self._store.execute("DELETE FROM runs WHERE broken = 1")
         try:
             self._run_through(self._stages.seeds)
             # What is a finding is known once all children are.
-            if not self._stopped:
+            if minimise and not self._stopped:
                 self._run_through(choose_representatives(self._stages))
             return self._broken, self._stopped
         finally:

@@ -1,0 +1,203 @@
+"""What a study keeps of one campaign: a few words for each run, small enough to be carried from machine to machine.
+
+The store has everything, for this version of the tool; from these files tables and figures can be made again later.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from foresee_dsl.errors import ForeseeError
+from foresee_dsl.files import write_whole
+from foresee_dsl.simulate.results.verdict import Verdict
+
+SCHEMA = 1
+
+
+class Counted(StrEnum):
+    """What is counted, each of the one before: raw failures, stories, stories that somebody avoids."""
+
+    COLLISIONS = "collisions"
+    FINDINGS = "findings"
+    AVOIDABLE = "avoidable findings"
+
+
+class Child(NamedTuple):
+    """A mutated clip as it was run.
+
+    `story`: of a failure, what is the same in equal stories of its family, as a hash. `avoidable`: whether a careful
+    driver would have avoided it, or a reference driver does, who passes the unmutated clip as well.
+    """
+
+    verdict: Verdict
+    simulated_s: float
+    wall_s: float
+    story: str = ""
+    avoidable: bool = False
+
+
+@dataclass(frozen=True)
+class MeasuredClip:
+    """A clip, run unmutated, and its children. `position`: 0 for the first of its test case, by rank."""
+
+    position: int
+    verdict: Verdict
+    simulated_s: float
+    wall_s: float
+    children: tuple[Child, ...] = ()
+
+
+@dataclass(frozen=True)
+class MeasuredCase:
+    """A test case as it was run, and its clips, which it has only where it passed."""
+
+    name: str
+    family: str
+    verdict: Verdict
+    simulated_s: float
+    wall_s: float
+    story: str = ""
+    clips: tuple[MeasuredClip, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether it is usable: the paper, too, leaves out those that fail unmutated."""
+        return self.verdict is Verdict.PASS
+
+    @property
+    def children(self) -> Iterator[Child]:
+        """The children of all clips."""
+        return (child for clip in self.clips for child in clip.children)
+
+    def count(self, what: Counted) -> int:
+        """Return how many collisions, findings or avoidable findings its children gave."""
+        return counted(self.children, what)
+
+    def first_points(self, count: int) -> MeasuredCase:
+        """Return what it would be with so many risky points at most."""
+        return replace(self, clips=tuple(clip for clip in self.clips if clip.position < count))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One campaign of a study.
+
+    Attributes:
+        group: the test cases: `bundled`, or the name of a town. driver, ranker, preset, before_s, after_s,
+            risky_points, children: as in its settings. repetition: from 0; seed: the campaign's.
+        tool: the version that ran it.
+    """
+
+    group: str
+    driver: str
+    ranker: str
+    preset: str
+    before_s: float
+    after_s: float
+    risky_points: int
+    children: int
+    repetition: int
+    seed: int
+    tool: str
+    cases: tuple[MeasuredCase, ...]
+
+    @property
+    def clip_s(self) -> float:
+        """The length of its clips."""
+        return self.before_s + self.after_s
+
+    @cached_property
+    def usable(self) -> tuple[MeasuredCase, ...]:
+        """The test cases that passed unmutated."""
+        return tuple(case for case in self.cases if case.passed)
+
+    def first_points(self, count: int) -> Measured:
+        """Return what the campaign would have given with so many risky points a test case at most.
+
+        The clips of fewer points are the first of those of more, and nothing else depends on their number.
+        """
+        return replace(self, risky_points=count, cases=tuple(case.first_points(count) for case in self.cases))
+
+    def only(self, names: Iterable[str] | None = None, family: str | None = None) -> Measured:
+        """Return it with some of its test cases."""
+        wanted = None if names is None else frozenset(names)
+        kept = (c for c in self.cases if (wanted is None or c.name in wanted) and family in (None, c.family))
+        return replace(self, cases=tuple(kept))
+
+    @property
+    def clips(self) -> int:
+        """The risky points that were studied."""
+        return sum(len(case.clips) for case in self.usable)
+
+    def count(self, what: Counted) -> int:
+        """Return how many collisions, findings or avoidable findings there are."""
+        return counted((child for case in self.usable for child in case.children), what)
+
+    def of_verdict(self, verdict: Verdict) -> int:
+        """Return how many children ended so."""
+        return sum(child.verdict is verdict for case in self.usable for child in case.children)
+
+    @property
+    def simulated_s(self) -> float:
+        """What clips and children simulated; the test cases' own runs are the same for every ranker, and left out."""
+        return sum(run.simulated_s for run in self._derived())
+
+    @property
+    def wall_s(self) -> float:
+        """The time of one core that they took."""
+        return sum(run.wall_s for run in self._derived())
+
+    def _derived(self) -> Iterator[MeasuredClip | Child]:
+        for case in self.usable:
+            for clip in case.clips:
+                yield clip
+                yield from clip.children
+
+
+def counted(children: Iterable[Child], what: Counted) -> int:
+    """Return how many collisions there are among runs, or how many different stories these have."""
+    collisions = [child for child in children if child.verdict.is_collision]
+    if what is Counted.COLLISIONS:
+        return len(collisions)
+    return len({child.story for child in collisions if what is Counted.FINDINGS or child.avoidable})
+
+
+def save(measured: Measured, file: Path) -> None:
+    """Write a campaign's file, a line for each test case."""
+    head = {"schema": SCHEMA, "document": "study campaign", **_adapter().dump_python(measured, mode="json")}
+    cases = ",\n".join(f"  {json.dumps(case, separators=(',', ':'))}" for case in head.pop("cases"))
+    own = json.dumps(head, indent=1)
+    write_whole(file, f'{own[:-2]},\n "cases": [\n{cases}\n ]\n}}\n')
+
+
+def load(file: Path) -> Measured:
+    """Read a campaign's file.
+
+    Raises:
+        ForeseeError: it is none, or another version's.
+    """
+    from pydantic import ValidationError
+
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+        if data.pop("schema", None) != SCHEMA or data.pop("document", None) != "study campaign":
+            raise ForeseeError(f"{file} is no campaign of a study that this version reads: run the study again")
+        measured: Measured = _adapter().validate_python(data, strict=False)
+    except (ValueError, ValidationError) as err:
+        raise ForeseeError(
+            f"{file} cannot be read ({type(err).__name__}): run the study again, its store has all"
+        ) from err
+    return measured
+
+
+@cache
+def _adapter() -> Any:  # noqa: ANN401 - pydantic's own
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(Measured)

@@ -1,0 +1,60 @@
+"""How large a difference is: Vargha and Delaney's A, Cohen's d, and Holm's correction of several p values."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+SIZES = ("negligible", "small", "medium", "large")
+_A_FROM = (0.56, 0.64, 0.71)
+"""From where on an A is small, medium, large (Vargha and Delaney 2000, table 1)."""
+_D_FROM = (0.2, 0.5, 0.8)
+"""From where on a d is small, medium, large (Cohen 1988, section 2.2)."""
+
+
+def a12(first: Sequence[float], second: Sequence[float]) -> float:
+    """Return the probability that a value of the first sample is larger than one of the second; ties count half.
+
+    Vargha and Delaney 2000; 0.5 where the samples are alike. NaN where one is empty.
+    """
+    from scipy.stats import rankdata
+
+    n, m = len(first), len(second)
+    if not n or not m:
+        return math.nan
+    ranks = rankdata([*first, *second])
+    return (float(ranks[:n].sum()) / n - (n + 1) / 2) / m
+
+
+def cohens_d(first: Sequence[float], second: Sequence[float]) -> float:
+    """Return the difference of the means in pooled standard deviations (Cohen 1988); NaN where that is undefined."""
+    n, m = len(first), len(second)
+    if n + m < 3 or not n or not m:
+        return math.nan
+    a, b = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
+    squares = ((a - a.mean()) ** 2).sum() + ((b - b.mean()) ** 2).sum()
+    pooled = math.sqrt(squares / (n + m - 2))
+    apart = float(a.mean() - b.mean())
+    return apart / pooled if pooled else (0.0 if not apart else math.nan)
+
+
+def a12_size(value: float) -> str:
+    """Return the size of an A in a word, whichever sample is larger."""
+    return "undefined" if math.isnan(value) else SIZES[bisect.bisect_right(_A_FROM, max(value, 1 - value))]
+
+
+def d_size(value: float) -> str:
+    """Return the size of a d in a word, whichever sample is larger."""
+    return "undefined" if math.isnan(value) else SIZES[bisect.bisect_right(_D_FROM, abs(value))]
+
+
+def holm(values: Sequence[float]) -> tuple[float, ...]:
+    """Return p values corrected for there being several of them (Holm 1979), in the same order."""
+    if not values:
+        return ()
+    from statsmodels.stats.multitest import multipletests
+
+    return tuple(float(p) for p in multipletests(values, method="holm")[1])
