@@ -11,7 +11,7 @@ from foresee_dsl.drivers.deadlines import Deadlines
 class CampaignSettings:
     """Settings of a campaign.
 
-    The defaults are the paper's best configuration (section 4.6, RQ1): clips of 10 s, four risky points a seed, four
+    The defaults are the paper's best configuration (section 4.5, RQ1): clips of 10 s, four risky points a seed, four
     children a risky point; the preset `focused` is ours. Several drivers or rankers are several settings: with one
     store they share the runs that they have in common.
 

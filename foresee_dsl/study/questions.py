@@ -12,7 +12,7 @@ from foresee_dsl.study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, SECOND_
 CLIPS_S = (6.0, 10.0)
 """Paper, section 4.4: o_b = o_a of 3 s and of 5 s."""
 CHOSEN_S = 10.0
-"""The length of clips of the best configuration (section 4.6, RQ1)."""
+"""The length of clips of the best configuration (section 4.5, RQ1)."""
 POINTS = (1, 2, 4)
 """n_rp (section 4.4)."""
 HEAVY_WEATHER = "heavy_weather"

@@ -8,8 +8,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from foresee_dsl.files import write_whole
+from foresee_dsl.study.beside import beside
+from foresee_dsl.study.figures import NoFiguresError, write_figures
 from foresee_dsl.study.folder import StudyFolder
 from foresee_dsl.study.halves import Half
+from foresee_dsl.study.page import write_page
 from foresee_dsl.study.results import Results
 from foresee_dsl.study.tables.effectiveness import effectiveness
 from foresee_dsl.study.tables.efficiency import efficiency
@@ -24,7 +27,7 @@ TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
 
 def tables_of(name: str, results: Results) -> tuple[Table, ...]:
     """Return the tables of a question that have rows."""
-    return tuple(table for table in TABLES[name](results) if table.rows)
+    return tuple(table for table in (beside(results, name), *TABLES[name](results)) if table.rows)
 
 
 def write_tables(tables: tuple[Table, ...], folder: StudyFolder) -> None:
@@ -50,7 +53,15 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
         ForeseeError: there is no study in the folder.
     """
     results = Results.of(folder, half)
-    tables = {name: tables_of(name, results) for name in TABLES}
+    tables = {name: found for name in TABLES if (found := tables_of(name, results))}
     for found in tables.values():
         write_tables(found, folder)
-    return Written({name: found for name, found in tables.items() if found}, page or folder.page)
+    notes: tuple[str, ...] = ()
+    figures: tuple[str, ...] = ()
+    try:
+        figures = write_figures(results, folder.figures)
+    except NoFiguresError as err:
+        notes = (str(err),)
+    page = page or folder.page
+    write_page(folder, results, tables, figures, page)
+    return Written(tables, page, notes)

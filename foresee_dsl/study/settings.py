@@ -22,7 +22,7 @@ EVERY_POINT = 1000
 """Risky points of `exhaustive`: more than any test case has."""
 POINTS = 4
 CHILDREN = 4
-"""n_rp and c of the paper's best configuration (section 4.6, RQ1)."""
+"""n_rp and c of the paper's best configuration (section 4.5, RQ1)."""
 SECOND_ITERATION = 1000
 """Ours: seeds of rq4's second iteration begin so much later, so that nothing is drawn again."""
 

@@ -12,7 +12,7 @@ from foresee_dsl.errors import ForeseeError
 from foresee_dsl.kernels.arrays import FloatArray, IntArray
 
 SIGNIFICANT = 0.05
-"""A smaller p is called more than chance (paper, section 4.6, RQ2)."""
+"""A smaller p is called more than chance (paper, section 4.5, RQ2)."""
 MOST_EXACT = 60
 """Values of both samples together up to which the rank-sum test is exact (ours: 60 take 20 ms, 120 a second); with
 more, the normal approximation with its correction for ties differs from it in the fourth digit."""

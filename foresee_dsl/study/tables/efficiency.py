@@ -79,8 +79,7 @@ def _areas(results: Results, clock: Clock) -> Table:
             theirs = results.of_campaign(driver, other)
             if other == "foresee" or not own or not theirs:
                 continue
-            found = compared_areas(own, theirs, clock)
-            later = compared_areas(own, theirs, clock, latest=True)
+            found, later = compared_areas(own, theirs, clock)
             read = [[_at(m, found.end_s, share, clock) for m in side] for share in SHARES for side in (own, theirs)]
             lines.append(
                 Row(f"against {other}", (

@@ -1,0 +1,118 @@
+"""The paper's figures beside ours, as a table, and in words where they differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from foresee_dsl.study.paper import A_CHILD, FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child
+from foresee_dsl.study.results import TOGETHER, Results
+from foresee_dsl.study.tables.table import Column, Row, Table, Value
+
+NEAR = 1.25
+"""Ours: figures within this factor of each other are called close."""
+
+
+def beside(results: Results, question: str) -> Table:
+    """Return the paper's figures of a question beside ours."""
+    drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
+    columns: list[Column] = []
+    for driver in drivers:
+        if driver in STANDS_FOR:
+            columns.append(Column("paper", (driver,)))
+        columns += [Column("ours", (driver,)), Column("95 %", (driver,))]
+    rows: list[Row] = []
+    for figure in (f for f in FIGURES if f.question == question):
+        values: list[Value] = []
+        for driver in drivers:
+            found = figure.ours(results, driver)
+            if driver in STANDS_FOR:
+                values.append(figure.values.get(driver))
+            values += [found.value if found else None, _ends(found)]
+        if any(value is not None for value in values):
+            rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))
+    names = "; ".join(f"{driver} stands for {STANDS_FOR[driver]}" for driver in drivers if driver in STANDS_FOR)
+    notes = (f"{names[0].upper()}{names[1:]}.",) if names else ()
+    return Table(f"{question}_paper", f"{question.upper()}: the paper's figures and ours", tuple(columns), tuple(rows),
+                 "figure", notes)  # fmt: skip
+
+
+def _behind(figure: PaperFigure) -> str:
+    """Return what stands behind a figure's words where these do not say its unit."""
+    return {Unit.SHARE: ", %", Unit.MORE: ", %", Unit.TIMES: ", times"}.get(figure.unit, "")
+
+
+def _ends(found: Ours | None) -> Value:
+    if found is None or found.interval is None or math.isnan(found.interval.low):
+        return None
+    return f"{_short(found.interval.low)} to {_short(found.interval.high)}"
+
+
+def _short(value: float) -> str:
+    digits = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2
+    return Column("", digits=digits).text(value)
+
+
+def in_words(results: Results, question: str) -> tuple[str, ...]:
+    """Return a sentence for each figure of a question that the paper has, too."""
+    return tuple(
+        sentence
+        for figure in FIGURES
+        if figure.question == question
+        for driver in (*results.drivers, TOGETHER)
+        if driver in figure.values and (driver != TOGETHER or len(results.drivers) > 1)
+        for sentence in _sentences(results, figure, driver)
+    )
+
+
+def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[str]:
+    found, paper = figure.ours(results, driver), figure.values[driver]
+    if found is None:
+        return
+    who = "all drivers together" if driver == TOGETHER else f"`{driver}`"
+    unit = {Unit.SHARE: " %", Unit.MORE: " %", Unit.TIMES: " times"}.get(figure.unit, "")
+    text = f"{figure.what[0].upper()}{figure.what[1:]}, {who}: {_short(found.value)}{unit}, " \
+           f"the paper's {STANDS_FOR[driver]} {_short(paper)}{unit}"  # fmt: skip
+    yield f"{text}. {_judged(found, paper, figure.unit)}{_why(results, figure, driver)}"
+
+
+def _judged(found: Ours, paper: float, unit: Unit) -> str:
+    inside = found.interval is not None and found.interval.low <= paper <= found.interval.high
+    neutral = unit.neutral
+    if inside:
+        judged = "The paper's value lies within our interval"
+    elif paper > 0 and found.value > 0 and 1 / NEAR <= found.value / paper <= NEAR:
+        judged = "The two are close"
+    else:
+        judged = f"Ours is {'larger' if found.value > paper else 'smaller'}"
+    if math.isnan(neutral):
+        return f"{judged}."
+    same = (found.value - neutral) * (paper - neutral) > 0
+    certain = found.interval is not None and not found.interval.low <= neutral <= found.interval.high
+    direction = "the direction is the same" if same else "the direction is the opposite"
+    if found.interval is None or math.isnan(found.interval.low):
+        return f"{judged}; {direction}."
+    return f"{judged}; {direction}, and {'it is more than chance' if certain else 'it may be chance'} by its interval."
+
+
+def _why(results: Results, figure: PaperFigure, driver: str) -> str:
+    """Say for a comparison with a ranker whose rate makes the difference to the paper's."""
+    if figure.question != "rq2" or figure.unit is not Unit.MORE:
+        return ""
+    other = figure.what.rpartition(" ")[2]
+    rates = [(a_child(results, driver, name), A_CHILD.get((driver, name))) for name in ("foresee", other)]
+    if any(ours is None or paper is None for ours, paper in rates):
+        return ""
+    (own, own_paper), (theirs, theirs_paper) = [(float(a or 0), float(b or 0)) for a, b in rates]
+    said = (
+        f" A child collides in {100 * own:.1f} % of foresee's runs (paper: {100 * own_paper:.1f} %) and in "
+        f"{100 * theirs:.1f} % of {other}'s (paper: {100 * theirs_paper:.1f} %)"
+    )
+    if not own or not theirs:
+        return f"{said}."
+    by_own, by_theirs = math.log(own / own_paper), math.log(theirs / theirs_paper)
+    if abs(by_own) > 2 * abs(by_theirs):
+        return f"{said}: the difference to the paper is mostly foresee's own rate."
+    if abs(by_theirs) > 2 * abs(by_own):
+        return f"{said}: the difference to the paper is mostly the rate of {other}."
+    return f"{said}: both rates differ from the paper's."
