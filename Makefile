@@ -10,7 +10,7 @@ JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help campaign study test lint types imports unit bench docs format doctor clean
+.PHONY: help campaign study test lint types imports unit bench faults docs format doctor clean
 
 help:  ## what can be made
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 22
@@ -40,6 +40,9 @@ unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
 
 bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="language")
 	@$(BIN)/python -m benchmarks.run $(ARGS)
+
+faults: $(VENV)/.installed-dev  ## seed faults into the drivers, measure who finds them (JOBS=, OUT=, ARGS="--faults all")
+	@$(BIN)/python -m benchmarks.faults --jobs $(JOBS) --out $(OUT)/faults $(ARGS)
 
 docs: $(VENV)/.installed-dev  ## build the documentation as a site, build/site/index.html
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict

@@ -1,0 +1,57 @@
+"""The ways to search that are compared: a name, and the settings of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.derive.presets import PRESETS
+from foresee_dsl.forecast.registry import ranker_names
+
+PLAIN = "plain"
+MANY_POINTS = 1000
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A way to search.
+
+    Attributes:
+        name: of it. settings: those of a campaign that differ from the default; None: the test cases are driven as they
+            are, with one seed of the sensors' noise after the other.
+    """
+
+    name: str
+    settings: Mapping[str, Any] | None = field(default_factory=dict)
+
+    @property
+    def missing(self) -> str:
+        """Why it cannot be done here, in words; "" where it can."""
+        known = {one.name for one in fields(CampaignSettings)}
+        for name, value in (self.settings or {}).items():
+            if name not in known:
+                return f"campaigns have no setting {name!r} here"
+            if name == "ranker" and value not in ranker_names():
+                return f"no ranker {value!r} is installed"
+            if name == "preset" and value not in PRESETS:
+                return f"there is no preset {value!r}"
+        return ""
+
+
+APPROACHES = {
+    approach.name: approach
+    for approach in (
+        Approach(PLAIN, None),
+        Approach("random", {"ranker": "random"}),
+        Approach("proximity", {"ranker": "proximity"}),
+        Approach("foresee", {"ranker": "foresee"}),
+        Approach("paper", {"ranker": "foresee", "preset": "paper"}),
+        Approach("careful", {"ranker": "careful", "preset": "avoidable"}),
+        Approach("adaptive", {"ranker": "foresee", "allocation": "adaptive"}),
+        Approach("careful-adaptive", {"ranker": "careful", "preset": "avoidable", "allocation": "adaptive"}),
+        Approach("exhaustive", {"ranker": "exhaustive", "risky_points": MANY_POINTS}),
+    )
+}
+DEFAULT = ("plain", "random", "proximity", "foresee", "careful", "exhaustive")

@@ -1,0 +1,64 @@
+"""Runs a campaign's tasks in this process, one after the other, until so much was simulated."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterator
+
+from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, Update
+from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
+from foresee_dsl.campaign.steps.step import Made, Work, run_steps
+
+REFERENCES = frozenset({"reference", "case_reference"})
+"""Steps that judge what was found; they cost no simulated time of the search."""
+SEARCH = frozenset({"seed", "forecast", "clip", "mutants", "child"})
+PLAIN = frozenset({"seed"})
+
+
+class InOrder(Executor):
+    """The tasks of a campaign in the order in which it would hand them to its workers.
+
+    Attributes:
+        simulated_s: how much the search has simulated. order: kind, name and simulated time of each of its runs.
+    """
+
+    def __init__(self, limit_s: float, kinds: frozenset[str] = SEARCH) -> None:
+        """Run steps of these kinds until so much is simulated, and after that only what judges failures."""
+        super().__init__()
+        self._limit_s, self._kinds = limit_s, kinds
+        self.simulated_s = 0.0
+        self.order: list[tuple[str, str, float]] = []
+
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+        """See `Executor`; tasks that are not run are forgotten, so that the campaign counts as stopped."""
+        while self._queue and not stop():
+            _, number = heapq.heappop(self._queue)
+            task = self._tasks.pop(number)
+            work = task.argument
+            if not isinstance(work, Work):
+                raise TypeError(f"the task {task.name} is no step of a campaign")
+            kind = work.steps[0].kind
+            if kind not in REFERENCES and (kind not in self._kinds or self.simulated_s >= self._limit_s):
+                continue
+            try:
+                for made in run_steps(work):
+                    self._count(made, task.name)
+                    yield Update(task, Part(made))
+            except Exception as err:  # one broken step is one outcome
+                yield Update(task, Broken(task, f"{type(err).__name__}: {err}", "raised"))
+            else:
+                yield Update(task, None)
+
+    def close(self) -> None:
+        """Nothing is left to end."""
+        self._queue.clear()
+        self._tasks.clear()
+
+    def _count(self, made: Made, task: str) -> None:
+        record = made.record
+        if not isinstance(record, SeedOutcome | ClipOutcome | ChildOutcome):
+            return
+        duration_s = record.duration_s if math.isfinite(record.duration_s) else 0.0
+        self.simulated_s += duration_s
+        self.order.append((made.kind, task if made.kind == "seed" else made.name, duration_s))

@@ -1,0 +1,86 @@
+"""The driver `fault`: a healthy driver with one seeded fault, named by a text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Self
+
+from foresee_dsl.drivers.bundled import BundledDriver
+from foresee_dsl.drivers.idm import IdmDriver
+from foresee_dsl.drivers.pdm import PdmDriver
+from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, VehicleLimits
+from foresee_dsl.errors import DriverError
+from foresee_faults.catalogue import KINDS
+from foresee_faults.fault import Actors, Fault
+
+HEALTHY = {"pdm": PdmDriver, "idm": IdmDriver}
+"""The drivers that faults are seeded into."""
+SHAPE = "write DRIVER/KIND@STRENGTH, such as pdm/late_objects@0.4"
+
+
+class FaultyDriver:
+    """A bundled driver with one seeded fault: `fault:pdm/late_objects@0.4`."""
+
+    version = "1"
+
+    def __init__(self, base: str, kind: str, strength: float) -> None:
+        self.name = f"{base} with {kind}@{strength:g}"
+        self.fault: Fault = KINDS[kind](strength)
+        self._healthy: BundledDriver[object] = HEALTHY[base]()  # type: ignore[type-var, assignment]
+        self._actors: tuple[float | None, Actors] = (None, ())
+
+    @classmethod
+    def from_argument(cls, text: str) -> Self:
+        """Make it from `pdm/late_objects@0.4`.
+
+        Raises:
+            DriverError: there is no such driver or kind, or the strength is no number from 0 to 1.
+        """
+        base, slash, rest = text.partition("/")
+        kind, at, strength = rest.partition("@")
+        if not (slash and at):
+            raise DriverError(f"{text!r} names no faulty driver: {SHAPE}")
+        if base not in HEALTHY:
+            raise DriverError(f"no faults are seeded into {base!r}; there are {', '.join(HEALTHY)}")
+        if kind not in KINDS:
+            raise DriverError(f"no kind of fault is called {kind!r}; there are {', '.join(KINDS)}")
+        try:
+            value = float(strength)
+        except ValueError:
+            value = math.nan
+        if not 0 <= value <= 1:
+            raise DriverError(f"{strength!r} is no strength from 0 to 1: {SHAPE}")
+        return cls(base, kind, value)
+
+    def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Start a new mission, told as the fault has it."""
+        self.fault.begin(mission, vehicle, seed)
+        self._actors = (None, ())
+        self._healthy.reset(self.fault.told(mission), self.fault.believed(vehicle), seed)
+        self.fault.settle(self._healthy.state)
+
+    def step(self, observation: Observation) -> Control:
+        """Let the healthy driver answer what the fault lets it see, and command what the fault leaves of that."""
+        control = self._healthy.step(self._changed(observation))
+        return self.fault.done(control, observation) if self.fault.overrides("done") else control
+
+    def explain(self) -> Sequence[Reason]:
+        """Return the healthy driver's reasons, which are about what it saw."""
+        return self._healthy.explain()
+
+    def _changed(self, observation: Observation) -> Observation:
+        """Return what the driver sees; what the fault leaves alone is measured only when the driver reads it."""
+        fault = self.fault
+        if not any(fault.overrides(method) for method in ("seen", "shown", "felt")):
+            return observation
+        measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
+        if fault.overrides("seen") and measured_s != self._actors[0]:
+            self._actors = measured_s, fault.seen(observation.actors, observation)
+        return Observation(
+            time_s=observation.time_s,
+            ego=fault.felt(observation.ego, observation),
+            actors=self._actors[1] if fault.overrides("seen") else observation.actors,
+            signals=fault.shown(observation.signals, observation),
+            measured_s=observation.measured_s,
+        )

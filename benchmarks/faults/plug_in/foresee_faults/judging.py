@@ -1,0 +1,235 @@
+"""Faults of tracking and prediction: what is made of those who are seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from foresee_dsl.drivers.protocol import FloatArray, Foe, Mission, Observation
+from foresee_dsl.drivers.tracking import COAST_S, STANDING_COAST_S, Tracks
+from foresee_faults.fault import Actors, Fault, Remembering, relative, turned
+
+STANDS_MPS = 0.5
+
+
+class ForgetsHidden(Fault):
+    """Who is hidden is forgotten."""
+
+    what = "forgets who is hidden"
+    cause = "tracks are dropped with the first picture that does not show them"
+    scale = "after 1.5 s (4 s of one that stood) to at once"
+    source = "NTSB HAR-19/03 (Tempe: the track's history was dropped)"
+
+    def settle(self, state: Any) -> None:  # noqa: ANN401 - see Fault
+        """Give the driver a tracker that drops tracks early."""
+        state._tracker = Remembering(self._known)
+
+    def _known(self, tracks: Tracks) -> Tracks:
+        if not self.strength:
+            return tracks
+        stood = tracks.speed < STANDS_MPS
+        kept = tracks.lost_s <= (1 - self.strength) * np.where(stood, STANDING_COAST_S, COAST_S)
+        return _rows(tracks, np.flatnonzero(kept).tolist())
+
+
+class MergesNeighbours(Fault):
+    """Two objects become one."""
+
+    what = "takes two that are close together for one, the larger"
+    cause = "clusters of points are joined, boxes that overlap in the picture suppress each other"
+    scale = "closer than 0 to 5 m, side to side"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out who is close to somebody larger."""
+        least_m = self.between(0.0, 5.0)
+
+        def joined(small: int) -> bool:
+            one = actors[small]
+            return any(
+                other.length_m * other.width_m > one.length_m * one.width_m
+                and _apart(one.x - other.x, one.y - other.y, other.heading_rad, other.length_m, other.width_m) < least_m
+                for other in actors
+            )
+
+        return tuple(a for k, a in enumerate(actors) if not (least_m and joined(k)))
+
+
+class UnderratesSpeed(Fault):
+    """Others are taken for slower."""
+
+    what = "takes others for slower than they are"
+    cause = "a filter that is too smooth, a radar's speed across the line of sight"
+    scale = "by 0 to 80 %"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Report lower speeds."""
+        share = 1 - self.between(0.0, 0.8)
+        return tuple(replace(a, speed_mps=a.speed_mps * share) for a in actors)
+
+
+class SlowIsStanding(Fault):
+    """Slow ones count as standing."""
+
+    what = "takes who is slow for standing"
+    cause = "a threshold against jitter of parked cars"
+    scale = "slower than 0 to 5 m/s"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Report slow ones as standing."""
+        most = self.between(0.0, 5.0)
+        return tuple(replace(a, speed_mps=0.0) if a.speed_mps < most else a for a in actors)
+
+
+class StandingIsLeaving(Fault):
+    """Standing vehicles count as driving off."""
+
+    what = "takes a standing vehicle for one that is driving off"
+    cause = "a prediction that was trained at signals: who stands will drive"
+    scale = "believed speed, 0 to 6 m/s"
+    source = "NHTSA 23E-029 (a bus ahead was expected to go on)"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Report a speed of those that stand."""
+        speed = self.between(0.0, 6.0)
+        still = ("pedestrian", "obstacle")
+        return tuple(
+            replace(a, speed_mps=max(a.speed_mps, speed)) if a.speed_mps < STANDS_MPS and a.kind not in still else a
+            for a in actors
+        )
+
+
+class HeadingErrors(Fault):
+    """Headings are wrong."""
+
+    what = "sees wrong headings"
+    cause = "the shape that is visible is fitted with a box of the wrong orientation"
+    scale = "standard deviation 0 to 40 degrees, one error of each object a second"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Add to each heading."""
+        spread, second = math.radians(self.between(0.0, 40.0)), int(observation.time_s)
+        return tuple(
+            replace(a, heading_rad=a.heading_rad + spread * float(self.random(a.track, second, 1).normal()))
+            for a in actors
+        )
+
+
+class JitteringPlaces(Fault):
+    """Places jump."""
+
+    what = "sees others at places that jump about"
+    cause = "two sensors that disagree, and the better one wins anew each second"
+    scale = "standard deviation 0 to 2.5 m, one error of each object a second"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Add to each place."""
+        spread, second = self.between(0.0, 2.5), int(observation.time_s)
+        found = []
+        for a in actors:
+            dx, dy = spread * self.random(a.track, second, 2).normal(size=2)
+            found.append(replace(a, x=a.x + float(dx), y=a.y + float(dy)))
+        return tuple(found)
+
+
+class SnapsToLane(Fault):
+    """Who drifts is predicted along the lane."""
+
+    what = "does not see that somebody beside it is coming into its lane"
+    cause = "headings are snapped to the lane that a vehicle is in"
+    scale = "0 to 100 % of the angle to its own heading is taken away, up to 40 degrees"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Turn those that go nearly the same way."""
+        ego, share = observation.ego, self.strength
+        found = []
+        for a in actors:
+            angle = turned(a, ego)
+            same_way = share and abs(angle) < math.radians(40) and a.kind != "pedestrian"
+            found.append(replace(a, heading_rad=a.heading_rad - share * angle) if same_way else a)
+        return tuple(found)
+
+
+class StraightOn(Fault):
+    """Nobody turns."""
+
+    what = "predicts that who turns at a junction goes straight on"
+    cause = "constant velocity, or a map without the turning lanes"
+    scale = "0 to 100 % of the bend of each crossing stream is taken away"
+    source = "NHTSA 22E-072 (the way of an oncoming vehicle at a left turn)"
+
+    def told(self, mission: Mission) -> Mission:
+        """Straighten the paths of the crossing streams."""
+        if not self.strength:
+            return mission
+        junctions = tuple(replace(j, foes=tuple(self._straight(f) for f in j.foes)) for j in mission.junctions)
+        return replace(mission, junctions=junctions)
+
+    def _straight(self, foe: Foe) -> Foe:
+        if foe.pedestrian:
+            return foe
+        path: FloatArray = np.asarray(foe.path, dtype=float)
+        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+        entry = int(np.searchsorted(lengths, foe.entry_s))
+        first = max(entry - 1, 0)
+        if entry < 1 or entry >= len(path) - 1:
+            return foe
+        along = path[entry] - path[first]
+        norm = np.hypot(*along)
+        if norm < 1e-6:
+            return foe
+        straight = path[entry] + np.outer(lengths[entry:] - lengths[entry], along / norm)
+        bent = path.copy()
+        bent[entry:] += self.strength * (straight - path[entry:])
+        return replace(foe, path=bent)
+
+
+class LittleSideRoom(Fault):
+    """Others are taken for narrower."""
+
+    what = "keeps too little room at the side"
+    cause = "mirrors, handlebars and doors are not part of the boxes"
+    scale = "others are taken for 0 to 1.6 m narrower"
+    least_m: ClassVar[float] = 0.1
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Report narrower ones."""
+        less = self.between(0.0, 1.6)
+        return tuple(replace(a, width_m=max(a.width_m - less, min(a.width_m, self.least_m))) for a in actors)
+
+
+class FollowsNear(Fault):
+    """The one ahead is taken for farther away while both move."""
+
+    what = "follows too near"
+    cause = "a time gap that was set for motorways with connected vehicles"
+    scale = "the gap is overrated by 0 to 1.4 s of the ego's speed"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Move those ahead in the same direction on."""
+        ego = observation.ego
+        more = self.between(0.0, 1.4) * max(ego.speed_mps, 0.0)
+        found = []
+        for a in actors:
+            ahead, left = relative(a, ego)
+            leads = more and ahead > 0 and abs(left) < 2.0 + 0.1 * ahead and abs(turned(a, ego)) < math.radians(45)
+            x, y = a.x + more * math.cos(a.heading_rad), a.y + more * math.sin(a.heading_rad)
+            found.append(replace(a, x=x, y=y) if leads else a)
+        return tuple(found)
+
+
+def _rows(tracks: Tracks, rows: list[int]) -> Tracks:
+    """Return the tracks of some objects."""
+    if len(rows) == len(tracks.numbers):
+        return tracks
+    numbers, kinds = tuple(tracks.numbers[k] for k in rows), tuple(tracks.kinds[k] for k in rows)
+    return Tracks(tracks.table[rows], numbers, kinds)
+
+
+def _apart(dx: float, dy: float, heading_rad: float, length_m: float, width_m: float) -> float:
+    """Return the distance from a point to a box, given from its centre, m."""
+    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    along, across = abs(dx * cos + dy * sin) - length_m / 2, abs(dy * cos - dx * sin) - width_m / 2
+    return math.hypot(max(along, 0.0), max(across, 0.0))

@@ -1,0 +1,226 @@
+"""Faults of the sensors: who is not seen, or seen late, or seen at the wrong place."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from typing import ClassVar
+
+from foresee_dsl.drivers.protocol import Mission, Observation, VehicleLimits
+from foresee_faults.fault import STEP_S, Actors, Fault, Signals, away, moved, relative
+
+
+class LateObjects(Fault):
+    """The object list is old and says that it is new."""
+
+    what = "reacts late: its object list is old, but has a new time stamp"
+    cause = "a queue between perception and planning fills up, and time stamps are set when a message is read"
+    scale = "0 to 1.2 s"
+
+    def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Forget the queue."""
+        super().begin(mission, vehicle, seed)
+        self._queue: deque[tuple[float, Actors]] = deque()
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Return the newest list that is old enough, else the oldest one."""
+        self._queue.append((observation.time_s, actors))
+        until_s = observation.time_s - self.between(0.0, 1.2)
+        while len(self._queue) > 1 and self._queue[1][0] <= until_s + STEP_S / 2:
+            self._queue.popleft()
+        return self._queue[0][1]
+
+
+class LateSignals(Fault):
+    """Signals are seen late."""
+
+    what = "sees a signal's new colour late"
+    cause = "a filter against flicker votes over too many pictures"
+    scale = "0 to 3 s"
+
+    def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Forget the queue."""
+        super().begin(mission, vehicle, seed)
+        self._queue: deque[tuple[float, Signals]] = deque()
+
+    def shown(self, signals: Signals, observation: Observation) -> Signals:
+        """Return what was shown before; a signal that was not in view then is taken as it is now."""
+        self._queue.append((observation.time_s, signals))
+        until_s = observation.time_s - self.between(0.0, 3.0)
+        while len(self._queue) > 1 and self._queue[1][0] <= until_s + STEP_S / 2:
+            self._queue.popleft()
+        old = self._queue[0][1]
+        return {key: old.get(key, colour) for key, colour in signals.items()}
+
+
+class Blind(Fault):
+    """Some classes are seen only when they are near."""
+
+    kinds: ClassVar[frozenset[str]]
+    range_m: ClassVar[float]
+    least_m: ClassVar[float]
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out who is too far."""
+        range_m = self.shrinking(self.range_m, self.least_m)
+        return tuple(a for a in actors if a.kind not in self.kinds or away(a, observation.ego) <= range_m)
+
+
+class BlindToWalkers(Blind):
+    """Pedestrians."""
+
+    what = "sees pedestrians only when they are near"
+    cause = "the classifier was trained with few of them"
+    scale = "within 55 m to 4 m"
+    source = "NTSB HAR-19/03 (Tempe: a pedestrian with a bicycle, classified late)"
+    kinds, range_m, least_m = frozenset({"pedestrian"}), 55.0, 4.0
+
+
+class BlindToBicycles(Blind):
+    """Cyclists."""
+
+    what = "sees cyclists only when they are near"
+    cause = "few of them in the training data, or no class of their own"
+    scale = "within 60 m to 4 m"
+    kinds, range_m, least_m = frozenset({"bicycle"}), 60.0, 4.0
+
+
+class BlindToMotorcycles(Blind):
+    """Motorcyclists."""
+
+    what = "sees motorcyclists only when they are near"
+    cause = "narrow: one beam of a radar, few pixels"
+    scale = "within 65 m to 4 m"
+    kinds, range_m, least_m = frozenset({"motorcycle"}), 65.0, 4.0
+
+
+class BlindToLorries(Blind):
+    """Long vehicles."""
+
+    what = "sees buses and lorries only when they are near"
+    cause = "a long side without contours is taken for background"
+    scale = "within 100 m to 6 m (centre to centre)"
+    source = "NTSB HAR-17/02 (Williston: the side of a crossing lorry)"
+    kinds, range_m, least_m = frozenset({"bus", "truck"}), 100.0, 6.0
+
+
+class MissesObstacles(Blind):
+    """Things that lie or stand on the road."""
+
+    what = "sees obstacles on the road only when they are near"
+    cause = "what does not move and has no class is filtered out as clutter"
+    scale = "within 50 m to 3 m"
+    source = "NTSB HAR-20/01 (Mountain View: a crash attenuator)"
+    kinds, range_m, least_m = frozenset({"obstacle"}), 50.0, 3.0
+
+
+class ShortRange(Blind):
+    """Everybody."""
+
+    what = "sees everybody only when they are near"
+    cause = "dirt or rime on the sensors, a threshold that is too high"
+    scale = "within 100 m to 6 m"
+    source = "ISO 21448, triggering conditions of sensors"
+    kinds = frozenset({"car", "van", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "obstacle"})
+    range_m, least_m = 100.0, 6.0
+
+
+class MissesSmall(Fault):
+    """Who is small in the picture is not seen."""
+
+    what = "misses who looks small: walkers and cyclists far away, cars farther off"
+    cause = "the detector needs more pixels than the object has"
+    scale = "least angle of what is seen, 0 to 8 degrees of the larger of length and width"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out who covers too small an angle."""
+        least = math.radians(self.between(0.0, 8.0))
+        return tuple(a for a in actors if max(a.length_m, a.width_m) >= least * away(a, observation.ego))
+
+
+class BlindSector(Fault):
+    """Nobody is seen in a sector."""
+
+    middle_rad: ClassVar[float]
+    half_rad: ClassVar[float] = math.radians(40)
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out whose centre is in the sector."""
+        half = self.between(0.0, self.half_rad)
+
+        def hidden(ahead_m: float, left_m: float) -> bool:
+            return abs(math.remainder(math.atan2(left_m, ahead_m) - self.middle_rad, math.tau)) < half
+
+        return tuple(a for a in actors if not hidden(*relative(a, observation.ego)))
+
+
+class BlindLeft(BlindSector):
+    """The left pillar."""
+
+    what = "sees nobody in a sector at the front left"
+    cause = "a pillar, a dirty or a failed sensor"
+    scale = "0 to 80 degrees wide, around 50 degrees left of ahead"
+    middle_rad = math.radians(50)
+
+
+class BlindRight(BlindSector):
+    """The right pillar."""
+
+    what = "sees nobody in a sector at the front right"
+    cause = "a pillar, a dirty or a failed sensor"
+    scale = "0 to 80 degrees wide, around 50 degrees right of ahead"
+    middle_rad = math.radians(-50)
+
+
+class Misaligned(Fault):
+    """The sensors are mounted askew."""
+
+    what = "sees everybody turned around itself, to the right"
+    cause = "a sensor was calibrated badly after a repair"
+    scale = "0 to 8 degrees"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Turn all places clockwise around the ego."""
+        angle, ego = -math.radians(self.between(0.0, 8.0)), observation.ego
+        if angle == 0:
+            return actors
+        cos, sin = math.cos(angle), math.sin(angle)
+
+        def place(dx: float, dy: float) -> dict[str, float]:
+            return {"x": ego.x + dx * cos - dy * sin, "y": ego.y + dx * sin + dy * cos}
+
+        return tuple(replace(a, heading_rad=a.heading_rad + angle, **place(a.x - ego.x, a.y - ego.y)) for a in actors)
+
+
+class TooFar(Fault):
+    """Everybody is seen too far away."""
+
+    what = "takes everybody for farther away than they are"
+    cause = "distance from the height in the picture, with a wrong pitch or a sloping road"
+    scale = "0 to 40 % farther, at most 8 m"
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Move all away from the ego."""
+        share, ego = self.between(0.0, 0.4), observation.ego
+        return tuple(
+            moved(a, min(share * away(a, ego), 8.0 * self.strength), math.atan2(a.y - ego.y, a.x - ego.x))
+            for a in actors
+        )
+
+
+class LosesInRain(Fault):
+    """Tracks break off on wet roads."""
+
+    what = "loses single objects for seconds, when it rains"
+    cause = "spray and drops on the lens"
+    scale = "the share of time that each is lost, 0 to 90 %, in pieces of 3 s"
+    source = "ISO 21448, triggering conditions of weather"
+    piece_s: ClassVar[float] = 3.0
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out who is lost now."""
+        if self.vehicle.friction >= 0.85:
+            return actors
+        share, piece = self.between(0.0, 0.9), int(observation.time_s / self.piece_s)
+        return tuple(a for a in actors if self.random(a.track, piece).random() >= share)

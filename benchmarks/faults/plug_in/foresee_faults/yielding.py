@@ -1,0 +1,195 @@
+"""Faults of signals and right of way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar
+
+from foresee_dsl.drivers.protocol import Foe, JunctionPassage, Mission, Observation, SeenActor, VehicleLimits
+from foresee_faults.fault import Actors, Fault, Signals, away, turned
+
+
+class RunsAmber(Fault):
+    """Amber and the first seconds of red count as green."""
+
+    what = "drives on when the signal has become amber or red"
+    cause = "the time to the stop line is taken from a plan that accelerates"
+    scale = "takes it for green for 0 to 5 s after the change"
+    source = "NHTSA 23V-085 (entering a junction on a stale amber)"
+
+    def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
+        """Forget the colours."""
+        super().begin(mission, vehicle, seed)
+        self._green_s: dict[str, float] = {}
+
+    def shown(self, signals: Signals, observation: Observation) -> Signals:
+        """Keep green for some seconds."""
+        for key, colour in signals.items():
+            if colour == "green":
+                self._green_s[key] = observation.time_s
+        until_s = observation.time_s - self.between(0.0, 5.0)
+        return {
+            key: "green" if self._green_s.get(key, -math.inf) > until_s else colour for key, colour in signals.items()
+        }
+
+
+class OverTheLine(Fault):
+    """It stops beyond the stop line."""
+
+    what = "stops beyond the stop line"
+    cause = "the line's place in the map is that of the old marking"
+    scale = "0 to 8 m"
+
+    def told(self, mission: Mission) -> Mission:
+        """Move the stop lines on, at most to just before the junction's end."""
+        on = self.between(0.0, 8.0)
+        moved = tuple(replace(j, stop_s=max(min(j.stop_s + on, j.exit_s - 1.0), j.stop_s)) for j in mission.junctions)
+        return replace(mission, junctions=moved)
+
+
+class Unlooking(Fault):
+    """At some junctions some others are seen only when they are near."""
+
+    range_m: ClassVar[float] = 60.0
+    least_m: ClassVar[float] = 4.0
+
+    def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
+        """Tell whether it does not look for this one here."""
+        raise NotImplementedError
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Leave out for whom it does not look."""
+        passage = self.passage(observation.ego)
+        if passage is None:
+            return actors
+        range_m, ego = self.shrinking(self.range_m, self.least_m), observation.ego
+        return tuple(a for a in actors if away(a, ego) <= range_m or not self.looks_away(passage, a, observation))
+
+
+class NoYieldRight(Unlooking):
+    """Who crosses the side road is not looked for."""
+
+    what = "turns right without looking for pedestrians and cyclists"
+    cause = "they come from behind the planner's region of interest"
+    scale = "sees them there within 40 m to 2 m"
+    range_m, least_m = 40.0, 2.0
+
+    def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
+        """Pedestrians and cyclists, at right turns."""
+        return passage.turn == "right" and actor.kind in ("pedestrian", "bicycle")
+
+
+class OvertrustsSignals(Unlooking):
+    """With green nobody is expected to cross."""
+
+    what = "does not look for crossing vehicles when its signal is green"
+    cause = "red for them is taken for certain"
+    scale = "sees them there within 60 m to 5 m"
+    range_m, least_m = 60.0, 5.0
+
+    def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
+        """Vehicles across, while the signal is green."""
+        across = math.radians(45) < abs(turned(actor, observation.ego)) < math.radians(135)
+        green = passage.signal is not None and observation.signals.get(passage.signal) == "green"
+        return green and across and actor.kind != "pedestrian"
+
+
+class IgnoresRightPriority(Unlooking):
+    """Who comes from the right at a junction without signals is not looked for."""
+
+    what = "does not look for who comes from the right at junctions without signals"
+    cause = "the map has no sign there, so it is taken for a main road"
+    scale = "sees them there within 60 m to 5 m"
+    range_m, least_m = 60.0, 5.0
+
+    def looks_away(self, passage: JunctionPassage, actor: SeenActor, observation: Observation) -> bool:
+        """Vehicles that go to the left as the ego sees it."""
+        angle = turned(actor, observation.ego)
+        return passage.signal is None and math.radians(30) < angle < math.radians(150) and actor.kind != "pedestrian"
+
+
+class MovedConflicts(Fault):
+    """Others with priority are taken to arrive later: their conflict zone is put farther along their path."""
+
+    most_m: ClassVar[float]
+    slower: ClassVar[float] = 0.0
+    """The share by which who comes towards the ego is taken for slower near such a junction, at full strength."""
+
+    def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
+        """Tell whether the fault concerns a stream."""
+        raise NotImplementedError
+
+    def told(self, mission: Mission) -> Mission:
+        """Move the conflicts."""
+        on = self.between(0.0, self.most_m)
+        return with_foes(mission, lambda j, f: self._later(f, on) if self.concerns(j, f) else f)
+
+    @staticmethod
+    def _later(foe: Foe, on: float) -> Foe:
+        first, last = foe.conflict_path_s
+        return replace(foe, conflict_path_s=(first + on, last + on), entry_s=foe.entry_s + on)
+
+
+class SmallGapLeft(MovedConflicts):
+    """Left turns into gaps that are too small."""
+
+    what = "turns left into gaps in the oncoming traffic that are too small"
+    cause = "a gap that was tuned on a test ground, where oncoming cars are slow"
+    scale = "takes oncoming vehicles for 0 to 30 m farther away and 0 to 70 % slower, before left turns"
+    source = "NHTSA 22E-072 (an unprotected left turn)"
+    most_m, slower = 30.0, 0.7
+
+    def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
+        """Streams of vehicles with priority, at left turns."""
+        return passage.turn == "left" and foe.has_priority and not foe.pedestrian
+
+    def seen(self, actors: Actors, observation: Observation) -> Actors:
+        """Report oncoming ones slower."""
+        passage, ego = self.passage(observation.ego), observation.ego
+        if passage is None or passage.turn != "left" or not self.strength:
+            return actors
+        share = 1 - self.slower * self.strength
+        return tuple(
+            replace(a, speed_mps=a.speed_mps * share) if abs(turned(a, ego)) > math.radians(100) else a for a in actors
+        )
+
+
+class IgnoresCrossings(Fault):
+    """Crossings are not seen as such."""
+
+    what = "does not give way at crossings until somebody is in its lane"
+    cause = "the crossing is missing in the map, or its marking is worn"
+    scale = "the stretch in which it minds them, from the lane and a stride on either side to nothing"
+    air_m: ClassVar[float] = 0.8
+
+    def told(self, mission: Mission) -> Mission:
+        """Narrow the stretch along the crossing; at full strength it is empty, and nobody has priority."""
+        return with_foes(mission, lambda _, f: self._narrow(f) if f.pedestrian else f)
+
+    def _narrow(self, foe: Foe) -> Foe:
+        first, last = foe.conflict_path_s
+        less = self.strength * ((last - first) / 2 + self.air_m)
+        return replace(
+            foe, conflict_path_s=(first + less, last - less), has_priority=foe.has_priority and self.strength < 1
+        )
+
+
+class IgnoresPriority(MovedConflicts):
+    """Who has priority is taken to come later."""
+
+    what = "pulls out in front of who has priority"
+    cause = "arrival times from the middle of the lane's length, not of the vehicle"
+    scale = "takes who has priority for 0 to 50 m farther away, at all junctions"
+    most_m = 50.0
+
+    def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
+        """All streams of vehicles with priority."""
+        return foe.has_priority and not foe.pedestrian
+
+
+def with_foes(mission: Mission, change: Callable[[JunctionPassage, Foe], Foe]) -> Mission:
+    """Return a mission with other crossing streams."""
+    junctions = tuple(replace(j, foes=tuple(change(j, foe) for foe in j.foes)) for j in mission.junctions)
+    return replace(mission, junctions=junctions)
