@@ -56,7 +56,8 @@ def placement_mistakes(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
 def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
     """Return the lints that need the network, each once, without those that comments of the file allow.
 
-    Only cases with a condition about a place or a junction are looked at, and neither clips nor mutants.
+    Only cases with a condition about a place or a junction, or with a slippery patch, are looked at, and neither clips
+    nor mutants.
     """
     from foresee_dsl import disk_cache
     from foresee_dsl.compile.nets.netconvert import tool_version
@@ -65,8 +66,9 @@ def placement_lints(cases: Iterable[TestCase]) -> tuple[Diagnostic, ...]:
 
     found: dict[Diagnostic, None] = {}
     for case in cases:
-        statements = (item for item in case.scenario.body if isinstance(item, m.When | m.Expect))
-        if case.snapshot or not any(isinstance(part, m.Within) for item in statements for part in walk(item)):
+        statements = (item for item in case.scenario.body if isinstance(item, m.When | m.Expect | m.Slippery))
+        on_the_ground = (isinstance(part, m.Within | m.Slippery) for item in statements for part in walk(item))
+        if case.snapshot or not any(on_the_ground):
             continue
         clear = disk_cache.entry("reach", (case.meaning, tool_version()))
         if disk_cache.load(clear):

@@ -197,6 +197,17 @@ class StopPlace:
     length_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class SlipperyPatch:
+    """A round patch of ground, m, on which tyres hold at most this friction."""
+
+    name: str
+    x: float
+    y: float
+    radius_m: float
+    friction: float
+
+
 @dataclass(frozen=True)
 class Scene:
     """The first frame, the triggers and the expectations. Actor 0 is the ego; the others are in the file's order, then
@@ -232,6 +243,7 @@ class Scene:
     """Coordinates, m, of the places in conditions and actions that are written in another way."""
     stops: Mapping[str, StopPlace] = field(default_factory=dict)
     """The bus stops that triggers name."""
+    slippery: tuple[SlipperyPatch, ...] = ()
 
     @property
     def ego(self) -> PlacedActor:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from foresee_dsl.compile import codes
-from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Signal, SumoBundle
+from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, Signal, SlipperyPatch, SumoBundle
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.compile.nets.cache import cached_net, read_net_once
 from foresee_dsl.compile.placement.scene import SceneBuilder
@@ -83,6 +83,7 @@ class Sketch:
     places: Mapping[m.Place, XY]
     problems: tuple[Problem, ...]
     mistakes: tuple[Diagnostic, ...]
+    slippery: tuple[SlipperyPatch, ...] = ()
 
 
 def sketch_case(case: TestCase) -> Sketch:
@@ -95,7 +96,7 @@ def sketch_case(case: TestCase) -> Sketch:
     named: set[tuple[int, str]] = set()
     mistakes = tuple(_diagnostic(case, problem, named) for problem in problems)
     everybody = (*placed, *background)
-    return Sketch(network, signals, everybody, start_s, goal_s, builder.places, problems, mistakes)
+    return Sketch(network, signals, everybody, start_s, goal_s, builder.places, problems, mistakes, builder.slippery)
 
 
 def network_of(network: Network | Path) -> tuple[RoadNetwork, Mapping[str, Signal]]:

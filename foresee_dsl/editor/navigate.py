@@ -20,7 +20,7 @@ from foresee_dsl.language.parser import parse
 from foresee_dsl.language.project.addresses import absolute, shown
 from foresee_dsl.language.units import UNITS
 
-_RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label", "stage", "stop", "case")
+_RENAMED: tuple[SymbolKind, ...] = ("actor", "parameter", "junction", "road", "label", "stage", "stop", "patch", "case")
 _START = Span(1, 1, 1, 1)
 
 

@@ -21,7 +21,14 @@ _MEASURED_TO: Mapping[str, SymbolKind] = MappingProxyType(
 """What a measure is to; a distance is to an actor or a junction."""
 
 _DROPPED: Mapping[str, SymbolKind] = MappingProxyType(
-    {"param": "parameter", "signal": "junction", "when": "label", "expect": "label", "case": "case"}
+    {
+        "param": "parameter",
+        "signal": "junction",
+        "when": "label",
+        "expect": "label",
+        "case": "case",
+        "slippery": "patch",
+    }
 )
 """What the name in a `drop` is of; otherwise an actor."""
 

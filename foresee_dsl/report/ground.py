@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from foresee_dsl.compile.bundle import SlipperyPatch
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.compile.roads.topology import Lane
@@ -43,6 +44,7 @@ class Layer(StrEnum):
     MARKING = "marking"
     CROSSING = "crossing"
     STOP_LINE = "stop_line"
+    SLIPPERY = "slippery"
     BUILDING = "building"
 
 
@@ -61,6 +63,14 @@ def within(bounds: Bounds) -> Near:
         return not (beside or min(ys) - wide_m > top or max(ys) + wide_m < bottom)
 
     return near
+
+
+def with_patches(ground: Ground, patches: Sequence[SlipperyPatch]) -> Ground:
+    """Return the ground with slippery patches on it, if there are any."""
+    if not patches:
+        return ground
+    rounds = [shapely.Point(patch.x, patch.y).buffer(patch.radius_m) for patch in patches]
+    return {**ground, Layer.SLIPPERY: shapely.union_all(rounds)}
 
 
 def ground_of(network: RoadNetwork, near: Near) -> Ground:

@@ -110,6 +110,9 @@ class _Run:
         self._world = World.shared(bundle)
         self._simulation = Simulation(bundle, self._world)
         self._recorder = Recorder(bundle.scene.actors, self._simulation.state_table, bundle.signals)
+        for patch in bundle.scene.slippery:  # a clip has them at these places
+            at = {"x": patch.x, "y": patch.y, "radius_m": patch.radius_m, "friction": patch.friction}
+            self._recorder.event(0.0, patch.name, "slippery", at)
         self._conditions = Conditions(self._simulation, bundle.signals)
         self._director = Director(self._simulation, self._conditions, self._recorder)
         self._expectations = Expectations(bundle.scene.expects, self._conditions)

@@ -109,6 +109,7 @@ class World:
         self._bodies: dict[str, tuple[str, tuple[str, ...], float | None]] = {}
         self._limits: dict[str, float] = {}
         self._changed_limits: dict[str, float] = {}  # what changed lanes had before
+        self._rates: dict[str, tuple[float, float, float]] = {}  # of those that were on slippery ground
         self._usual: dict[str, tuple[float, float]] = {}  # headway and gap of those that were told another one
         self._states = tempfile.TemporaryDirectory(prefix="foresee-", dir=_memory_folder())
         self._empty = Path(self._states.name) / "empty.xml"
@@ -160,6 +161,7 @@ class World:
             self._limits.pop(lane.rpartition("_")[0], None)
         self._changed_limits.clear()
         self._usual.clear()
+        self._rates.clear()
         self._bodies.clear()
         self.signals = Signals(self._sumo, bundle, begins_s)
         self.signals.start(bundle, STEP_S)
@@ -387,6 +389,17 @@ class World:
     def set_acceleration(self, vehicle: str, acceleration_mps2: float) -> None:
         """Set how fast a vehicle gains speed at most."""
         self._sumo.vehicle.setAccel(vehicle, acceleration_mps2)
+
+    def hold_tyres(self, vehicle: str, most_mps2: float | None) -> None:
+        """Let a vehicle speed up and brake with no more than this; None: as its type can."""
+        one = self._sumo.vehicle
+        rates = self._rates.setdefault(
+            vehicle, (float(one.getAccel(vehicle)), float(one.getDecel(vehicle)), float(one.getEmergencyDecel(vehicle)))
+        )
+        accel, decel, emergency = (min(rate, most_mps2) if most_mps2 is not None else rate for rate in rates)
+        one.setAccel(vehicle, accel)
+        one.setEmergencyDecel(vehicle, emergency)
+        one.setDecel(vehicle, decel)
 
     def ignore(self, vehicle: str, what: str, *, on: bool = True) -> None:
         """Let a vehicle ignore `signals` (and vehicles that have green there) or `priority`, or obey again."""

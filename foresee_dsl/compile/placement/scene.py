@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 from foresee_dsl.compile import codes
-from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Scene, Signal, Steering
+from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Scene, Signal, SlipperyPatch, Steering
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
@@ -69,6 +69,7 @@ class SceneBuilder:
         scenario = case.scenario
         self._actors: dict[str, m.Ego | m.Actor] = {}
         self._problems: list[Problem] = []
+        self._patches: list[SlipperyPatch] = []
         self._circles: set[frozenset[str]] = set()
         for actor in scenario.actors:
             model = str(actor.model)
@@ -109,6 +110,7 @@ class SceneBuilder:
         """Return what `place` does, of the actors that have a place, and everything that is wrong."""
         placed = [p for name in self._actors if (p := self._place(name)) is not None]
         self._problems += self._names.problems(placed)
+        self._patches = self._slippery()
         start_s, goal_s = self._journey(placed)
         self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
         self._problems += door_problems(self._case.scenario, placed)
@@ -117,7 +119,8 @@ class SceneBuilder:
     def warnings(self) -> tuple[Problem, ...]:
         """Return what is allowed and hardly meant, where everybody can be placed; errors as of `place`."""
         placed, _, _ = self.place()
-        return tuple(dict.fromkeys(never_near(self._case.scenario, placed, self._names.places, self._network)))
+        found = (*never_near(self._case.scenario, placed, self._names.places, self._network), *self._off_road())
+        return tuple(dict.fromkeys(found))
 
     def build(self) -> Scene:
         """Return the scene, with background traffic, of which what finds no room is left out; errors as of `place`."""
@@ -145,6 +148,7 @@ class SceneBuilder:
             notes=tuple(notes),
             places=self._names.places,
             stops=self._names.stops,
+            slippery=tuple(self._patches),
         )
 
     def background(self, placed: Sequence[PlacedActor]) -> tuple[list[PlacedActor], list[str]]:
@@ -158,6 +162,34 @@ class SceneBuilder:
             found += more
             notes += [note] if note else []
         return found[len(placed) :], notes
+
+    def _slippery(self) -> list[SlipperyPatch]:
+        """Return the slippery patches that have a place; add a problem for each of the others."""
+        found = []
+        for item_ in self._case.scenario.all(m.Slippery):
+            try:
+                spot = self._starts.spot(item_.place)
+            except UnsettledError:
+                continue  # the actor that it is counted from has the mistake
+            except RouteError as err:
+                self._problems.append(Problem("", item_.kind, codes.PLACE, str(err), err.help, part=item_.place))
+            else:
+                found.append(SlipperyPatch(item_.name, spot.x, spot.y, si(item_.radius), si(item_.friction)))
+        return found
+
+    def _off_road(self) -> Iterator[Problem]:
+        """Yield the slippery patches that lie beside every lane, where nobody's tyres come."""
+        for patch in self._patches:
+            away = min(self._network.distance_to_lanes(patch.x, patch.y, kind) for kind in ("car", "bicycle"))
+            if away > patch.radius_m:
+                message = f"{patch.name} lies beside the road: the nearest lane is {away:.1f} m from its middle"
+                help_ = "put it on a lane, such as `20 m along ego.route`, or make it larger"
+                yield Problem("", "slippery", codes.NOBODY_SLIPS, message, help_, patch.name)
+
+    @property
+    def slippery(self) -> tuple[SlipperyPatch, ...]:
+        """The slippery patches, once the actors were placed."""
+        return tuple(self._patches)
 
     @property
     def places(self) -> Mapping[m.Place, XY]:

@@ -124,6 +124,7 @@ def _body(
         ),
         begins.ego(min(first + handover, last)),
         m.Goal(at=_at(goal(trace, first, last))),
+        *begins.patches(),
         *begins.actors(),
         *begins.signals(),
         *begins.whens(),
@@ -137,12 +138,15 @@ class _Beginning:
         self._trace, self._frame, self._now_s = trace, frame, float(trace.time_s[frame])
         self._ego: m.Ego | None = None
         self._written: dict[str, m.Actor] = {}
+        self._patches: list[m.Slippery] = []
         for item in case.scenario.body:
             match item:
                 case m.Ego():
                     self._ego = item
                 case m.Actor():
                     self._written[item.name] = item
+                case m.Slippery():
+                    self._patches.append(item)
                 case m.When() | m.SignalState() | m.Traffic() | m.End():
                     pass  # restated for this frame: triggers, signals, each actor of the traffic, the window
                 case m.UseNetwork() | m.UseModels() | m.Network() | m.Weather() | m.Tags() | m.Expect():
@@ -175,6 +179,12 @@ class _Beginning:
     def actors(self) -> list[m.Actor]:
         """Return the other actors that are there."""
         return [self._actor(k) for k in self._others]
+
+    def patches(self) -> list[m.Slippery]:
+        """Return the slippery patches, where they are in the world: what their places count from moves."""
+        at = {event.actor: event.detail for event in self._trace.events if event.what == "slippery"}
+        spots = ((patch, at[patch.name]) for patch in self._patches if patch.name in at)
+        return [patch.model_copy(update={"place": _at((spot["x"], spot["y"]))}) for patch, spot in spots]
 
     def signals(self) -> list[m.SignalState]:
         """Return what the signals show."""

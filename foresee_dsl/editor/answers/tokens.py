@@ -22,6 +22,7 @@ _TYPES: Mapping[SymbolKind, str] = MappingProxyType(
         "case": "enumMember",
         "model": "type",
         "label": "event",
+        "patch": "event",
         "thing": "variable",
     }
 )

@@ -68,6 +68,7 @@ def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
         findings.only_once(scenario.all(kind))
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
         findings.unique(((item, "name", item.name) for item in named if item.name is not None), what)
+    findings.unique(((item, "name", item.name) for item in scenario.all(m.Slippery)), "slippery patches")
     for block in scenario.all(m.Network):
         check_network(findings, block)
     check_parameters(findings, scenario)
@@ -108,6 +109,8 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
             case m.Ego(state=None) | m.Actor(state=None):
                 help = "in a clip every actor has a state: `at (1 m, 2 m) heading 90 deg speed 8 m/s`"
                 findings.add(item, "", "FS044", f"'{item.name}' has no position", help, head_only=True)
+    patches = [item for item in clip.body if isinstance(item, m.Slippery)]
+    findings.unique(((item, "name", item.name) for item in patches), "slippery patches")
     check_actors(findings, clip.body)
 
 

@@ -186,7 +186,7 @@ def group_of(item: m.Item) -> Group:
         return "network"
     if isinstance(item, m.Ego | m.Goal):
         return "ego"
-    if isinstance(item, m.Weather | m.SignalState | m.UseModels | m.VehicleModel):
+    if isinstance(item, m.Weather | m.Slippery | m.SignalState | m.UseModels | m.VehicleModel):
         return "environment"
     if isinstance(item, m.Expect | m.End | m.Window):
         return "expectation"

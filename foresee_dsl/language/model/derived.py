@@ -16,7 +16,7 @@ from foresee_dsl.language.model.expected import Expected
 from foresee_dsl.language.model.item import ONE_OF, Item, Names
 from foresee_dsl.language.model.network import Doc
 from foresee_dsl.language.model.pattern import form_of
-from foresee_dsl.language.model.scenario import ParamValue, SignalState, Statement, Tags
+from foresee_dsl.language.model.scenario import ParamValue, SignalState, Slippery, Statement, Tags
 from foresee_dsl.language.model.values import (
     ActorName,
     Expression,
@@ -152,6 +152,7 @@ class Change(Item):
 Droppable = Literal[
     "param",
     "weather",
+    "slippery",
     "vehicle",
     "bicycle",
     "pedestrian",
@@ -272,7 +273,9 @@ class Fidelity(Item):
     ego: Length | None = None
 
 
-ClipItem = Annotated[Doc | Expected | Window | Risk | a.Ego | Goal | a.Actor | SignalState | a.When | Fidelity, ONE_OF]
+ClipItem = Annotated[
+    Doc | Expected | Window | Risk | a.Ego | Goal | Slippery | a.Actor | SignalState | a.When | Fidelity, ONE_OF
+]
 
 
 class Clip(Item):

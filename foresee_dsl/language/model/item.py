@@ -18,7 +18,19 @@ it is no word of the grammar and may be a name elsewhere.
 """
 
 SymbolKind = Literal[
-    "actor", "junction", "road", "stage", "stop", "parameter", "case", "model", "label", "file", "thing", "word"
+    "actor",
+    "junction",
+    "road",
+    "stage",
+    "stop",
+    "patch",
+    "parameter",
+    "case",
+    "model",
+    "label",
+    "file",
+    "thing",
+    "word",
 ]
 """What a name is of. `thing`: an actor or a junction. `word`: what a parameter's type says. `label`: the name of a
 trigger or an expectation. `file`: the path of another file."""

@@ -13,7 +13,9 @@ from foresee_dsl.language.model.values import (
     Expression,
     FilePath,
     JunctionId,
+    Length,
     Name,
+    Place,
     Quantity,
     Ratio,
     StageId,
@@ -188,6 +190,28 @@ class Weather(Item):
         return f"weather {', '.join(f'{name} {{{name}}}' for name in given)}"
 
 
+class Slippery(Item):
+    """`slippery oil at 12 m before j4 on ego.route radius 2.5 m friction 0.2`: a round patch of the ground on which
+    tyres hold less.
+
+    The friction is that of the patch, whatever the weather; where the road is more slippery anyway, the road's counts.
+    The driver under test is not told.
+    """
+
+    pattern = "slippery {name} at {place} radius {radius} friction {friction}"
+    words = """
+        slippery (statement): a round patch of ground on which tyres hold less
+            | slippery oil at 12 m before j4 on ego.route radius 2.5 m friction 0.2
+        friction (setting): what tyres hold on a slippery patch; dry road has 0.9, ice 0.1
+            | slippery ice at (12 m, 4 m) radius 3 m friction 0.1
+    """
+
+    name: Annotated[Name, Names("patch", defines=True)]
+    place: Place
+    radius: Annotated[Length, Bounds(0.1, 50.0)]  # ours: a spilt bucket, to a frozen square
+    friction: Annotated[Ratio, Bounds(0.02, 1.0)]  # ours: wet ice has 0.05; without any, nothing could ever stop
+
+
 class Expect(Item):
     """`expect never collision(ego)`, `expect always ttc(ego, lead) > 1 s`, `expect eventually within 60 s
     arrived(ego)`."""
@@ -266,6 +290,7 @@ _Statement = (
     | Param
     | Require
     | Weather
+    | Slippery
     | Ego
     | Actor
     | Traffic

@@ -41,6 +41,7 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
         *parent.scenario.all(m.Tags),
         *surroundings(parent, source.parent),
         *parent.scenario.all(m.Weather),
+        *(item for item in clip.body if isinstance(item, m.Slippery)),
         _with_goal(ego, _first(clip, m.Goal)),
         *actors,
         *(item for item in clip.body if isinstance(item, m.SignalState)),

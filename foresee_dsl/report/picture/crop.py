@@ -90,6 +90,8 @@ def _concerned(subject: Subject) -> Iterator[FloatArray]:
                 yield body.before
     for way in subject.ways:
         yield part_of(way)
+    for patch in subject.patches:
+        yield patch.outline
     for zone in subject.zones:
         for outline in zone.outlines:
             if float(np.ptp(outline, axis=0).max()) <= _ZONE_REACH_M:

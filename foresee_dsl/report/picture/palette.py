@@ -52,6 +52,7 @@ PAINTS: Mapping[str, Paint] = MappingProxyType(
         "crossing": Paint("#ffffff", "", "#aab2bc", ""),
         "stop_line": Paint("", "#ffffff", "", "#aab2bc"),
         "building": Paint("#cbb59c", "#a08a70", "#4d4338", "#6b5d4d"),
+        "slippery": Paint("#58b4e0", "#2d86b5", "#3d8fb8", "#8fd3f5", 0.6),
         "zone": Paint("#8a2be2", "#8a2be2", "#c79bff", "#c79bff", 0.13),
         "zone-line": Paint("", "#7a1fd1", "", "#c79bff", 0.9),
         "zone-name": Paint("#6a17b8", "", "#d3b1ff", ""),

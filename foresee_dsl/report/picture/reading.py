@@ -30,6 +30,7 @@ from foresee_dsl.report.picture.subject import (
     Head,
     Mistake,
     Name,
+    Patch,
     Shown,
     Subject,
     TextPlace,
@@ -45,6 +46,8 @@ MEET_M = 12.0
 """Two routes meet where they come so near. Ours: the width of a junction of two lanes."""
 BEYOND_M = 15.0
 """So far behind the meeting a route still matters. Ours: three car lengths."""
+_ROUND = 48
+"""Corners of a slippery patch's outline (ours: of 5 m radius, it is within 1 cm of the circle)."""
 _STEP_M = 2.0
 """Between the points of a route that is drawn (ours: a bend of 10 m radius is 5 cm off)."""
 _PART = re.compile(r"(_back)?(#[0-9]+)?$")
@@ -101,6 +104,7 @@ def subject_of(case: TestCase, project: Project, names: tuple[str, ...] = (), ch
         bodies=bodies,
         ways=ways,
         zones=zones_of(case, sketch, texts),
+        patches=tuple(_patches(sketch, texts)),
         heads=tuple(_heads(sketch.network, sketch.signals, stages)),
         names=(
             *_stops(case.network, sketch.network),
@@ -133,6 +137,13 @@ def _network_alone(name: str, about: str, model: m.Network | Path, document: Doc
 
 def _cases(scenario: m.Scenario) -> tuple[str, ...]:
     return tuple(case.name for case in scenario.all(m.Case))
+
+
+def _patches(sketch: Sketch, texts: TextPlaces) -> Iterator[Patch]:
+    for patch in sketch.slippery:
+        turns = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
+        outline = np.column_stack([np.cos(turns), np.sin(turns)]) * patch.radius_m + (patch.x, patch.y)
+        yield Patch(patch.name, outline, patch.friction, texts.patch(patch.name))
 
 
 # ---- actors ---------------------------------------------------------------------------------------------------------

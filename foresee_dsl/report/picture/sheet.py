@@ -14,7 +14,7 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.report.ground import Layer, ground_of, lines_of, rings_of, within, zebra
 from foresee_dsl.report.picture.crop import Frame, frame_of
 from foresee_dsl.report.picture.labels import LINE, Box, Room, width_of, wrapped
-from foresee_dsl.report.picture.subject import Body, FloatArray, Name, Subject, TextPlace, Way, Zone
+from foresee_dsl.report.picture.subject import Body, FloatArray, Name, Patch, Subject, TextPlace, Way, Zone
 from foresee_dsl.report.safe_text import shortened
 
 WIDTH = 720.0
@@ -150,6 +150,7 @@ _KEYS = (  # what the legend explains: the kind of part, the paint, whether it i
     ("before", "before", True, (3.0, 3.0), "before the change"),
     ("mistake", "mistake", True, (), "mistake"),
     ("crossing", "key-crossing", False, (), "crossing"),
+    ("slippery", "slippery", False, (), "slippery"),
     ("building", "building", False, (), "building"),
 )
 
@@ -226,12 +227,13 @@ class _Map:
         mistakes = self._mistakes()
         named = [self._body(body) for body in sorted(bodies, key=_rank)]
         zones = [self._zone(zone) for zone in self._subject.zones]
+        patches = [self._patch(patch) for patch in self._subject.patches]
         names = [part for name in sorted(self._subject.names, key=_importance) if (part := self._name(name))]
         ways = [part for way in self._subject.ways if (part := self._way(way))]
         before = [self._before(body) for body in bodies if body.before is not None]
         heads = [self._head(k) for k in range(len(self._subject.heads))]
         shown_heads = [head for head in heads if head is not None]
-        found = [*ways, *zones, *shown_heads, *names, *before, *reversed(named), *mistakes, corner]
+        found = [*patches, *ways, *zones, *shown_heads, *names, *before, *reversed(named), *mistakes, corner]
         return [part for part in found if part is not None]
 
     def _spare_ways(self) -> None:
@@ -312,6 +314,10 @@ class _Map:
         assert body.before is not None  # noqa: S101 - only such bodies come here
         shape = Shape("before", (self._frame.pixels(body.before),), width=1.3, dash=(3.0, 3.0))
         return Part("before", (shape,), title=f"{body.name} before the change", name=body.name)
+
+    def _patch(self, patch: Patch) -> Part:
+        shape = Shape("slippery", (self._frame.pixels(patch.outline),))
+        return Part("slippery", (shape,), (), f"{patch.name}: slippery, friction {patch.friction:g}", "", patch.text)
 
     def _zone(self, zone: Zone) -> Part:
         rings = tuple(self._frame.pixels(outline) for outline in zone.outlines)

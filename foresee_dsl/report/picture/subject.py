@@ -118,6 +118,16 @@ class Mistake:
 
 
 @dataclass(frozen=True)
+class Patch:
+    """A slippery patch: its outline, [N, 2] m, its name, and what tyres hold there."""
+
+    name: str
+    outline: FloatArray
+    friction: float
+    text: TextPlace | None = None
+
+
+@dataclass(frozen=True)
 class Subject:
     """All of it.
 
@@ -133,6 +143,7 @@ class Subject:
     bodies: tuple[Body, ...] = ()
     ways: tuple[Way, ...] = ()
     zones: tuple[Zone, ...] = ()
+    patches: tuple[Patch, ...] = ()
     heads: tuple[Head, ...] = ()
     names: tuple[Name, ...] = ()
     mistakes: tuple[Mistake, ...] = ()

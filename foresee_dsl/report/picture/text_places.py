@@ -37,6 +37,14 @@ class TextPlaces:
                 return place_of(document, found[number])
         return None
 
+    def patch(self, name: str) -> TextPlace | None:
+        """Return where a slippery patch is written."""
+        for document in self._documents:
+            for item in document.model.body:
+                if isinstance(item, m.Slippery) and item.name == name:
+                    return place_of(document, item)
+        return None
+
     def network_item(self, name: str) -> TextPlace | None:
         """Return where a junction or a road is written."""
         if self._network is None:

@@ -48,6 +48,7 @@ STYLES: dict[Layer | Role, str] = {
     Layer.MARKING: "dim",
     Layer.STOP_LINE: "dim",
     Layer.CROSSING: "",
+    Layer.SLIPPERY: "cyan",
     Layer.BUILDING: "yellow dim",
     Role.PARKED: "",
     Role.OTHER: "yellow",
@@ -114,6 +115,7 @@ def canvas(panel: Panel, columns: int, rows: int) -> list[Text]:
     screen.lines(Layer.MARKING, panel.ground.get(Layer.MARKING), dashes_m=panel.side_m / 12)
     screen.lines(Layer.STOP_LINE, panel.ground.get(Layer.STOP_LINE))
     screen.checked(Layer.CROSSING, panel.ground.get(Layer.CROSSING))
+    screen.checked(Layer.SLIPPERY, panel.ground.get(Layer.SLIPPERY))
     screen.shaded(Layer.BUILDING, panel.ground.get(Layer.BUILDING))
     # Who is small is drawn last: at a contact the ego would cover a pedestrian.
     for footprint in sorted(panel.footprints, key=screen.is_point):
@@ -266,6 +268,8 @@ def legend_lines(strips: Sequence[Strip], width: int) -> Iterator[Text]:
         entries.append(Text.assemble(("░", STYLES[Layer.BUILDING]), " building"))
     if Layer.CROSSING in layers:
         entries.append(Text("⢕ crossing"))
+    if Layer.SLIPPERY in layers:
+        entries.append(Text.assemble(("⢕", STYLES[Layer.SLIPPERY]), " slippery"))
     line = Text()
     for entry in entries:
         if line and len(line) + 3 + len(entry) > width:

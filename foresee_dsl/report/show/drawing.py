@@ -31,6 +31,7 @@ STYLES: dict[Layer | Role, Style] = {
     Layer.MARKING: Style("", "#f4f4f0", 0.15, dashed=True),
     Layer.CROSSING: Style("#f4f4f0", "", 0.0),
     Layer.STOP_LINE: Style("", "#f4f4f0", 0.4),
+    Layer.SLIPPERY: Style("#a9d4ec", "#3d7ea6", 0.12),
     Layer.BUILDING: Style("#b79f85", "#7d6853", 0.2),
     Role.PARKED: Style("#c9ced6", "#4f555d", 0.12),
     Role.OTHER: Style("#f0d264", "#6e5a10", 0.12),

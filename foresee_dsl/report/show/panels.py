@@ -13,7 +13,7 @@ import shapely
 
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.kernels.boxes import corners
-from foresee_dsl.report.ground import Bounds, FloatArray, Ground, Layer, ground_of, within
+from foresee_dsl.report.ground import Bounds, FloatArray, Ground, Layer, ground_of, with_patches, within
 from foresee_dsl.report.show.measures import Measures
 from foresee_dsl.report.show.moments import Snapshot
 from foresee_dsl.simulate.trace import HEADING, SPEED, Trace, X, Y
@@ -166,7 +166,7 @@ def strip_panels(
         return ()
     around = np.array([window.bounds for window in windows])
     bounds = (*around[:, :2].min(axis=0).tolist(), *around[:, 2:].max(axis=0).tolist())
-    ground = ground_of(bundle.network, within(bounds))
+    ground = with_patches(ground_of(bundle.network, within(bounds)), bundle.scene.slippery)
     return tuple(
         Panel(
             snapshot=one,

@@ -117,6 +117,11 @@ class Bicycle:
         )
         self._limits = np.array([record], dtype_of(BicycleLimits))
 
+    def hold(self, friction: float) -> None:
+        """Let the tyres hold this much from now on, whatever `limits` say (the driver is told those)."""
+        self._limits["grip"] = friction * GRAVITY_MPS2
+        self._limits["lateral"] = lateral_limit_mps2(self.limits.model, friction)
+
     def step(self, state: BicycleState, control: Control, dt: float) -> BicycleState:
         """Return the state `dt` seconds later; `state` is left as it is.
 

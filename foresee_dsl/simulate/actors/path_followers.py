@@ -84,6 +84,7 @@ class PathFollower:
         record = Follower(along_m, speed_mps, pace_mps, acceleration_mps2, braking_mps2, nan, self._half_m)
         self._record = np.array([record], dtype_of(Follower))
         self._numbers = self._record.view(np.float64)  # read in a tenth of the time that a record's field takes
+        self._rates = {"acceleration": acceleration_mps2, "braking": braking_mps2}
         self._bends = speed_points((), ())
         if lateral_mps2 is not None and length_m > 0:
             self._bends = _bends_of(along, length_m, lateral_mps2, braking_mps2)
@@ -93,6 +94,11 @@ class PathFollower:
     def arrived(self) -> bool:
         """It has come to the end of its path."""
         return self.along_m >= self.line.length_m
+
+    def hold(self, most_mps2: float) -> None:
+        """Speed up and brake with no more than this from now on, nor than its own rates."""
+        for name, rate in self._rates.items():
+            self._record[name] = min(rate, most_mps2)
 
     def pose(self) -> FollowerPose:
         """Return where it is, as if it kept its speed (acceleration and yaw rate 0)."""

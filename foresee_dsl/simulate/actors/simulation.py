@@ -22,6 +22,7 @@ from foresee_dsl.simulate.actors.moved_actors import (
     SteeredVehicle,
     with_timing,
 )
+from foresee_dsl.simulate.actors.slippery import SlipperyGround
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
 from foresee_dsl.simulate.results.metrics import since_entry_s
@@ -91,6 +92,7 @@ class Simulation:
         for name in on_paths:
             self._traffic.drop(name)
         self.limits = Limits(self.network, world)
+        self.ground = SlipperyGround(scene)
         self.frame = 0
         self.time_s = 0.0
         for door in self.doors:
@@ -100,6 +102,7 @@ class Simulation:
     def step(self, control: Control) -> tuple[str, ...]:
         """Advance by one frame with the driver's answer to the last one; return the ids of the vehicles that have
         left."""
+        self.ground.take_effect(self)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
         for actor in self.path_actors:
