@@ -46,6 +46,7 @@ COMMANDS = (
     ("Campaign", "campaign", "campaigns.campaign"),
     ("Campaign", "plan", "campaigns.plan"),
     ("Campaign", "study", "study.study"),
+    ("Campaign", "fuzz", "fuzz.fuzz"),
     ("Campaign", "review", "minimise.review"),
     ("Campaign", "store", "store.store"),
     ("Campaign", "keep", "keep.keep"),

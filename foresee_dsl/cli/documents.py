@@ -32,6 +32,7 @@ from foresee_dsl.drivers.registry import DriverInfo
 from foresee_dsl.errors import Diagnostic
 from foresee_dsl.exchange.outcome import Imported
 from foresee_dsl.forecast.protocol import RiskyPoint
+from foresee_dsl.fuzz.records import FuzzResult
 from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.diff.addresses import Comparison as Differences
 from foresee_dsl.language.repinning.repin import Child
@@ -75,6 +76,7 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "explain": {"codes": list[Code]},
     "export": Imported,
     "forecast": {"trace": str, "ranker": str, "risky_points": list[RiskyPoint]},
+    "fuzz": FuzzResult,
     "import": Imported,
     "keep": Kept,
     "minimise": (_MINIMISED, {"mutant": str, "full": Literal[True], "files": list[str]}),

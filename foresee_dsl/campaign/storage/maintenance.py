@@ -47,7 +47,7 @@ def statistics(store: Store) -> Statistics:
     kinds: dict[str, dict[str, int]] = {}
     found = store.execute("SELECT kind, verdict, count(*) FROM runs GROUP BY kind, verdict ORDER BY verdict")
     order = [step.kind for step in STEPS]
-    for kind, verdict, count in sorted(found, key=lambda row: order.index(row[0])):
+    for kind, verdict, count in sorted(found, key=lambda row: order.index(row[0]) if row[0] in order else len(order)):
         kinds.setdefault(kind, {})[verdict] = count
     sizes = [file.stat().st_size for name, file in store.blobs.files() if name]
     ((broken, simulated_s, wall_s),) = store.execute(

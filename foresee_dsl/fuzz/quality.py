@@ -1,0 +1,95 @@
+"""How well the ego drove in a run, from its trace: DriveFuzz's driving-quality metrics; lower is worse.
+
+The frames are counted in which the ego did something hard, and the least distance counts as its inverse. What each is,
+in the columns of a trace, and where its threshold comes from: `docs/fuzz.md`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.simulate.results.near_misses import near_misses
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEER, STEP_S, YAW_RATE, Trace
+
+HARD_MPS2 = 21.2 / 3.6
+"""Hard acceleration and braking, m/s^2: DriveFuzz's 21.2 km/h in a second."""
+TURNS_MPS2 = 4.89
+"""Lateral acceleration of a hard turn, m/s^2: nuPlan's bound of a comfortable one. DriveFuzz divides the lateral speed
+by the steering wheel's angle, which in a kinematic model is geometry alone."""
+ROLLS_MPS = 5.0 / 3.6
+"""Slower than this nothing counts as over- or understeer, m/s: DriveFuzz's 5 km/h."""
+SWINGS_MPS2 = 0.1 * 9.81
+"""Oversteer: the lateral acceleration is this far from its mean over `MEAN_S`: DriveFuzz's 0.1 g between its two
+low-pass filters."""
+SPINS_RAD_S = float(np.radians(17.5))
+"""Oversteer: the yaw rate from which DriveFuzz's fuzzy rules no longer call it small."""
+MEAN_S = 1.0
+"""Window of that mean, s. Ours: a moving mean of 1 s passes what is slower than 0.44 Hz, as DriveFuzz's heavy filter of
+0.5 Hz does."""
+STEERS_RAD = float(np.radians(1.0))
+"""Understeer: the front wheels are turned by more than this. Ours, for DriveFuzz's 10 degrees of the steering wheel."""
+WIDE_SHARE = 0.9
+"""Understeer: the ego turns with less than this share of what its wheels ask for. Ours: 10 % is beyond any rounding."""
+FAR_M = 100.0
+"""Farther away nobody counts: DriveFuzz's 100 m."""
+TOUCHES_M = 0.1
+"""The least distance that is told apart, m (ours: the inverse grows without bound)."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Frames (of 0.05 s) in which the ego drove badly, by how; and 1 / least distance to anybody (1/m)."""
+
+    hard_acceleration: int = 0
+    hard_braking: int = 0
+    hard_turning: int = 0
+    oversteer: int = 0
+    understeer: int = 0
+    nearness: float = 0.0
+
+    shown = "hard_acceleration hard_braking hard_turning oversteer understeer nearness:4"
+
+    @property
+    def score(self) -> float:
+        """The driving-quality score: less all of them."""
+        counts = self.hard_acceleration + self.hard_braking + self.hard_turning + self.oversteer + self.understeer
+        return -(counts + self.nearness)
+
+
+def quality_of(trace: Trace) -> Quality:
+    """Return how well the ego drove."""
+    ego = trace.states[:, 0]
+    speed, along, yaw_rate, steer = (ego[:, k] for k in (SPEED, ACCELERATION, YAW_RATE, STEER))
+    lateral = speed * yaw_rate
+    rolls = speed > ROLLS_MPS
+    asked = speed * np.tan(steer) / trace.actors[0].wheelbase_m
+    wide = (np.abs(steer) > STEERS_RAD) & (np.abs(yaw_rate) < WIDE_SHARE * np.abs(asked))
+    swings = np.abs(lateral - _mean(lateral)) > SWINGS_MPS2
+    return Quality(
+        hard_acceleration=int(np.count_nonzero(along >= HARD_MPS2)),
+        hard_braking=int(np.count_nonzero(along <= -HARD_MPS2)),
+        hard_turning=int(np.count_nonzero(np.abs(lateral) >= TURNS_MPS2)),
+        oversteer=int(np.count_nonzero(rolls & swings & (np.abs(yaw_rate) > SPINS_RAD_S))),
+        understeer=int(np.count_nonzero(rolls & wide)),
+        nearness=_nearness(trace),
+    )
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Return the moving mean, over less at the ends."""
+    half = round(MEAN_S / STEP_S / 2)
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    at = np.arange(len(values))
+    low, high = np.maximum(at - half, 0), np.minimum(at + half + 1, len(values))
+    mean: FloatArray = (sums[high] - sums[low]) / (high - low)
+    return mean
+
+
+def _nearness(trace: Trace) -> float:
+    closest = near_misses(trace).distance_m
+    if closest is None or closest.value > FAR_M:
+        return 0.0
+    return 1.0 / max(closest.value, TOUCHES_M)

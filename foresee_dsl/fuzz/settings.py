@@ -1,0 +1,66 @@
+"""What a fuzzing run does, and the figures by which it mutates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+NEAREST_M, FARTHEST_M = 5.0, 40.0
+"""How far from the ego's start an actor begins, m: DriveFuzz's own figures (its `constants.py`)."""
+PATCH_SHARE = 0.25
+"""Share of the mutations that put a slippery patch: DriveFuzz's `PROB_PUDDLE`."""
+WEATHER_SHARE = 0.25
+"""Share of the mutations that change the weather. Ours: half of those that put no patch are left to actors."""
+MOVE_SHARE = 0.5
+"""Of the mutations about actors, where some were added before: the share that moves one of them. Ours."""
+WALKER_SHARE = 0.5
+"""Share of people among added actors: DriveFuzz draws vehicles and walkers alike."""
+CLASSES: Mapping[str, float] = MappingProxyType(
+    {"car": 0.7, "bicycle": 0.1, "motorcycle": 0.1, "van": 0.05, "truck": 0.05}
+)
+"""Which vehicles are drawn. Ours: about the mix of the vehicles of CARLA 0.9.10, of which DriveFuzz draws."""
+LEAST_MPS, RUNS_MPS = 1.0, 4.0
+"""Slowest speed of who moves at all, and fastest of who walks straight on, m/s. Ours: DriveFuzz's walkers go up to
+10 m/s, which only sprinters do; 4 m/s is a jog."""
+TURNED_RAD = 0.26
+"""Who drives straight on is turned from the lane by this much at most. Ours: 15 degrees, a car that drifts off its
+lane; DriveFuzz's linear cars point anywhere."""
+LINEAR_M, LINEAR_LEAST_M = 100.0, 10.0
+"""Longest and shortest way of who drives straight on, m (ours: it ends beside the road, or there)."""
+WALK_M = 30.0
+"""How far somebody walks straight on, m. Ours: over the widest street and onto its other sidewalk."""
+ROAMS_S = 60.0
+"""Who follows lanes or sidewalks has a way for so long, s: the longest run without an `end`."""
+ROOM_M = 1.0
+"""Free space around an added actor at the beginning, m; as of background traffic's pedestrians."""
+QUEUE_M = 8.0
+"""Free lane in front of and behind who drives from the beginning, m. Ours: a car's length and braking from 25 km/h."""
+FIRST_S = 2.0
+"""A collision with an added actor before this is refused. Ours: a driver's reaction time of 1 s (as of the careful
+driver), and as much to brake."""
+TRIES, PLACES_TRIED = 6, 60
+"""How many times a mutation is drawn anew before it counts as impossible, and places of an actor in each. Ours: in the
+bundled scenarios nine in ten first draws are possible."""
+FRICTION = (0.05, 0.4)
+"""Friction of a drawn patch: from wet ice to wet leaves (Wong, Theory of Ground Vehicles, table 1.3, has 0.1 for ice
+and 0.2 for packed snow); DriveFuzz multiplies by 0 to 2, of which only what is below 1 is slippery."""
+RADIUS_M = (1.0, 5.0)
+"""Radius of a drawn patch, m: DriveFuzz's puddles reach 5 m (`PUDDLE_MAX_SIZE` of 500 cm)."""
+
+
+@dataclass(frozen=True)
+class FuzzSettings:
+    """Settings of a fuzzing run; the defaults are DriveFuzz's.
+
+    Attributes:
+        cycles: how often the mutant with the lowest score is mutated again, at most. mutations: of a cycle.
+        seed: of all random choices, and of the runs. together: each mutation adds or moves an actor and changes the
+            weather, and one in four puts a patch as well, as DriveFuzz's program does; else it is one of the three.
+    """
+
+    driver: str = "pdm"
+    cycles: int = 10
+    mutations: int = 8
+    seed: int = 0
+    together: bool = False

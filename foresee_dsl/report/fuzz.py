@@ -1,0 +1,115 @@
+"""What a fuzzing run found, for people: while it runs, and at its end."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from rich.progress import TextColumn
+from rich.text import Text
+
+from foresee_dsl.campaign.execution.engine import Listener
+from foresee_dsl.campaign.storage.store import Row
+from foresee_dsl.report.live import EVERY_S, bars
+from foresee_dsl.report.safe_text import safe, shortened
+from foresee_dsl.report.terminal import duration, plain_table
+from foresee_dsl.report.verdicts import verdicts_line
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from foresee_dsl.fuzz.records import FuzzResult, FuzzRun, SeedFuzz
+
+_WIDE = 100
+"""Columns from which on a failure is told on one line with its mutation."""
+
+
+class FuzzProgress(Listener):
+    """A bar on a terminal, a line now and then elsewhere; each failure at once."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bars = bars(console, TextColumn("{task.description}"), left=False)
+        self._task = self._bars.add_task("runs")
+        self._done = self._failed = 0
+        self._told_s = time.monotonic()
+
+    def __enter__(self) -> Self:
+        self._bars.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, err: BaseException | None, at: TracebackType | None) -> None:
+        self._bars.stop()
+
+    def planned(self, kind: str, count: int) -> None:  # noqa: ARG002 - as a listener is called
+        """Know how many runs there are at most: a failure ends its seed."""
+        self._bars.update(self._task, total=count)
+
+    def done(self, row: Row, *, new: bool = True) -> None:
+        """Advance."""
+        from foresee_dsl.simulate.results.verdict import FAILURES
+
+        self._done += 1
+        self._bars.update(self._task, completed=self._done)
+        if row.verdict in [verdict.value for verdict in FAILURES]:
+            self._failed += 1
+            self._bars.update(self._task, description=f"runs, {self._failed} failures")
+            if new:
+                self._bars.console.print(f"  {row.name}: {row.reason}", style="dim", highlight=False, markup=False)
+        if new and not self._console.is_terminal and time.monotonic() - self._told_s >= EVERY_S:
+            self._told_s = time.monotonic()
+            self._console.print(f"{self._done} runs, {self._failed} failures")
+
+    def broken(self, what: str) -> None:
+        """Print it."""
+        self._bars.console.print(f"  could not be done: {what}", style="red", highlight=False, markup=False)
+
+
+def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
+    """Print the failures, how the scores fell, and where the files are."""
+    tried = [seed for seed in result.seeds if seed.usable]
+    every = [run for seed in result.seeds for run in seed.every]
+    console.print(
+        Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), verdicts_line([r.verdict for r in every], [])),
+        soft_wrap=True,
+    )
+    for seed in result.seeds:
+        _print_seed(console, seed)
+    if result.by_cycle:
+        rows = [(one.cycle, one.seeds, one.failures, f"{one.mean_best:.2f}") for one in result.by_cycle]
+        console.print()
+        console.print(plain_table(("cycle", "seeds", "failures", "mean lowest score"), rows))
+    aside = len(result.seeds) - len(tried)
+    left_out = f", {aside} do not pass unmutated" if aside else ""
+    console.print(
+        f"\n{result.failures} of {len(tried)} seeds fail after {len(every)} mutations{left_out}; "
+        f"{duration(result.simulated_s)} simulated in {duration(result.wall_s)}",
+        soft_wrap=True,
+    )
+    console.print(f"{out / 'fuzz.json'}", soft_wrap=True, markup=False)
+
+
+def _print_seed(console: Console, seed: SeedFuzz) -> None:
+    name = safe(seed.test_case)
+    run = seed.failed
+    if run is not None:
+        console.print(Text.assemble((f"{name}  ", "bold"), (run.verdict.value, run.verdict.style), f" {run.reason}"),
+                      soft_wrap=True)  # fmt: skip
+        _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.what}")
+        console.print(f"  {run.file}", soft_wrap=True, markup=False)
+    elif not seed.usable:
+        console.print(Text.assemble((f"{name}  ", "bold"), (f"not mutated: {seed.reason}", "dim")), soft_wrap=True)
+    else:
+        scores = " ".join(f"{cycle.best:.1f}" for cycle in seed.cycles)
+        console.print(Text.assemble((f"{name}  ", "bold"), f"passes; lowest scores {scores}"), soft_wrap=True)
+
+
+def _print_line(console: Console, text: str) -> None:
+    console.print(Text(shortened(text, max(console.width, 40))), soft_wrap=True)
+
+
+def told(run: FuzzRun) -> str:
+    """Return a run in a line: `c03_m5 -12.25 pass: adds ...`."""
+    return f"c{run.cycle:02d}_m{run.number} {run.score:.2f} {run.verdict}: {run.what}"
