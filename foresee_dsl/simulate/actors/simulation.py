@@ -102,7 +102,7 @@ class Simulation:
     def step(self, control: Control) -> tuple[str, ...]:
         """Advance by one frame with the driver's answer to the last one; return the ids of the vehicles that have
         left."""
-        self.ground.take_effect(self)
+        self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
         for actor in self.path_actors:

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from math import hypot
-from typing import TYPE_CHECKING
 
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle
+from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor, SteeredVehicle
+from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.world import World
-
-if TYPE_CHECKING:
-    from foresee_dsl.simulate.actors.simulation import Simulation
 
 TYRE_M = 0.1
 """A wheel stands this far inside the vehicle's side. Ours: half a car tyre's width."""
@@ -43,20 +41,23 @@ class SlipperyGround:
         found = [min(self.friction_at(float(x), float(y)), self._road) for x, y in points]
         return sum(found) / len(found)
 
-    def take_effect(self, simulation: Simulation) -> None:
-        """Give everybody the grip that they have in the next step."""
+    def take_effect(self, actors: Iterable[Actor], vehicles: Mapping[str, SumoVehicle], world: World) -> None:
+        """Give everybody the grip that they have in the next step; `vehicles`: those that SUMO drives, by id."""
         if not self._patches:
             return
-        self._wheels(simulation.ego, simulation.ego.motion)
-        for steered in simulation.steered:
-            if steered.recovery is not None and steered.present:
-                self._wheels(steered, steered.recovery.bicycle)
-        for actor in simulation.path_actors:
-            self._path(actor)
-        for guided in simulation.guided:
-            if guided.guide is not None and guided.present:
-                self._path(guided.guide)
-        self._traffic(simulation.sumo_vehicles, simulation.world)
+        for actor in actors:
+            if not actor.present:
+                continue
+            match actor:
+                case Ego():
+                    self._wheels(actor, actor.motion)
+                case SteeredVehicle() if actor.recovery is not None:
+                    self._wheels(actor, actor.recovery.bicycle)
+                case PathActor():
+                    self._path(actor)
+                case GuidedVehicle() if actor.guide is not None:
+                    self._path(actor.guide)
+        self._traffic(vehicles, world)
 
     def _wheels(self, actor: Ego | SteeredVehicle, motion: Bicycle) -> None:
         motion.hold(self.under(motion.wheels(actor.bicycle(), TYRE_M)))
