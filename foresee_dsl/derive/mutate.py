@@ -14,7 +14,7 @@ from foresee_dsl.derive.avoidable import avoidable
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.model import Change, Clip, Mutant, Origin, Quantity
+from foresee_dsl.language.model import Change, Clip, Mutant, Origin, Quantity, Weather
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.trace import Trace
 
@@ -78,6 +78,7 @@ class Mutator:
             ranked=(clip.risk.actor or "") if clip.risk else "",
             models={name: spec_of(model) for name, model in case.models.items()},
             swappable=tuple(sorted(models if models is not None else case.models)),
+            weather=_weather(case),
         )
         self._plans = _plans(self._situation, self._preset)
 
@@ -115,6 +116,13 @@ _Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
 """The names of operators, and what they change."""
 _Plan = tuple[tuple[Operator, str], ...]
 """The operators of one child, each with its target."""
+
+
+def _weather(case: TestCase) -> dict[str, Quantity]:
+    """Return how much it rains, how thick the fog is and how wet the road; 0 where the case says nothing."""
+    stated = case.scenario.one(Weather)
+    found = {name: getattr(stated, name, None) for name in ("rain", "fog", "wetness")}
+    return {name: has if isinstance(has, Quantity) else Quantity(value=Decimal(0)) for name, has in found.items()}
 
 
 def _risky_frame(clip: Clip, trace: Trace) -> int:

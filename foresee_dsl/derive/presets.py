@@ -186,7 +186,16 @@ FOCUSED = Preset(
 AVOIDABLE = replace(FOCUSED, name="avoidable", search=CarefulSettings())
 """Ours: first what hits the ego as it drove and a careful driver could have avoided; then as `focused`."""
 
-PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, PAPER, AVOIDABLE)})
+HEAVY_WEATHER = Preset(
+    name="heavy_weather",
+    recipes=(("heavy_weather",),),
+    targets="letter",
+    farthest_m=None,
+    steer=SteerSettings(),
+)
+"""One child: the same in heavy weather, and nothing else is changed (paper, section 4.4, RQ5)."""
+
+PRESETS: Mapping[str, Preset] = MappingProxyType({p.name: p for p in (FOCUSED, PAPER, AVOIDABLE, HEAVY_WEATHER)})
 """All presets by name. A study makes its own with `dataclasses.replace` and passes the object."""
 
 

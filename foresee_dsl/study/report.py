@@ -16,11 +16,12 @@ from foresee_dsl.study.page import write_page
 from foresee_dsl.study.results import Results
 from foresee_dsl.study.tables.effectiveness import effectiveness
 from foresee_dsl.study.tables.efficiency import efficiency
+from foresee_dsl.study.tables.generality import generality
 from foresee_dsl.study.tables.rankers import comparison
 from foresee_dsl.study.tables.table import Table
 
 TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
-    {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency}
+    {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency, "rq5": generality}
 )
 """What makes the tables of each question."""
 

@@ -14,6 +14,7 @@ from foresee_dsl.derive.operators.model_swap import ModelSwap
 from foresee_dsl.derive.operators.ours import DelayShift, HeadStart, LineShift, TimingShift
 from foresee_dsl.derive.operators.situation import ActorsRun, BuiltIn, Operator, Situation
 from foresee_dsl.derive.operators.steer import Steer
+from foresee_dsl.derive.operators.weather import HeavyWeather
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.forecast.geometry import footprints
 from foresee_dsl.kernels.boxes import pairwise_box_distance
@@ -27,7 +28,9 @@ OPERATORS = PluginGroup("foresee_dsl.operators", "operator", ForeseeError)
 """A package adds its own with `[project.entry-points."foresee_dsl.operators"]` and `mine = "package.module:MINE"`,
 an object with a `name` and `changes`."""
 
-_OURS: tuple[BuiltIn, ...] = (ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift())
+_OURS: tuple[BuiltIn, ...] = (
+    ModelSwap(), Steer(), TimingShift(), DelayShift(), HeadStart(), LineShift(), HeavyWeather()
+)  # fmt: skip
 _BY_PROPERTY = {operator.property: operator for operator in _OURS}
 
 

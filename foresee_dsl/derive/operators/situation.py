@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -31,6 +31,7 @@ class Situation:
         trace: the clip's own run; frame 0 is the clip's beginning. frame: the risky point's.
         ranked: the id of the actor that the point is about, or "".
         models: every model that the case knows, by name. swappable: those that may be swapped in.
+        weather: the clip's rain, fog and wetness, ratios.
     """
 
     clip: Clip
@@ -39,6 +40,7 @@ class Situation:
     ranked: str
     models: Mapping[str, ModelSpec]
     swappable: tuple[str, ...]
+    weather: Mapping[str, Quantity] = field(default_factory=dict)
 
     @cached_property
     def actors(self) -> dict[str, Actor]:
