@@ -40,7 +40,7 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.simulate.results.near_misses import NearMisses
 from foresee_dsl.simulate.results.unfired import Unfired
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, Impact, Verdict
-from foresee_dsl.study.running import Planned
+from foresee_dsl.study.planning import Planned
 from foresee_dsl.study.tables.table import Table
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"

@@ -82,6 +82,10 @@ def study(
             metavar="DRIVERS", help="Reference drivers, with commas, or none; by default those of `campaign`."
         ),
     ] = None,
+    fuzzing: Annotated[
+        str,
+        typer.Option(metavar="R,C,M", help="rq4: DriveFuzz with R repetitions, C cycles and M mutations a cycle."),
+    ] = "1,10,8",
     towns: Annotated[
         list[Path] | None,
         typer.Option("--town", help="rq5: a folder of test cases of another town; may be given several times."),
@@ -127,7 +131,8 @@ def study(
         known = ", ".join((*QUESTIONS, ALL, REPORT))
         raise typer.BadParameter(f"{question!r} is not one of: {known}", param_hint="QUESTION")
     names = tuple(QUESTIONS) if question == ALL else (question,)
-    searched, searches = _exhaustive(exhaustive)
+    searched, searches = _numbers(exhaustive, 2, "--exhaustive")
+    fuzz_repetitions, cycles, mutations = _numbers(fuzzing, 3, "--fuzzing")
     settings = StudySettings(
         drivers=_names(drivers) or DRIVERS,
         rankers=_names(rankers) or RANKERS,
@@ -140,6 +145,9 @@ def study(
         preset=preset,
         children=children,
         against=None if against is None else tuple(name for name in _names(against) if name != NOBODY),
+        fuzz_repetitions=fuzz_repetitions,
+        fuzz_cycles=cycles,
+        fuzz_mutations=mutations,
         towns=tuple(town.name for town in towns or ()),
     )
     groups = {BUNDLED: _loaded(paths, settings, only, allow_outside=allow_outside)}
@@ -242,7 +250,8 @@ def _print_tables(screen: Console, tables: Sequence[Table]) -> None:
 def _plan(names: Sequence[str], settings: StudySettings, cases: Cases, store: Path, *, json: bool, jobs: int) -> None:
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.report.terminal import duration, plain_table
-    from foresee_dsl.study.running import plan_study, possible
+    from foresee_dsl.study.planning import plan_study
+    from foresee_dsl.study.running import possible
 
     settings, notes = possible(settings)
     with Store(store, write=False) if (store / "runs.sqlite").is_file() else nullcontext() as opened:
@@ -281,11 +290,11 @@ def _half(text: str | None) -> Half | None:
         raise typer.BadParameter(f"{text!r} is not one of: even, odd, all", param_hint="--half") from err
 
 
-def _exhaustive(text: str) -> tuple[int, int]:
-    first, comma, second = text.partition(",")
-    if not (comma and first.strip().isdigit() and second.strip().isdigit()):
-        raise typer.BadParameter(f"{text!r}: write two numbers, such as 1,3", param_hint="--exhaustive")
-    return int(first), int(second)
+def _numbers(text: str, count: int, option: str) -> list[int]:
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
+        raise typer.BadParameter(f"{text!r}: write {count} whole numbers with commas", param_hint=option)
+    return [int(part) for part in parts]
 
 
 def _loaded(

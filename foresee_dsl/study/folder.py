@@ -9,6 +9,8 @@ from typing import Any
 
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import write_whole
+from foresee_dsl.study import fuzzed
+from foresee_dsl.study.fuzzed import Fuzzed
 from foresee_dsl.study.halves import Half
 from foresee_dsl.study.measured import Measured, load, save
 from foresee_dsl.study.settings import StudySettings, Wanted
@@ -86,6 +88,14 @@ class StudyFolder:
         if not files:
             raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
         return tuple(load(file) for file in files)
+
+    def keep_fuzzed(self, found: Fuzzed) -> None:
+        """Write what DriveFuzz did in one iteration."""
+        fuzzed.save(found, self.fuzzed / f"{found.name}.json")
+
+    def fuzzings(self) -> tuple[Fuzzed, ...]:
+        """Return what DriveFuzz did, in the order of the files."""
+        return tuple(fuzzed.load(file) for file in sorted(self.fuzzed.glob("*.json")))
 
     def write(self, record: Record) -> None:
         """Write `study.json`."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from enum import StrEnum
+from pathlib import Path
 
-from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.language.project.document import TestCase
 
 
@@ -17,16 +17,15 @@ class Half(StrEnum):
     ODD = "odd"
     ALL = "all"
 
-    def holds(self, name: str) -> bool:
-        """Return whether a test case of this name (`red_light_runner_r02`) belongs to it."""
-        return self in (Half.ALL, half_of(name))
 
+def half_of(address: str) -> Half:
+    """Return the half of a test case: whether the SHA-256 of its name, `scenario3.foresee::r01`, is even or odd.
 
-def half_of(name: str) -> Half:
-    """Return the half of a name: whether its SHA-256, as a number, is even or odd."""
-    return Half.ODD if hashlib.sha256(name.encode()).digest()[-1] % 2 else Half.EVEN
+    Its folder does not matter.
+    """
+    return Half.ODD if hashlib.sha256(Path(address).name.encode()).digest()[-1] % 2 else Half.EVEN
 
 
 def of_half(cases: Iterable[TestCase], half: Half) -> tuple[TestCase, ...]:
-    """Return the test cases of a half."""
-    return tuple(case for case in cases if half.holds(case_name(case)))
+    """Return the test cases of a half, or all."""
+    return tuple(case for case in cases if half in (Half.ALL, half_of(case.id)))

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.study.halves import Half
 
 SCHEMA = 1
 
@@ -59,6 +60,7 @@ class MeasuredCase:
 
     name: str
     family: str
+    half: Half
     verdict: Verdict
     simulated_s: float
     wall_s: float
@@ -74,6 +76,11 @@ class MeasuredCase:
     def children(self) -> Iterator[Child]:
         """The children of all clips."""
         return (child for clip in self.clips for child in clip.children)
+
+    @property
+    def fails(self) -> bool:
+        """Whether a child of it fails: collides, or is stuck."""
+        return any(child.verdict.is_failure for child in self.children)
 
     def count(self, what: Counted) -> int:
         """Return how many collisions, findings or avoidable findings its children gave."""

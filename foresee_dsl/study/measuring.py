@@ -10,6 +10,7 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, SeedOutcome
 from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.story import Story
+from foresee_dsl.study.halves import half_of
 from foresee_dsl.study.measured import Child, Measured, MeasuredCase, MeasuredClip
 
 
@@ -26,6 +27,7 @@ def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
         MeasuredCase(
             name=names[seed.id],
             family=seed.family,
+            half=half_of(seed.id),
             verdict=seed.verdict,
             simulated_s=round(seed.duration_s, 2),
             wall_s=round(wall_s["seed", names[seed.id]], 4),

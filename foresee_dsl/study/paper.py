@@ -13,10 +13,11 @@ from types import MappingProxyType
 
 from foresee_dsl.study.curves import compared_areas
 from foresee_dsl.study.measured import Counted, Measured, MeasuredCase
-from foresee_dsl.study.questions import CHOSEN_S
+from foresee_dsl.study.questions import CHOSEN_S, HEAVY_WEATHER
 from foresee_dsl.study.results import TOGETHER, Results
 from foresee_dsl.study.settings import EXHAUSTIVE
 from foresee_dsl.study.statistics.bootstrap import Interval, ratio_interval
+from foresee_dsl.study.tables.complementarity import iterations
 
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
     {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "both together"}
@@ -159,6 +160,26 @@ def area_over(ranker: str) -> Callable[[Results, str], Ours | None]:
     return ours
 
 
+def of_drivefuzz(results: Results, driver: str) -> Ours | None:
+    """Return foresee's additional failing test cases, % of DriveFuzz's."""
+    both = [one for name in _drivers(results, driver) for pair in iterations(results, name) for one in pair]
+    ours: dict[str, float] = {}
+    theirs: dict[str, float] = {}
+    for one in both:
+        for case in one.forecast.cases:
+            ours[case.name] = ours.get(case.name, 0.0) + (case.name in one.found.forecast)
+            theirs[case.name] = theirs.get(case.name, 0.0) + (case.name in one.found.fuzzed)
+    return _scaled(_ratio(ours, theirs), 100)
+
+
+def weather_collisions(results: Results, driver: str) -> Ours | None:
+    """Return the share of clips that collide in heavy weather, %."""
+    found = tuple(m for name in _drivers(results, driver)
+                  for m in results.of_campaign(name, "foresee", preset=HEAVY_WEATHER))  # fmt: skip
+    children = _by_case(found, lambda case: float(sum(len(clip.children) for clip in case.clips)))
+    return _scaled(_ratio(_by_case(found, _collisions), children), 100)
+
+
 def _scaled(found: Ours | None, by: float, *, less: float = 0.0) -> Ours | None:
     if found is None:
         return None
@@ -199,6 +220,10 @@ FIGURES = (
                 area_over("random")),
     PaperFigure("rq3", "area under the curve, over selforacle", Unit.TIMES, _RQ3, _both(1.44, 1.27, 1.42),
                 area_over("selforacle")),
+    PaperFigure("rq4", "foresee's additional failing test cases, of DriveFuzz's", Unit.SHARE, "4.5, RQ4, table 5",
+                _both(93.94, 45.95), of_drivefuzz),
+    PaperFigure("rq5", "clips that collide in heavy weather", Unit.SHARE, "4.5, RQ5, table 6",
+                _both(100 * 36 / 539, 100 * 10 / 237, 100 * 46 / 776), weather_collisions),
 )  # fmt: skip
 """The paper's headline figures. Its areas are in collisions times seconds of its own clock; only ratios compare."""
 A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
 
-from foresee_dsl.study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, SECOND_ITERATION, StudySettings, Wanted
+from foresee_dsl.study.settings import BUNDLED, EVERY_POINT, EXHAUSTIVE, StudySettings, Wanted
 
 CLIPS_S = (6.0, 10.0)
 """Paper, section 4.4: o_b = o_a of 3 s and of 5 s."""
@@ -40,13 +40,12 @@ def campaigns(
     *,
     drivers: Iterable[str] | None = None,
     groups: Iterable[str] = (BUNDLED,),
-    later: int = 0,
 ) -> Iterator[Wanted]:
-    """Yield a campaign for each combination and repetition; seeds begin `later`."""
+    """Yield a campaign for each combination and repetition."""
     asked = settings.drivers if drivers is None else drivers
     for group, driver, ranker, clip_s in product(groups, asked, rankers, clips_s):
         for repetition in range(settings.repetitions):
-            seed = settings.seed + later + repetition
+            seed = settings.seed + repetition
             yield Wanted(
                 group,
                 driver,
@@ -95,8 +94,10 @@ def _efficiency(settings: StudySettings) -> Iterator[Wanted]:
 
 
 def _complementarity(settings: StudySettings) -> Iterator[Wanted]:
-    yield from campaigns(settings, ("foresee",))
-    yield from campaigns(settings, ("foresee",), later=SECOND_ITERATION)
+    """The first iteration; what the second needs is known after it (`study.complementing`)."""
+    for wanted in campaigns(settings, ("foresee",)):
+        if wanted.repetition < settings.fuzz_repetitions:
+            yield wanted
 
 
 def _generality(settings: StudySettings) -> Iterator[Wanted]:

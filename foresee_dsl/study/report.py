@@ -14,6 +14,7 @@ from foresee_dsl.study.folder import StudyFolder
 from foresee_dsl.study.halves import Half
 from foresee_dsl.study.page import write_page
 from foresee_dsl.study.results import Results
+from foresee_dsl.study.tables.complementarity import complementarity
 from foresee_dsl.study.tables.effectiveness import effectiveness
 from foresee_dsl.study.tables.efficiency import efficiency
 from foresee_dsl.study.tables.generality import generality
@@ -21,7 +22,7 @@ from foresee_dsl.study.tables.rankers import comparison
 from foresee_dsl.study.tables.table import Table
 
 TABLES: Mapping[str, Callable[[Results], tuple[Table, ...]]] = MappingProxyType(
-    {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency, "rq5": generality}
+    {"rq1": effectiveness, "rq2": comparison, "rq3": efficiency, "rq4": complementarity, "rq5": generality}
 )
 """What makes the tables of each question."""
 
@@ -54,7 +55,8 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
         ForeseeError: there is no study in the folder.
     """
     results = Results.of(folder, half)
-    tables = {name: found for name in TABLES if (found := tables_of(name, results))}
+    asked = folder.read().asked or TABLES  # where none was answered to the end, all that there is
+    tables = {name: found for name in TABLES if name in asked and (found := tables_of(name, results))}
     for found in tables.values():
         write_tables(found, folder)
     notes: tuple[str, ...] = ()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from foresee_dsl.study.folder import StudyFolder
+from foresee_dsl.study.fuzzed import Fuzzed
 from foresee_dsl.study.halves import Half
 from foresee_dsl.study.measured import Counted, Measured
 from foresee_dsl.study.questions import CHOSEN_S
@@ -23,11 +24,13 @@ class Results:
 
     Attributes:
         preset: of the questions' campaigns; others (heavy weather) are asked for by name.
+        fuzzings: what DriveFuzz did, for rq4.
     """
 
     campaigns: tuple[Measured, ...]
     preset: str
     half: Half = Half.ALL
+    fuzzings: tuple[Fuzzed, ...] = ()
 
     @classmethod
     def of(cls, folder: StudyFolder, half: Half | None = None) -> Results:
@@ -38,8 +41,12 @@ class Results:
         """
         settings = folder.read().settings
         half = half or settings.half
-        kept = (m.only(c.name for c in m.cases if half.holds(c.name) or m.group != BUNDLED) for m in folder.campaigns())
-        return cls(tuple(kept), settings.preset, half)
+        return cls(
+            tuple(_of_half(m, half) for m in folder.campaigns()),
+            settings.preset,
+            half,
+            tuple(replace(f, seeds=tuple(s for s in f.seeds if half in (Half.ALL, s.half))) for f in folder.fuzzings()),
+        )
 
     @cached_property
     def drivers(self) -> tuple[str, ...]:
@@ -102,6 +109,13 @@ class Results:
             one, other = sides[0][repetition], sides[1][repetition]
             for name in sorted(one.keys() & other.keys()):
                 yield Pair(name, repetition, one[name].count(what), other[name].count(what))
+
+
+def _of_half(measured: Measured, half: Half) -> Measured:
+    """Return the part of a campaign in a half; those of other towns are all in both, as no setting was chosen there."""
+    if half is Half.ALL or measured.group != BUNDLED:
+        return measured
+    return replace(measured, cases=tuple(case for case in measured.cases if case.half is half))
 
 
 def mean(values: Iterable[float]) -> float | None:

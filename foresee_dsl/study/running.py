@@ -5,24 +5,28 @@ from __future__ import annotations
 import shutil
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from foresee_dsl.campaign.execution.engine import Listener, run_missing
 from foresee_dsl.campaign.execution.pool import RunOptions
-from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.forecast.protocol import Learned
 from foresee_dsl.forecast.registry import load_ranker, ranker_names
+from foresee_dsl.fuzz.engine import fuzz
+from foresee_dsl.fuzz.settings import FuzzSettings
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.study.complementing import complement
 from foresee_dsl.study.folder import StudyFolder, Took
+from foresee_dsl.study.fuzzed import Fuzzed, fuzzed
+from foresee_dsl.study.measured import Measured
 from foresee_dsl.study.measuring import measure
 from foresee_dsl.study.questions import wanted_by
-from foresee_dsl.study.settings import StudySettings, Wanted
+from foresee_dsl.study.settings import BUNDLED, StudySettings, Wanted
 
 Cases = Mapping[str, Sequence[TestCase]]
 """The test cases of each group."""
@@ -100,101 +104,77 @@ def run_study(
         InputError: a test case is impossible on its network.
         StoreError: the store cannot be written any more; what was finished is in it.
     """
-    done: set[Wanted] = set()
-    asked: dict[str, Took] = {}
-    broken: list[str] = []
-    ends_s = None if options.limits.budget_s is None else time.monotonic() + options.limits.budget_s
     folder.at.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=".work-", dir=folder.at))
+    run = _Run(settings, cases, folder, store, listeners, options, say, work)
     try:
-        for name in names:
-            started = time.monotonic()
-            wanted, _ = watched(wanted_by([name], settings))
-            for k, one in enumerate(wanted):
-                if one in done:
-                    continue
-                say(f"{name} {k + 1}/{len(wanted)}: {one.driver}, {one.ranker}, clips of {one.clip_s:g} s, "
-                    f"seed {one.seed}" + (f", {one.group}" if len(cases) > 1 else ""))  # fmt: skip
-                stages = Stages(cases[one.group], one.campaign(), store, folder.at, options.shard)
-                ran = run_missing(stages, work=work, store=store, listeners=listeners,
-                                  options=_with_time_left(options, ends_s), minimise=False)  # fmt: skip
-                broken += ran.broken
-                folder.keep(one, measure(stages, group=one.group, repetition=one.repetition))
-                if ran.stopped:
-                    return StudyRun(asked, interrupted=True, broken=tuple(broken))
-                done.add(one)
-            asked[name] = Took(round(time.monotonic() - started, 1), options.jobs)
+        stopped = not all(run.answered(name) for name in names)
     finally:
         shutil.rmtree(work, ignore_errors=True)
-    return StudyRun(asked, interrupted=False, broken=tuple(broken))
+    return StudyRun(run.asked, stopped, tuple(run.broken))
 
 
-def _with_time_left(options: RunOptions, ends_s: float | None) -> RunOptions:
-    if ends_s is None:
-        return options
-    return replace(options, limits=replace(options.limits, budget_s=max(ends_s - time.monotonic(), 0.0)))
+class _Run:
+    """What of a study was run so far."""
 
+    def __init__(
+        self, settings: StudySettings, cases: Cases, folder: StudyFolder, store: Store, listeners: Sequence[Listener],
+        options: RunOptions, say: Callable[[str], None], work: Path,
+    ) -> None:  # fmt: skip
+        self._settings, self._cases, self._folder, self._store = settings, cases, folder, store
+        self._listeners, self._options, self._say, self._work = listeners, options, say, work
+        self._done: dict[Wanted, Measured] = {}
+        budget_s = options.limits.budget_s
+        self._ends_s = None if budget_s is None else time.monotonic() + budget_s
+        self.asked: dict[str, Took] = {}
+        self.broken: list[str] = []
 
-@dataclass(frozen=True)
-class Planned:
-    """What a question would run: campaigns, runs that are in the store, known to be missing, and more at most.
+    def answered(self, name: str) -> bool:
+        """Run what a question needs; return whether that was done to the end."""
+        started = time.monotonic()
+        wanted, _ = watched(wanted_by([name], self._settings))
+        for k, one in enumerate(wanted):
+            if self._campaign(one, self._cases[one.group], f"{name} {k + 1}/{len(wanted)}") is None:
+                return False
+        if name == "rq4" and not complement(
+            self._settings, self._cases[BUNDLED], fuzzes=self._fuzzed, forecasts=self._campaign
+        ):
+            return False
+        self.asked[name] = Took(round(time.monotonic() - started, 1), self._options.jobs)
+        return True
 
-    `longest_s`: one core's time for all that, at most.
-    """
+    def _campaign(self, wanted: Wanted, cases: Sequence[TestCase], place: str = "rq4") -> Measured | None:
+        """Run a campaign and keep what it gave; None where it was stopped. Equal ones are run once."""
+        if wanted in self._done:
+            return self._done[wanted]
+        self._say(f"{place}: {wanted.driver}, {wanted.ranker}, clips of {wanted.clip_s:g} s, seed {wanted.seed}, "
+                  f"{wanted.group}, {wanted.preset}")  # fmt: skip
+        stages = Stages(cases, wanted.campaign(), self._store, self._folder.at, self._options.shard)
+        ran = run_missing(stages, work=self._work, store=self._store, listeners=self._listeners,
+                          options=self._time_left(), minimise=False)  # fmt: skip
+        self.broken += ran.broken
+        found = measure(stages, group=wanted.group, repetition=wanted.repetition)
+        self._folder.keep(wanted, found)
+        if ran.stopped:
+            return None
+        self._done[wanted] = found
+        return found
 
-    shown = "question campaigns done to_run at_most_more one_core_s=longest_s:1"
+    def _fuzzed(
+        self, settings: FuzzSettings, cases: Sequence[TestCase], repetition: int, iteration: int
+    ) -> Fuzzed | None:
+        """Run one iteration of DriveFuzz and keep what it gave; None where it was stopped."""
+        self._say(f"rq4: {settings.driver}, DriveFuzz, iteration {iteration}, {len(cases)} test cases, "
+                  f"seed {settings.seed}")  # fmt: skip
+        result = fuzz(cases, settings, out=self._work / "fuzzed", store=self._store, listeners=self._listeners,
+                      options=self._time_left())  # fmt: skip
+        self.broken += result.broken
+        found = fuzzed(result, {case.id: case for case in cases}, repetition=repetition, iteration=iteration)
+        self._folder.keep_fuzzed(found)
+        return None if result.interrupted else found
 
-    question: str
-    campaigns: int
-    done: int
-    to_run: int
-    at_most_more: int
-    longest_s: float
-
-
-def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None) -> tuple[Planned, ...]:
-    """Return what each question would run; what an earlier one runs already is not counted again."""
-    seen: set[str] = set()
-    plans = []
-    for name in names:
-        counts: Counter[str] = Counter()
-        seconds = 0.0
-        wanted, _ = watched(wanted_by([name], settings))
-        for one in wanted:
-            campaign = one.campaign()
-            stages = Stages(cases[one.group], campaign, store, Path())
-            each_s = store.mean_wall_s(one.driver) if store is not None else {}
-            for node, row in stages.walk():
-                if node.step.key in seen:
-                    continue
-                seen.add(node.step.key)
-                if row is not None:
-                    counts["done"] += node.step.drives
-                    continue
-                counts["to run"] += node.step.drives
-                clips, children = _following(node, one)
-                counts["more"] += clips + children
-                seconds += node.step.drives * each_s.get(node.step.kind, node.step.usual_s)
-                seconds += clips * each_s.get("clip", _CLIP_S) + children * each_s.get("child", _CHILD_S)
-                if node.step.kind == "seed":  # its forecast is another one's for each ranker
-                    seen.discard(node.step.key)
-        plans.append(Planned(name, len(wanted), counts["done"], counts["to run"], counts["more"], seconds))
-    return tuple(plans)
-
-
-def _following(node: Node, wanted: Wanted) -> tuple[int, int]:
-    """Return how many clips and children follow from a step without a result, at most."""
-    points = min(wanted.risky_points, _USUAL_POINTS)
-    match node.step.kind:
-        case "seed" | "forecast":
-            return points, points * wanted.children
-        case "clip" | "mutants":
-            return 0, wanted.children
-        case _:
-            return 0, 0
-
-
-_USUAL_POINTS = 45
-"""Clips of a test case that is searched exhaustively, at most (paper, section 4.3: 45 of a run of 48 s)."""
-_CLIP_S, _CHILD_S = 0.3, 0.12
-"""Of a store that has none yet: wall time of a clip and of a child (ours: the bundled scenarios with `pdm`)."""
+    def _time_left(self) -> RunOptions:
+        if self._ends_s is None:
+            return self._options
+        left_s = max(self._ends_s - time.monotonic(), 0.0)
+        return replace(self._options, limits=replace(self._options.limits, budget_s=left_s))

@@ -38,6 +38,7 @@ class StudySettings:
         preset: how clips are mutated; `paper` is comparable with the paper.
         children: mutated children of a clip.
         against: the reference drivers; None: those that come along.
+        fuzz_repetitions, fuzz_cycles, fuzz_mutations: of DriveFuzz, for rq4.
         towns: names of further groups of test cases, for rq5.
     """
 
@@ -52,6 +53,9 @@ class StudySettings:
     preset: str = "paper"
     children: int = CHILDREN
     against: tuple[str, ...] | None = None
+    fuzz_repetitions: int = 1
+    fuzz_cycles: int = 10
+    fuzz_mutations: int = 8
     towns: tuple[str, ...] = ()
 
     @property
