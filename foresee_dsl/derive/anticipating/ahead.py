@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts
+from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts, who_go_first
 from foresee_dsl.derive.anticipating.hazards import Hazard, hazards
 from foresee_dsl.derive.anticipating.manoeuvre import HARDEST, steered
 from foresee_dsl.derive.anticipating.settings import (
@@ -39,6 +39,8 @@ _KEPT_S = 1.0
 """It goes on braking for so long after nobody comes into its way any more. Ours."""
 _STANDS_OFF_M = 1.0
 """It means to stand this far from who comes into its way. Ours."""
+_SAME_MPS2 = 0.1
+"""Less than this changes nothing. Ours: below what people feel."""
 _DECIDES_EVERY = 2
 """It decides at 10 Hz, as the standard sensors measure."""
 
@@ -47,7 +49,8 @@ class Ahead(Replay):
     """Drives a recorded run's way as somebody would who anticipates.
 
     Attributes:
-        slowed_for: what it slowed for, the longest first.
+        braked_s: when it first braked for somebody who came into its way, s; None where it did not.
+        braked_mps2: how hard it did at most.
     """
 
     name = "anticipating"
@@ -60,10 +63,16 @@ class Ahead(Replay):
         self._free_from = round(from_s / STEP_S)
         self._info = trace.actors[0]
         self._before: dict[int, SeenActor] = {}
-        self._since: dict[int, float] = {}
-        self._wish, self._level = 0.0, 0.0
+        # By track: when it was first in conflict, when it last was, and from when on the driver acts.
+        self._noticed: dict[int, float] = {}
+        self._met: dict[int, float] = {}
+        self._acts: dict[int, float] = {}
+        self._wish, self._caution, self._level = 0.0, math.inf, 0.0
+        self._departed = False
         self._quiet_s, self._brakes = math.inf, 0.0
         self._slowed: dict[str, int] = {}
+        self.braked_s: float | None = None
+        self.braked_mps2 = 0.0
 
     @property
     def slowed_for(self) -> list[str]:
@@ -73,7 +82,7 @@ class Ahead(Replay):
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Begin at the run's first frame."""
         super().reset(mission, vehicle, seed)
-        self._mission = mission
+        self._mission, self._first = mission, who_go_first(mission)
 
     def step(self, observation: Observation) -> Control:
         """Answer with the recorded states until it is free, then as it judges."""
@@ -82,7 +91,7 @@ class Ahead(Replay):
         others = self._others(observation)
         if self._frame % _DECIDES_EVERY == 0:
             self._decide(observation, others)
-        if self._frame < self._free_from:
+        if self._as_recorded():
             control = self._follow(self._bicycle)
             self._level = self._state.acceleration
         else:
@@ -92,6 +101,18 @@ class Ahead(Replay):
         self._along += math.hypot(self._state.x - before.x, self._state.y - before.y)
         self._frame += 1
         return control
+
+    def _as_recorded(self) -> bool:
+        """Whether it does just what was recorded: until something asks for less speed than that."""
+        speeds = self._way.recorded_mps
+        if self._frame < self._free_from:
+            return True
+        if self._frame >= len(speeds) - 1:
+            self._departed = True
+        elif not self._departed:
+            recorded = float(speeds[self._frame + 1] - speeds[self._frame]) / STEP_S
+            self._departed = self._caution < recorded - _SAME_MPS2
+        return not self._departed
 
     def _drive(self, bicycle: Bicycle) -> Control:
         change = JERK_MPS3 * STEP_S
@@ -120,18 +141,19 @@ class Ahead(Replay):
 
     def _decide(self, observation: Observation, others: list[tuple[int, Other]]) -> None:
         now, speed = observation.time_s, self._state.speed
-        ego = Ego(self._way, self._along, speed, self._info.length_m, self._info.width_m)
+        ego = Ego(self._way, self._along, speed, self._info.length_m, self._info.width_m, self._first)
         people = [other for _, other in others]
-        wish = self._usual(now)
+        wish = math.inf
         slowing = min(hazards(ego, people), key=Hazard.allows, default=None)
         expects = slowing is not None and slowing.allows() < speed + 1.0
         if slowing is not None:
             wanted = max((slowing.allows() - speed) / EXPECTED_REACTION_S, -EASES_MPS2)
-            if wanted < wish:
+            if wanted < min(0.0, self._usual(now)):
                 self._slowed[slowing.what] = self._slowed.get(slowing.what, 0) + 1
             wish = min(wish, wanted)
         wish = min(wish, self._behind(ego, people), self._signal(observation))
-        self._wish = min(wish, -self._for_conflicts(ego, others, now, expects) or math.inf)
+        self._caution = min(wish, -self._for_conflicts(ego, others, now, expects) or math.inf)
+        self._wish = min(self._caution, self._usual(now))
 
     def _usual(self, now: float) -> float:
         """As the recorded ego drove at this place, but not ahead of it."""
@@ -175,17 +197,26 @@ class Ahead(Replay):
 
     def _for_conflicts(self, ego: Ego, others: list[tuple[int, Other]], now: float, expects: bool) -> float:
         """Return the braking for who comes into its way, m/s^2, once the reaction time is over."""
-        reaction = DELAY_S if expects else EVALUATION_S + DELAY_S
         found = conflicts(ego, [other for _, other in others])
         needed = 0.0
-        for (track, other), within_s in zip(others, found, strict=True):
-            if within_s is None:
-                if now - self._since.get(track, now) > reaction + _KEPT_S:
-                    self._since.pop(track)
+        for (track, other), meets in zip(others, found, strict=True):
+            if meets is None:
+                if now - self._met.get(track, now) > _KEPT_S:
+                    self._noticed.pop(track, None)
+                    self._acts.pop(track, None)
                 continue
-            if now - self._since.setdefault(track, now) >= reaction - 1e-9:
-                needed = max(needed, _needed(ego, other, within_s))
+            self._met[track] = now
+            since = self._noticed.setdefault(track, now)
+            if not meets.certain:
+                continue
+            # Who was watched already is not new: the foot is over the brake.
+            expected = expects or now - since >= EVALUATION_S - 1e-9
+            acts_s = self._acts.setdefault(track, now + (EXPECTED_REACTION_S if expected else EVALUATION_S + DELAY_S))
+            if now >= acts_s - 1e-9:
+                needed = max(needed, _needed(ego, other, meets.within_s))
         if needed > 0.0:
+            self.braked_s = now if self.braked_s is None else self.braked_s
+            self.braked_mps2 = max(self.braked_mps2, needed)
             self._quiet_s, self._brakes = now, needed
         elif now - self._quiet_s < _KEPT_S:
             needed = min(self._brakes, COMFORTABLE_MPS2)

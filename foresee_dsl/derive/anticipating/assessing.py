@@ -10,7 +10,7 @@ from foresee_dsl.compile import compile_test_case
 from foresee_dsl.compile.bundle import SumoBundle
 from foresee_dsl.derive.anticipating.ahead import CLEAR_SIGHT, Ahead
 from foresee_dsl.derive.anticipating.answer import Answer, Anticipation
-from foresee_dsl.derive.anticipating.foresight import onset
+from foresee_dsl.derive.anticipating.foresight import onset, who_go_first
 from foresee_dsl.derive.anticipating.manoeuvre import Manoeuvre
 from foresee_dsl.derive.anticipating.screening import Screened, Screening, sideways
 from foresee_dsl.derive.anticipating.settings import LOOKS_ON_S, MARGIN_M, MOST_RUNS
@@ -20,6 +20,7 @@ from foresee_dsl.derive.preventability.replay import Replay
 from foresee_dsl.derive.preventability.risk import DELAY_S, EVALUATION_S, sight_of
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.language.project.document import TestCase
+from foresee_dsl.simulate.mission import mission_of
 from foresee_dsl.simulate.results.outcome import STUCK_SPEED_MPS
 from foresee_dsl.simulate.results.verdict import Impact, RunResult, Verdict
 from foresee_dsl.simulate.runner import run
@@ -31,6 +32,8 @@ REACTION_S = EVALUATION_S + DELAY_S
 _BRAKED_MPS2 = 3.5
 """Who is hit from behind while it brakes harder than this may have given cause. Ours: just over comfortable braking."""
 _LOOKS_BACK_S = 3.0
+SLOWER_MPS = 0.5
+"""Who drives less slower than this, and does not brake, drives the same way. Ours: 2 km/h."""
 
 
 def assess(child: TestCase, result: RunResult) -> Anticipation:
@@ -69,6 +72,7 @@ class _Assessment:
         self._whole = bundle
         self._way = Way(result.trace, bundle.scene.ego.line)
         self._other = result.trace.index(failed.with_)
+        self._first = who_go_first(mission_of(bundle))
         self._runs = 0
         self._tried: list[str] = []
 
@@ -83,7 +87,7 @@ class _Assessment:
         again = self._run(Replay(self._trace, None), self._whole)
         if why := strays(again.result, self._result):
             return Anticipation(Answer.UNDECIDED, why)
-        seen_s = onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole))
+        seen_s = self._seen_s()
         begins_s = None if seen_s is None else round(seen_s + REACTION_S, 6)
         if begins_s is not None and begins_s < self._result.time_s:
             screening = Screening(self._trace, self._way, self._whole)
@@ -101,12 +105,15 @@ class _Assessment:
         speeds = self._trace.states[:, 0, SPEED]
         moving = np.flatnonzero(speeds >= STUCK_SPEED_MPS)
         since_s = (int(moving[-1]) + 1) * STEP_S if len(moving) else 0.0
-        seen_s = onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole))
+        seen_s = self._seen_s()
         stands_s = self._result.time_s - since_s
         if since_s > 0.0 and seen_s is not None and since_s > seen_s + REACTION_S:
             return None  # it still drove when it could have acted
         how = f"for {stands_s:.1f} s" if since_s > 0.0 else "from the first frame on"
         return Anticipation(Answer.NO, f"the ego stood {how}: {self._failed.struck}", seen_s=seen_s)
+
+    def _seen_s(self) -> float | None:
+        return onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole), self._first)
 
     def _run(self, driver: Driver, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> _Confirmed:
         self._runs += 1
@@ -156,17 +163,25 @@ class _Assessment:
         free_s = recorded[-1].time_s if recorded else 0.0
         driver = Ahead(self._trace, self._way, free_s)
         confirmed = self._run(driver, sensors=CLEAR_SIGHT)
-        at_s = self._result.time_s if seen_s is None else seen_s
-        frame = min(round(at_s / STEP_S), confirmed.result.trace.frames - 1, self._trace.frames - 1)
-        slower = float(self._trace.states[frame, 0, SPEED] - confirmed.result.trace.states[frame, 0, SPEED])
-        reasons = driver.slowed_for
-        because = f" for {reasons[0]}" if reasons else ""
-        what = f"driving ahead of time{because}, {max(slower, 0.0) * 3.6:.0f} km/h slower at {frame * STEP_S:.2f} s,"
+        slower, at_s = self._slower(confirmed.result, seen_s)
+        what = f"driving ahead of time{_done(driver, slower, at_s)},"
+        if _clear(confirmed.result) and slower < SLOWER_MPS and driver.braked_s is None:
+            why = "a drive that is nearly the same passes, as others react to it otherwise: chance decides"
+            return Anticipation(Answer.UNDECIDED, why, least_m=confirmed.least_m)
         if _clear(confirmed.result):
             return Anticipation(Answer.AHEAD, f"{what} {self._leaves(confirmed)}", begins_s=free_s,
                                 slower_mps=round(slower, 6), least_m=confirmed.least_m)  # fmt: skip
         self._tried.append(f"{what} {self._ended(confirmed.result)}")
         return None
+
+    def _slower(self, result: RunResult, seen_s: float | None) -> tuple[float, float]:
+        """Return by how much the ego is slower when the driver can tell, and when that is; else where it is most."""
+        frames = min(result.trace.frames, self._trace.frames)
+        less = self._trace.states[:frames, 0, SPEED] - result.trace.states[:frames, 0, SPEED]
+        frame = min(round((self._result.time_s if seen_s is None else seen_s) / STEP_S), frames - 1)
+        if less[frame] < SLOWER_MPS:
+            frame = int(less.argmax())
+        return float(less[frame]), frame * STEP_S
 
     def _not(self, seen_s: float | None, begins_s: float | None) -> Anticipation:
         tried = "; ".join(self._tried)
@@ -200,6 +215,19 @@ class _Assessment:
             return f"ends otherwise: {result.reason}"
         stands = ", the ego standing" if left.ego_mps < STUCK_SPEED_MPS else ""
         return f"leaves {left.relative_mps:.1f} m/s ({left.struck}{stands})"
+
+
+def _done(driver: Ahead, slower_mps: float, at_s: float) -> str:
+    """Say what the driver did: what it slowed for, by how much, and how it then braked."""
+    reasons, kmh = driver.slowed_for, slower_mps * 3.6
+    because = f" for {reasons[0]}" if reasons else ""
+    slower = f", {kmh:.0f} km/h slower at {at_s:.2f} s" if kmh >= 1.0 else ""
+    braked = (
+        f", braking with up to {driver.braked_mps2:.1f} m/s^2 from {driver.braked_s:.2f} s on"
+        if (driver.braked_s is not None)
+        else ""
+    )
+    return f"{because}{slower}{braked}"
 
 
 def _clear(result: RunResult) -> bool:

@@ -1,9 +1,10 @@
 """From when on a driver can tell that another comes into its way: what it may reasonably be expected to do.
 
 Of each other actor in sight the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
-of `settings`: a walker goes on, up to a little faster and within a small turn; a vehicle goes on as it moves now, and
-one that cuts in stays on the ego's line; one that crosses or oncomes is expected to wait as long as it can still do
-so with comfortable braking. There is a conflict where one of them comes to the ego's way when the ego does.
+of `settings`: a walker goes on where it is going, a little faster or slower; a vehicle goes on as it moves now, and
+one that cuts in stays on the ego's line; one that crosses or oncomes, and does not go first, is expected to wait as
+long as it can still do so with comfortable braking. There is a conflict where one of them comes to the ego's way when
+the ego does.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from foresee_dsl.derive.anticipating.settings import (
     FORESEES_S,
     FORGETS_S,
     GAP_S,
-    TURNS_RAD,
     WALKER_HASTENS_MPS,
 )
 from foresee_dsl.derive.anticipating.way import Way
 from foresee_dsl.derive.preventability.risk import MERGES_RAD, MOVED_M, WANDER_M, in_view
+from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
 from foresee_dsl.simulate.sensing.sight import Sight
@@ -33,6 +34,8 @@ _EVERY_S = 0.1
 _CREEPS_MPS = 2.0
 """An ego that is slower is predicted with this: whether it could set off. Ours."""
 _EVERY_FRAMES = 2
+_ON_WAY_M, _SAME_WAY = 2.0, 0.7
+"""Who is this near to a way and whose heading differs by less than 45 degrees is on it. Ours: within its lane."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +56,40 @@ class Other:
 
 @dataclass(frozen=True)
 class Ego:
-    """The ego at a place of its way."""
+    """The ego at a place of its way; `first`: the ways of those who go first at its junctions, [N, 2] each."""
 
     way: Way
     along_m: float
     speed_mps: float
     length_m: float
     width_m: float
+    first: tuple[FloatArray, ...] = ()
+
+
+def who_go_first(mission: Mission) -> tuple[FloatArray, ...]:
+    """Return the ways, with their approaches, of the traffic to which the ego gives way at its junctions."""
+    foes = (foe for junction in mission.junctions for foe in junction.foes)
+    return tuple(foe.path for foe in foes if foe.has_priority and not foe.pedestrian)
+
+
+def _goes_first(ego: Ego, other: Other) -> bool:
+    """Whether another is on such a way, in its direction."""
+    cos, sin = math.cos(other.heading_rad), math.sin(other.heading_rad)
+    for path in ego.first:
+        apart = np.hypot(path[:, 0] - other.x, path[:, 1] - other.y)
+        k = min(int(apart.argmin()), len(path) - 2)
+        dx, dy = path[k + 1] - path[k]
+        if apart[k] < _ON_WAY_M and dx * cos + dy * sin > _SAME_WAY * math.hypot(dx, dy):
+            return True
+    return False
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Another comes into the ego's way. `certain`: it cannot be expected to wait any more."""
+
+    within_s: float
+    certain: bool
 
 
 def horizon_s(speed_mps: float) -> float:
@@ -76,17 +106,17 @@ def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
     return boxes
 
 
-def conflicts(ego: Ego, others: list[Other]) -> list[float | None]:
-    """Return of each other after how long it comes into the ego's way, s; None where it does not."""
+def conflicts(ego: Ego, others: list[Other]) -> list[Conflict | None]:
+    """Return of each other whether it comes into the ego's way; None where it does not."""
     time_s = np.arange(0.0, horizon_s(ego.speed_mps) + 1e-9, _EVERY_S)
     mine = ego_boxes(ego, time_s)
     reach = mine[:, 3].max() / 2 + ego.speed_mps * float(time_s[-1])
     at = mine[0]
-    found: list[float | None] = []
+    found: list[Conflict | None] = []
     for other in others:
         far = reach + (other.speed_mps + WALKER_HASTENS_MPS) * float(time_s[-1]) + other.length_m
         near = math.hypot(other.x - at[0], other.y - at[1]) < far
-        found.append(_conflict(mine, other, time_s) if near and _in_front(ego, at, other) else None)
+        found.append(_conflict(ego, mine, other, time_s) if near and _in_front(ego, at, other) else None)
     return found
 
 
@@ -95,36 +125,38 @@ def _in_front(ego: Ego, at: FloatArray, other: Other) -> bool:
     return bool(ahead > -ego.length_m / 2)
 
 
-def _conflict(mine: FloatArray, other: Other, time_s: FloatArray) -> float | None:
+def _conflict(ego: Ego, mine: FloatArray, other: Other, time_s: FloatArray) -> Conflict | None:
     turned = math.cos(other.heading_rad - mine[0, 2])
     hits = [box_overlap(mine, boxes) for boxes in _motions(mine[0], other, time_s, turned)]
-    waits = other.kind != "pedestrian" and turned < math.cos(CROSSES_RAD)
-    if waits and not all(bool(hit.any()) for hit in hits):
-        return None  # it can still wait
     first = [float(time_s[int(hit.argmax())]) for hit in hits if hit.any()]
-    return min(first, default=None)
+    if not first:
+        return None
+    crosses = other.kind != "pedestrian" and turned < math.cos(CROSSES_RAD)
+    may_wait = crosses and len(first) < len(hits) and not _goes_first(ego, other)
+    return Conflict(min(first), not may_wait)
 
 
 def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) -> list[FloatArray]:
     """Return the foreseeable motions of another, each [N, 5]."""
     if other.kind == "pedestrian":
         if other.speed_mps < MOVED_M / STEP_S:
-            return [_moved(other, time_s, 0.0, 0.0, other.speed_mps)]
-        speeds = (other.speed_mps, other.speed_mps + WALKER_HASTENS_MPS)
-        return [_moved(other, time_s, turn, 0.0, v) for v in speeds for turn in (-TURNS_RAD, 0.0, TURNS_RAD)]
+            return [_moved(other, time_s, 0.0, other.speed_mps)]
+        slower = max(other.speed_mps - WALKER_HASTENS_MPS, 0.0)
+        speeds = (slower, other.speed_mps, other.speed_mps + WALKER_HASTENS_MPS)
+        return [_moved(other, time_s, 0.0, speed) for speed in speeds]
     brakes = max(-other.acceleration_mps2, 0.0)
     if turned >= math.cos(MERGES_RAD):
-        return [_merged(_moved(other, time_s, 0.0, brakes, other.speed_mps), me)]
+        return [_merged(_moved(other, time_s, brakes, other.speed_mps), me)]
     # It keeps on, or begins to wait.
-    return [_moved(other, time_s, 0.0, a, other.speed_mps) for a in (brakes, max(brakes, COMFORTABLE_MPS2))]
+    return [_moved(other, time_s, a, other.speed_mps) for a in (brakes, max(brakes, COMFORTABLE_MPS2))]
 
 
-def _moved(other: Other, time_s: FloatArray, turn_rad: float, brakes_mps2: float, speed_mps: float) -> FloatArray:
+def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: float) -> FloatArray:
     rolls = np.minimum(time_s, speed_mps / brakes_mps2) if brakes_mps2 > 0 else time_s
     moved = speed_mps * rolls - brakes_mps2 * rolls**2 / 2
     steers = other.kind != "pedestrian" and speed_mps > MOVED_M / STEP_S
     turned = other.yaw_rate_rad_s / speed_mps * moved if steers else np.zeros_like(moved)
-    chord, course = moved * np.sinc(turned / (2 * np.pi)), other.course_rad + turn_rad + turned / 2
+    chord, course = moved * np.sinc(turned / (2 * np.pi)), other.course_rad + turned / 2
     boxes = np.empty((len(time_s), 5))
     boxes[:, 0], boxes[:, 1] = other.x + chord * np.cos(course), other.y + chord * np.sin(course)
     boxes[:, 2] = other.heading_rad + turned
@@ -158,15 +190,16 @@ def other_at(trace: Trace, actor: int, frame: int) -> Other | None:
     return Other(info.kind, x, y, heading, course, speed, acceleration, rate, info.length_m, info.width_m)
 
 
-def onset(trace: Trace, way: Way, other: int, sight: Sight) -> float | None:
+def onset(trace: Trace, way: Way, other: int, sight: Sight, first: tuple[FloatArray, ...] = ()) -> float | None:
     """Return from when on the driver can tell, without a break, that the other comes into its way until the contact
     at the run's end, s; None where it cannot tell before."""
     info, forgets = trace.actors[0], round(FORGETS_S / STEP_S)
     found: int | None = None
     for frame in range(trace.frames - 2, -1, -_EVERY_FRAMES):
         them = other_at(trace, other, frame)
-        me = Ego(way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m)
-        if them is not None and conflicts(me, [them])[0] is not None and in_view(trace, other, frame, sight):
+        me = Ego(way, float(way.along[frame]), float(trace.states[frame, 0, SPEED]), info.length_m, info.width_m, first)
+        meets = conflicts(me, [them])[0] if them is not None else None
+        if meets is not None and meets.certain and in_view(trace, other, frame, sight):
             found = frame
         elif (trace.frames - 1 if found is None else found) - frame >= forgets:
             break

@@ -16,6 +16,7 @@ import numpy as np
 from foresee_dsl.derive.anticipating.foresight import Ego, Other
 from foresee_dsl.derive.anticipating.settings import (
     BESIDE_M,
+    CLOSE_M,
     EASES_MPS2,
     EXPECTED_REACTION_S,
     HARDEST_MPS2,
@@ -89,10 +90,11 @@ def _of(other: Other, others: list[Other], gap: float, before: float, left: floa
 def _walker(other: Other, others: list[Other], gap: float, before: float, left: float, heading: float) -> list[Hazard]:
     towards = -math.copysign(1.0, left) * other.speed_mps * math.sin(other.course_rad - heading)
     stands = other.speed_mps < STANDS_MPS
-    if not (stands and gap < KERB_M) and not (towards > _TOWARDS_MPS and gap < _APPROACHES_M):
+    near = gap < CLOSE_M or (stands and gap < KERB_M)
+    if not near and not (towards > _TOWARDS_MPS and gap < _APPROACHES_M):
         return []
     beside_vehicle = any(o.kind not in ("pedestrian", "bicycle") and _people_near(o, [other]) for o in others)
-    slowest = SLOWEST_AT_BUS_MPS if beside_vehicle or not stands else SLOWEST_MPS
+    slowest = SLOWEST_AT_BUS_MPS if beside_vehicle or towards > _TOWARDS_MPS else SLOWEST_MPS
     speed = suits_mps(gap, max(WALKING_MPS, towards), slowest)
     return [Hazard("a walker at the kerb", before - _stopping_m(speed), speed)]
 
