@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, get_args
 
 from pydantic import TypeAdapter
 
+from foresee_dsl.derive.anticipating import Anticipation
 from foresee_dsl.derive.minimise.outcome import Boundary, Dropped
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.simulate.results.near_misses import NearMisses
@@ -56,7 +57,8 @@ class ReferenceRun:
 
 @dataclass(frozen=True)
 class SeedOutcome:
-    """One test case as it was run, unmutated. `preventability` and `story`: of a failure. `notes`: if there are any."""
+    """One test case as it was run, unmutated. `preventability`, `anticipation` and `story`: of a failure. `notes`: if
+    there are any."""
 
     id: str
     family: str
@@ -72,6 +74,7 @@ class SeedOutcome:
     impact: Impact | None = None
     near: NearMisses | None = None
     preventability: Preventability | None = None
+    anticipation: Anticipation | None = None
     story: Story | None = None
     notes: DriverNotes | None = None
     references: tuple[ReferenceRun, ...] = ()
@@ -79,7 +82,7 @@ class SeedOutcome:
 
     shown = (
         "test_case=id family meaning verdict reason duration_s:2 risky_points impact near_misses=near preventability "
-        "references story notes trace"
+        "anticipation references story notes trace"
     )
 
     @property
@@ -132,7 +135,8 @@ class Mutants:
 
 @dataclass(frozen=True)
 class ChildOutcome:
-    """One mutant as it was run; `text` already holds what was found. `preventability` and `story`: of a failure."""
+    """One mutant as it was run; `text` already holds what was found. `preventability`, `anticipation` and `story`: of
+    a failure."""
 
     name: str
     file: str
@@ -146,6 +150,7 @@ class ChildOutcome:
     digest: str
     meaning: str = ""
     preventability: Preventability | None = None
+    anticipation: Anticipation | None = None
     impact: Impact | None = None
     near: NearMisses | None = None
     story: Story | None = None
@@ -156,7 +161,7 @@ class ChildOutcome:
 
     shown = (
         "mutant=name meaning operators changes verdict with=with_ reason digest file=failed_file? impact "
-        "near_misses=near preventability references story"
+        "near_misses=near preventability anticipation references story"
     )
 
     @property
@@ -256,7 +261,8 @@ class Minimised:
 
     shown = (
         "file clip=clip_file changed=child.changes reason=child.reason sentence=child.story.sentence "
-        "preventability=child.preventable references=child.references dropped changes actors clip_lines "
+        "preventability=child.preventable anticipation=child.anticipation.answer references=child.references "
+        "dropped changes actors clip_lines "
         "boundary=boundaries runs complete note"
     )
 

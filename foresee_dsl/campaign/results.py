@@ -11,6 +11,7 @@ from functools import cached_property
 from foresee_dsl.campaign.findings.grouping import Finding, findings_of
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome
 from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.clipping.fidelity import share_within
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.simulate.results.verdict import FAILURES, DriverNotes, Verdict
@@ -138,10 +139,16 @@ class CampaignResult:
         counts = Counter(c.preventable for clip in self.clips for c in clip.failing if kind in (None, c.verdict))
         return {answer: counts[answer] for answer in Preventable}
 
+    def anticipated(self) -> dict[Answer, int]:
+        """Return by what a driver who anticipates would have prevented how many of the failures."""
+        found = [c.anticipation for clip in self.clips for c in clip.failing]
+        counts = Counter(one.answer for one in found if one is not None)
+        return {answer: counts[answer] for answer in Answer}
+
     def to_open_first(self, count: int = 5) -> tuple[ChildOutcome, ...]:
         """Return the failing children that most deserve a look.
 
-        Those that a careful driver would have avoided come first, unavoidable ones last. Among
+        Those that one of the careful drivers would have avoided come first, unavoidable ones last. Among
         equals, anything but a neighbour steered into the ego, then late in the clip; at most one of each clip until
         every clip had its turn.
         """
@@ -153,6 +160,7 @@ class CampaignResult:
         "driver=settings.driver ranker=settings.ranker preset=settings.preset settings seeds/total=total.cases "
         "seeds/passed=total.cases_passed seeds/failed=total.cases_failed risky_points=total.risky_points "
         "clips=total.clips children=total.children failures=total.failures preventability=avoidable "
+        "anticipation=anticipated "
         "fidelity_m/median=total.fidelity_median_m:4 fidelity_m/max=total.fidelity_max_m:4 "
         "fidelity/driver=settings.driver fidelity/clips=fidelity.clips fidelity/others/actors=fidelity.others "
         "fidelity/others/median_m=fidelity.others_median_m?:4 "
@@ -189,8 +197,8 @@ def is_problem(verdict: Verdict, notes: DriverNotes | None = None) -> bool:
 
 
 def _avoidable(child: ChildOutcome) -> int:
-    """The order of triage: another driver avoids it or a careful one would have, undecided, unavoidable."""
-    if child.avoided:
+    """The order of triage: another driver avoids it or one of the models would have, undecided, unavoidable."""
+    if child.avoided or (child.anticipation is not None and child.anticipation.answer.preventable):
         return 0
     return {Preventable.YES: 0, Preventable.NO: 2}.get(child.preventable or Preventable.UNKNOWN, 1)
 

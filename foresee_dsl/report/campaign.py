@@ -17,8 +17,10 @@ from rich.text import Text
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.records import ChildOutcome, SeedOutcome
 from foresee_dsl.campaign.results import CampaignResult, is_problem
+from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.files import write_whole
+from foresee_dsl.report.careful_drivers import ANTICIPATING, R157, answers_of
 from foresee_dsl.report.raw_numbers import raw_numbers
 from foresee_dsl.report.safe_text import safe
 from foresee_dsl.report.terminal import duration
@@ -89,7 +91,10 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         answers = [finding.preventability.verdict for finding in findings if finding.preventability]
         counts = ", ".join(f"{answers.count(answer)} {answer.value}" for answer in Preventable if answer in answers)
         text = Text(f"{counted(len(findings), 'finding')} from {counted(failing, 'failure')}", style="bold red")
-        text.append(f"; {counts} for a careful driver who brakes" if counts else "", "bold red" if bad else "bold")
+        text.append(f"; {R157}: {counts}" if counts else "", "bold red" if bad else "bold")
+        ahead = [finding.anticipation.answer for finding in findings if finding.anticipation]
+        counts = ", ".join(f"{ahead.count(answer)} {answer.value}" for answer in Answer if answer in ahead)
+        text.append(f"; {ANTICIPATING}: {counts}" if counts else "", "bold red" if bad else "bold")
         asked = [finding.avoided for finding in findings if finding.avoided is not None]
         if asked:
             text.append(f"; {sum(map(bool, asked))} of {len(asked)} avoided by another driver", "bold")
@@ -117,11 +122,9 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
 def _print_finding(console: Console, number: int, finding: Finding, out: Path) -> None:
     siblings = f"; {counted(len(finding.siblings), 'sibling')}" if finding.siblings else ""
     console.print(_indented(Text(safe(finding.story.sentence, WHOLE), style="bold"), f"{number:>3} "))
-    console.print(_indented(Text.assemble(
-        f"{finding.verdict.value}, {finding.story.contact.value}{siblings}",
-        *((f"; {finding.preventability.verdict.value}", "bold") if finding.preventability else "",),
-        f": {safe(finding.preventability.why, WHOLE)}" if finding.preventability else "",
-    )))  # fmt: skip
+    console.print(_indented(Text(f"{finding.verdict.value}, {finding.story.contact.value}{siblings}")))
+    for who, answer, why in answers_of(finding):
+        console.print(_indented(Text.assemble(f"{who}: ", (answer, "bold"), f": {safe(why, WHOLE)}")))
     if finding.avoided is not None:
         console.print(_indented(Text(_who_avoids(finding))))
     _print_path(console, "    ", file_of(finding, out))
@@ -156,7 +159,7 @@ def _print_others(console: Console, result: CampaignResult, findings: list[Findi
         console.print()
         console.print(_indented(Text(safe(reason, WHOLE))))
         if found is not None:
-            console.print(_indented(Text(f"{found.verdict.value}: {safe(found.why, WHOLE)}")))
+            console.print(_indented(Text(f"{R157}: {found.verdict.value}: {safe(found.why, WHOLE)}")))
         _print_path(console, "    ", path)
 
 

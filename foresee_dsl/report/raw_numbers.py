@@ -9,6 +9,7 @@ from rich.text import Text
 
 from foresee_dsl.campaign.results import CampaignResult, FamilyRow
 from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.report.careful_drivers import R157
 from foresee_dsl.report.terminal import duration, plain_table
 from foresee_dsl.simulate.results.verdict import COLLISIONS, FAILURES
 
@@ -72,7 +73,7 @@ def _avoidable_table(result: CampaignResult) -> Table:
         ("", *(kind.value for kind in FAILURES), "all"),
         ((answer.value, *(_dim_zero(found[answer]) for found in by_kind), f"[bold]{everything[answer]}[/bold]")
          for answer in Preventable),
-        title="\nFor a careful driver who brakes",
+        title=f"\nFor {R157}",
         gap=1,
     )  # fmt: skip
 

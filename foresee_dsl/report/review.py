@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from foresee_dsl.campaign.findings.review import Mutation, Review
+from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.report.safe_text import safe
 
 WIDTH = 80
@@ -47,8 +48,13 @@ def _lines(review: Review) -> Iterator[str]:
         yield from _difference(small)
         yield from _boundary(small)
         yield from _others(review.others)
+    ahead = finding.get("anticipation")
+    if answer or ahead:
+        yield from ("", "Would a careful driver have avoided it?")
     if answer:
-        yield from ("", "Would a careful driver have avoided it?", *_wrapped(f"{answer}: {finding['why']}", "  "))
+        yield from _wrapped(f"{R157}: {answer}: {finding['why']}", "  ")
+    if ahead:
+        yield from _wrapped(f"{ANTICIPATING}: {ahead}: {finding['anticipation_why']}", "  ")
     if finding.get("references"):
         yield from ("", "Do other drivers avoid it?")
         for run in finding["references"]:

@@ -20,7 +20,7 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.html import rendered, write_report
 from foresee_dsl.report.page.markdown import LONGEST_BYTES, as_markdown, block, code, escaped, write_markdown
-from foresee_dsl.report.page.recorded import Preventability, campaign_folders
+from foresee_dsl.report.page.recorded import Anticipation, Preventability, campaign_folders
 from foresee_dsl.report.page.runs import Outcome, Reader, Run
 from foresee_dsl.report.page.single import write_view
 from foresee_dsl.report.page.tables import Table
@@ -179,7 +179,7 @@ def test_filters_filter(opened: Opened, findings: list[dict[str, Any]]) -> None:
     assert opened.page.is_visible(".list .none")
     opened.page.click("#clear")
     assert opened.ask(shown) == len(findings)
-    for name in ("class", "verdict", "preventability"):
+    for name in ("class", "verdict", "preventability", "anticipation"):
         select = opened.page.query_selector(f"[data-filter={name}]")
         if select is None:  # all findings have the same
             continue
@@ -322,6 +322,7 @@ def hostile_contents() -> Contents:
     outcome = Outcome(
         name=HOSTILE, address=HOSTILE, verdict=HOSTILE, reason=HOSTILE, driver=HOSTILE, seed=0, trace=None,
         preventability=Preventability(verdict=HOSTILE, why=HOSTILE),
+        anticipation=Anticipation(answer=HOSTILE, why=HOSTILE),
     )  # fmt: skip
     run = Run(
         outcome=outcome, id="", title=HOSTILE, moments=(Moment(1.0, HOSTILE, HOSTILE, HOSTILE),), label=HOSTILE,
@@ -330,7 +331,7 @@ def hostile_contents() -> Contents:
     )  # fmt: skip
     found = Found(
         key=HOSTILE, title=HOSTILE, class_=HOSTILE, verdict=HOSTILE, label=HOSTILE, family=HOSTILE, driver=HOSTILE,
-        preventability=HOSTILE, test_case=HOSTILE, runs=(run, run), more=(HOSTILE,),
+        preventability=HOSTILE, anticipation=HOSTILE, test_case=HOSTILE, runs=(run, run), more=(HOSTILE,),
     )  # fmt: skip
     table = Table(HOSTILE, (HOSTILE, HOSTILE), ((HOSTILE, HOSTILE),), (HOSTILE, HOSTILE))
     return Contents(HOSTILE, HOSTILE, HOSTILE, (found,), (HOSTILE,), (table,), (table,))

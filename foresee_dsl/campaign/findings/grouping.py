@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, ReferenceRun, SeedOutcome
+from foresee_dsl.derive.anticipating import Anticipation
 from foresee_dsl.derive.preventability import Preventability, Preventable
 from foresee_dsl.language.model import Mutant, Quantity
 from foresee_dsl.language.parser import parse
@@ -60,7 +61,8 @@ class Finding:
 
     shown = (
         "name sentence=story.sentence class=story.contact verdict test_case family file clip? count siblings "
-        "sibling_files preventability=preventability.verdict why=preventability.why avoided references "
+        "sibling_files preventability=preventability.verdict why=preventability.why "
+        "anticipation=anticipation.answer anticipation_why=anticipation.why avoided references "
         "ego_manoeuvre=story.ego_manoeuvre opponent_manoeuvre=story.opponent_manoeuvre? place=story.place "
         "mutation=story.mutation? minimised"
     )
@@ -72,9 +74,10 @@ class Finding:
 
     @property
     def avoidable(self) -> bool:
-        """Whether a careful driver who brakes, or another driver, would have avoided it."""
+        """Whether R157's driver, one who anticipates, or another driver would have avoided it."""
         preventable = self.preventability is not None and self.preventability.verdict is Preventable.YES
-        return preventable or bool(self.avoided)
+        anticipated = self.anticipation is not None and self.anticipation.answer.preventable
+        return preventable or anticipated or bool(self.avoided)
 
     @property
     def verdict(self) -> Verdict:
@@ -85,6 +88,11 @@ class Finding:
     def preventability(self) -> Preventability | None:
         """The representative's."""
         return self.representative.preventability
+
+    @property
+    def anticipation(self) -> Anticipation | None:
+        """The representative's."""
+        return self.representative.anticipation
 
     @property
     def count(self) -> int:

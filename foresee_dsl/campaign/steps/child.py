@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import notes_of, run_test_case
-from foresee_dsl.campaign.findings.failures import explained
+from foresee_dsl.campaign.findings.failures import NOTHING, Explained, explained
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, Mutants
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
-from foresee_dsl.derive.preventability import Preventability
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
 from foresee_dsl.language.model import Change, Mutant, Origin
 from foresee_dsl.language.printer import print_model
@@ -82,8 +81,8 @@ def run_child(
     """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it."""
     case = expand_mutant(mutant, clip_case, source=file)
     result = run_test_case(case, driver, seed, deadlines=deadlines)
-    avoided, story = explained(case, result)
-    mutant = with_found(mutant, result.reason, avoided)
+    known = explained(case, result)
+    mutant, story = with_found(mutant, result.reason, known), known.story
     outcome = ChildOutcome(
         name=mutant.name,
         file=file.as_posix(),
@@ -96,7 +95,8 @@ def run_child(
         duration_s=result.duration_s,
         digest=result.trace.digest,
         meaning=case.meaning,
-        preventability=avoided,
+        preventability=known.preventability,
+        anticipation=known.anticipation,
         impact=result.impact,
         near=result.near_misses,
         story=story,
@@ -118,8 +118,12 @@ def with_sentence(mutant: Mutant, sentence: str) -> str:
     return print_model(mutant, comments)
 
 
-def with_found(mutant: Mutant, found: str, avoided: Preventability | None = None) -> Mutant:
+def with_found(mutant: Mutant, found: str, known: Explained = NOTHING) -> Mutant:
     """Return the mutant with what its run found in its origin block, and whether that was preventable."""
-    lines = {"found": found, "preventable": avoided.verdict.origin if avoided else None}
+    lines = {
+        "found": found,
+        "preventable": known.preventability.verdict.origin if known.preventability else None,
+        "anticipating": known.anticipation.answer.origin if known.anticipation else None,
+    }
     body = tuple(item.model_copy(update=lines) if isinstance(item, Origin) else item for item in mutant.body)
     return mutant.model_copy(update={"body": body})

@@ -55,7 +55,7 @@ class SeedStep(Step[None, None]):
         """Run the test case."""
         started = time.perf_counter()
         result = run_test_case(case, work.settings.driver, self.seed, deadlines=work.deadlines)
-        avoided, story = explained(case, result)
+        known = explained(case, result)
         outcome = SeedOutcome(
             id=case.id,
             family=case.family,
@@ -66,8 +66,9 @@ class SeedStep(Step[None, None]):
             wall_s=time.perf_counter() - started,
             impact=result.impact,
             near=result.near_misses,
-            preventability=avoided,
-            story=story,
+            preventability=known.preventability,
+            anticipation=known.anticipation,
+            story=known.story,
             notes=result.notes if result.notes != DriverNotes() else None,
         )
         return outcome, result.trace

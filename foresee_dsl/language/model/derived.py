@@ -312,11 +312,12 @@ class Clip(Item):
 class Origin(Item):
     """Where a mutant comes from; nothing in it changes what the mutant means."""
 
-    pattern = "origin { operator; preset; seed; tool; driver; found; minimised; preventable; avoided }"
+    pattern = "origin { operator; preset; seed; tool; driver; found; minimised; preventable; anticipating; avoided }"
     words = """
         origin (statement): where a mutant comes from; means nothing to the run | origin { operator [steer]; seed 91 }
         operator (statement): what made the changes | operator [model_swap, steer]
         preventable (setting): whether a careful driver who brakes would have prevented it | preventable yes
+        anticipating (setting): by what a driver who anticipates would have prevented it | anticipating braking
         avoided (setting): which other drivers avoid the failure, and how | avoided "idm brakes 0.8 s earlier"
         tool (setting): the version that wrote the mutant | tool "0.1.0"
         driver (setting): the driver that was under test | driver "pdm 2"
@@ -325,6 +326,8 @@ class Origin(Item):
         yes (constant): of `preventable` | preventable yes
         no (constant): of `preventable` | preventable no
         unknown (constant): of `preventable` | preventable unknown
+        evading (constant): of `anticipating`: stepping aside into free space | anticipating evading
+        undecided (constant): of `anticipating` | anticipating undecided
     """
 
     operator: tuple[Name, ...] = ()
@@ -335,6 +338,7 @@ class Origin(Item):
     found: Text | None = None
     minimised: Text | None = None
     preventable: Literal["yes", "no", "unknown"] | None = None
+    anticipating: Literal["braking", "evading", "ahead", "no", "undecided"] | None = None
     avoided: Text | None = None
 
 

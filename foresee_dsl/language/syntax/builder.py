@@ -111,10 +111,15 @@ def _error(node: Node, field: str, detail: ErrorDetails, place: Span) -> TextErr
     return found
 
 
+_NOUNS = {
+    "what": "rule", "turns": "turn", "preventable": "answer", "anticipating": "answer", "property": "property",
+}  # fmt: skip
+
+
 def _not_one_of(node: Node, field: str, word: str, place: Span) -> TextError:
     known = form_of(node.kind, field).words
     help = did_you_mean(word, known) or f"known are {', '.join(known)}"
-    noun = {"what": "rule", "turns": "turn", "preventable": "answer", "property": "property"}.get(field, field)
+    noun = _NOUNS.get(field, field)
     return TextError("FS012", f"unknown {noun} '{_short(word)}'", help, place)
 
 

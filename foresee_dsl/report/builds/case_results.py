@@ -15,6 +15,7 @@ from foresee_dsl.language.codes.code import Code
 from foresee_dsl.language.model import Case, Item, Mutant
 from foresee_dsl.language.parser import load, parse
 from foresee_dsl.language.project.addresses import kind_of
+from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult, RunResult, Verdict
 
 if TYPE_CHECKING:
@@ -270,8 +271,10 @@ def _broken_line(expectation: ExpectationResult) -> str:
 
 
 def _told(run: SeedOutcome | ChildOutcome) -> tuple[str, ...]:
-    """What happened, whether a careful driver would have avoided it, and which other drivers do; of a failure."""
+    """What happened, whether the careful drivers would have avoided it, and which other drivers do; of a failure."""
     found = run.preventability
     told = (run.story.sentence,) if run.story is not None and run.story.sentence else ()
-    preventable = (f"{found.verdict.value}: {found.why}",) if found is not None else ()
-    return (*told, *preventable, *(f"avoided: {other.told}" for other in run.avoided))
+    preventable = (f"{R157}: {found.verdict.value}: {found.why}",) if found is not None else ()
+    ahead = run.anticipation
+    anticipated = (f"{ANTICIPATING}: {ahead.answer.value}: {ahead.why}",) if ahead is not None else ()
+    return (*told, *preventable, *anticipated, *(f"avoided: {other.told}" for other in run.avoided))

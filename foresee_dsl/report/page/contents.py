@@ -132,6 +132,7 @@ def _findings(source: Source, reader: Reader, *, several: bool) -> Iterator[Foun
             family=record.family,
             driver=source.campaign.driver,
             preventability=answer,
+            anticipation=record.anticipation or "",
             test_case=record.test_case,
             runs=runs,
             more=tuple(names[most:]),
@@ -174,6 +175,7 @@ def _failures(source: Source) -> dict[str, Outcome]:
             seed=seed,
             trace=traces.get(case.test_case),
             preventability=case.preventability,
+            anticipation=case.anticipation,
             references=case.references,
         )
     for clip, child in _failing_children(campaign):
@@ -196,6 +198,7 @@ def _child(source: Source, clip: ClipRun, child: Child, parent: Path | None, see
         parent_trace=parent,
         operators=child.operators,
         preventability=child.preventability,
+        anticipation=child.anticipation,
         references=child.references,
     )
 
@@ -222,6 +225,7 @@ def _each_alone(source: Source) -> tuple[Finding, ...]:
                 "name": _case_name(case), "sentence": case.reason, "class": "", "verdict": case.verdict,
                 "test_case": case.test_case, "family": case.family, "file": case.test_case,
                 "preventability": case.preventability.verdict if case.preventability else None,
+                "anticipation": case.anticipation.answer if case.anticipation else None,
             }
         )
         for case in campaign.test_cases
@@ -234,6 +238,7 @@ def _each_alone(source: Source) -> tuple[Finding, ...]:
                     "name": child.mutant, "sentence": child.reason, "class": "", "verdict": child.verdict,
                     "test_case": clip.test_case, "family": families.get(clip.test_case, ""), "file": child.file,
                     "preventability": child.preventability.verdict if child.preventability else None,
+                    "anticipation": child.anticipation.answer if child.anticipation else None,
                 }
             )
         )  # fmt: skip

@@ -39,12 +39,13 @@ class Found:
     family: str
     driver: str
     preventability: str
+    anticipation: str
     test_case: str
     runs: tuple[Run, ...]
     more: tuple[str, ...] = ()
     """Names of further runs, which are only named."""
 
-    shown = "name sentence=title class=class_ verdict family driver preventability test_case runs more"
+    shown = "name sentence=title class=class_ verdict family driver preventability anticipation test_case runs more"
 
     @property
     def count(self) -> int:

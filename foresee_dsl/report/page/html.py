@@ -48,6 +48,7 @@ def rendered(contents: Contents, reader: Reader) -> str:
         "class": [(c, c) for c in options_of(findings, lambda found: found.class_)],
         "verdict": [(v, v) for v in options_of(findings, lambda found: found.verdict)],
         "preventability": [(p, p) for p in options_of(findings, lambda found: found.preventability)],
+        "anticipation": [(a, a) for a in options_of(findings, lambda found: found.anticipation)],
         "driver": [(d, d) for d in options_of(findings, lambda found: found.driver)],
     }
     return (

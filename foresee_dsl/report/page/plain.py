@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.safe_text import safe
@@ -16,7 +17,11 @@ def as_text(contents: Contents) -> str:
 
 def _lines(found: Found) -> list[str]:
     first = found.runs[0]
-    kinds = [found.verdict, found.class_, found.preventability, f"family {found.family}" if found.family else ""]
+    answers = [
+        f"{R157}: {found.preventability}" if found.preventability else "",
+        f"{ANTICIPATING}: {found.anticipation}" if found.anticipation else "",
+    ]
+    kinds = [found.verdict, found.class_, *answers, f"family {found.family}" if found.family else ""]
     lines = [f"{safe(found.name)}", f"  {safe(found.title)}", f"  {safe(', '.join(k for k in kinds if k))}"]
     lines += [f"  {safe(line, 10_000)}" for line in first.changes]
     lines += [f"  {safe(command, 10_000)}" for _, command in first.commands]

@@ -23,6 +23,13 @@ class Preventability(_Part):
     why: str = ""
 
 
+class Anticipation(_Part):
+    """Whether a driver who anticipates would have prevented a failure, and by what."""
+
+    answer: str
+    why: str = ""
+
+
 class Nearest(_Part):
     """A near miss: how near, when, and to whom."""
 
@@ -53,6 +60,7 @@ class Child(_Part):
     file: str | None = None
     near_misses: dict[str, Nearest | None] | None = None
     preventability: Preventability | None = None
+    anticipation: Anticipation | None = None
     references: tuple[Reference, ...] = ()
 
 
@@ -76,6 +84,7 @@ class CaseRun(_Part):
     risky_points: int = 0
     near_misses: dict[str, Nearest | None] | None = None
     preventability: Preventability | None = None
+    anticipation: Anticipation | None = None
     references: tuple[Reference, ...] = ()
     trace: str | None = None
 
@@ -103,6 +112,7 @@ class Minimised(_Part):
     file: str
     reason: str = ""
     preventability: str | None = None
+    anticipation: str | None = None
     references: tuple[Reference, ...] = ()
     boundary: tuple[Boundary, ...] = ()
 
@@ -120,6 +130,7 @@ class Finding(_Part):
     siblings: tuple[str, ...] = ()
     sibling_files: tuple[str, ...] = ()
     preventability: str | None = None
+    anticipation: str | None = None
     minimised: Minimised | None = None
 
 
@@ -135,6 +146,7 @@ class Campaign(_Part):
     children: int = 0
     failures: dict[str, int] = {}
     preventability: dict[str, int] = {}
+    anticipation: dict[str, int] = {}
     fidelity: dict[str, Any] = {}
     simulated_s: float = 0.0
     wall_s: float = 0.0

@@ -19,7 +19,7 @@ from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import Project
 from foresee_dsl.report.page.playback import Marks, Parent, playback
-from foresee_dsl.report.page.recorded import Minimised, Preventability, Reference
+from foresee_dsl.report.page.recorded import Anticipation, Minimised, Preventability, Reference
 from foresee_dsl.report.page.roads import Roads
 from foresee_dsl.report.strip import strip_svg
 from foresee_dsl.simulate.results.outcome import contact_of, touched_at
@@ -51,6 +51,7 @@ class Outcome:
     parent_trace: Path | None = None
     operators: tuple[str, ...] = ()
     preventability: Preventability | None = None
+    anticipation: Anticipation | None = None
     references: tuple[Reference, ...] = ()
     minimised: Minimised | None = None
     unreduced: Path | None = None
@@ -87,7 +88,8 @@ class Run:
 
     shown = (
         "name=outcome.name file=outcome.address verdict=outcome.verdict reason=outcome.reason sentence=title moments "
-        "changes unreduced why=outcome.preventability.why commands=command_lines missing"
+        "changes unreduced why=outcome.preventability.why "
+        "anticipation_why=outcome.anticipation.why commands=command_lines missing"
     )
 
     @property

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from foresee_dsl.campaign.driving import case_name, recorded_run, run_test_case
+from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.errors import DriverError, ForeseeError
 from foresee_dsl.files import write_whole
@@ -18,7 +19,7 @@ from foresee_dsl.report.page.contents import Contents
 from foresee_dsl.report.page.entries import Found
 from foresee_dsl.report.page.html import rendered
 from foresee_dsl.report.page.playback import Parent
-from foresee_dsl.report.page.recorded import Preventability
+from foresee_dsl.report.page.recorded import Anticipation, Preventability
 from foresee_dsl.report.page.runs import Outcome, Reader
 from foresee_dsl.simulate.trace import Trace
 
@@ -55,6 +56,7 @@ def write_view(
         seed=seed,
         trace=None,
         preventability=_recorded_preventability(case),
+        anticipation=_recorded_anticipation(case),
     )
     reader = Reader()
     run = reader.run(outcome, case, trace, _parent(case, driver, seed))
@@ -67,6 +69,7 @@ def write_view(
         family=case.family,
         driver=driver,
         preventability=outcome.preventability.verdict if outcome.preventability else "",
+        anticipation=outcome.anticipation.answer if outcome.anticipation else "",
         test_case=case.id,
         runs=(run,),
     )
@@ -98,6 +101,14 @@ def _recorded_preventability(case: TestCase) -> Preventability | None:
     if origin is None or origin.preventable is None:
         return None
     return Preventability(verdict=known[origin.preventable].value, why="as its file records")
+
+
+def _recorded_anticipation(case: TestCase) -> Anticipation | None:
+    origin = case.mutant.origin if case.mutant is not None else None
+    known: Mapping[Any, Answer] = {answer.origin: answer for answer in Answer}
+    if origin is None or origin.anticipating is None:
+        return None
+    return Anticipation(answer=known[origin.anticipating].value, why="as its file records")
 
 
 def _parent(case: TestCase, driver: str, seed: int) -> Parent | None:

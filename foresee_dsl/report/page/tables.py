@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from foresee_dsl.derive.anticipating import Answer
 from foresee_dsl.derive.preventability import Preventable
+from foresee_dsl.report.careful_drivers import ANTICIPATING, R157
 from foresee_dsl.report.page.entries import Found, Source, family_title
 from foresee_dsl.report.page.recorded import Campaign, CaseRun, Nearest
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
@@ -27,6 +29,10 @@ class Table:
     """How many of the first columns hold text, not numbers."""
 
 
+PREVENTABLE = f"preventable for {ANTICIPATING}"
+_PREVENTED = {answer.value for answer in Answer if answer.preventable}
+
+
 def overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[Table]:
     """Yield the tables to begin with."""
     several = len(sources) > 1
@@ -42,13 +48,14 @@ def overview(sources: Sequence[Source], findings: Sequence[Found]) -> Iterator[T
             case.verdict,
             case.reason,
             case.preventability.verdict if case.preventability else "",
+            case.anticipation.answer if case.anticipation else "",
         )
         for source in sources
         for case in source.campaign.test_cases
         if case.verdict != Verdict.PASS.value
     ]
     if failed:
-        headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", "preventable?")
+        headings = (*(("driver",) if several else ()), "test case", "verdict", "how it ended", R157, ANTICIPATING)
         yield Table("Test cases that fail without mutation", headings, tuple(failed), texts=len(headings))
     if (nearest := _nearest(sources)).rows:
         yield nearest
@@ -78,16 +85,17 @@ def _misses(near: Mapping[str, Nearest | None]) -> tuple[str, ...]:
 
 
 def _by(what: str, findings: Sequence[Found], key: Callable[[Found], str]) -> Table:
-    """Return findings and failing runs by something, and what a careful driver would have avoided."""
+    """Return findings and failing runs by something, and what the careful drivers would have avoided."""
     names = list(dict.fromkeys(map(key, findings)))
     rows = [_row(name, [f for f in findings if key(f) == name]) for name in sorted(names)]
-    headings = (what, "findings", "runs", *(answer.value for answer in Preventable))
+    headings = (what, "findings", "runs", *(answer.value for answer in Preventable), PREVENTABLE)
     return Table(f"By {what}", headings, tuple(rows), _row("all", findings) if len(rows) > 1 else ())
 
 
 def _row(name: str, findings: Sequence[Found]) -> tuple[str, ...]:
     answers = Counter(f.preventability for f in findings)
-    counts = (len(findings), sum(f.count for f in findings), *(answers[answer.value] for answer in Preventable))
+    ahead = sum(f.anticipation in _PREVENTED for f in findings)
+    counts = (len(findings), sum(f.count for f in findings), *(answers[answer.value] for answer in Preventable), ahead)
     return (name, *map(str, counts))
 
 
@@ -113,8 +121,9 @@ def _figures(campaign: Campaign) -> Iterator[tuple[str, str]]:
     yield "clips", str(campaign.clips)
     yield "children", str(campaign.children)
     yield "failing children", str(sum(campaign.failures.values()))
-    for answer, count in campaign.preventability.items():
-        yield f"  {answer}", str(count)
+    for who, answers in ((R157, campaign.preventability), (ANTICIPATING, campaign.anticipation)):
+        for answer, count in answers.items():
+            yield f"  {who}: {answer}", str(count)
     yield "simulated", _duration(campaign.simulated_s)
     yield "time it took", _duration(campaign.wall_s)
     if isinstance(others, dict) and others.get("within_0.1_m") is not None:
