@@ -132,6 +132,15 @@ class DoorOf:
     is_open: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """A value in SI that holds from one time of the run to another, s."""
+
+    value: float
+    from_s: float
+    until_s: float
+
+
 @dataclass(frozen=True)
 class PlacedActor:
     """One actor at the first frame.
@@ -149,6 +158,7 @@ class PlacedActor:
             much later.
         timing: factor on its speed along its own path.
         line_m: its distance to the left of its lane's middle (a path has that in its points already).
+        strays: another `line_m` for a time. brakes: how hard it brakes for a time, m/s^2.
         recorded: the states that the ego follows before its driver takes over, in the order of time.
     """
 
@@ -171,6 +181,8 @@ class PlacedActor:
     delay_s: float = 0.0
     timing: float = 1.0
     line_m: float = 0.0
+    strays: Timed | None = None
+    brakes: Timed | None = None
     recorded: tuple[RecordedState, ...] = ()
     steering: Steering | None = None
     joins: bool = False

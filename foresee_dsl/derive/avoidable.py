@@ -27,7 +27,11 @@ _PROPERTY = {
     Kind.LATE: "delay",
     Kind.EARLY: "moving",
     Kind.PACE: "timing",
+    Kind.HESITATES: "brakes",
+    Kind.BRAKES: "brakes",
+    Kind.HALTS: "brakes",
     Kind.DRIFTS: "line",
+    Kind.CUTS_IN: "line",
     Kind.SWERVES: "steer",
 }
 NAMES = {
@@ -77,9 +81,7 @@ def _worth(scored: Scored, chosen: list[Candidate]) -> float:
 
 
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
-    """Return a candidate as a change; None where the clip's language cannot say it of this actor."""
-    if candidate.kind not in _PROPERTY:
-        return None
+    """Return a candidate as a change; None where it cannot be made of this actor."""
     name, actor = _PROPERTY[candidate.kind], candidate.actor
     was = situation.present_value(actor, name)
     if was is None:
@@ -114,8 +116,6 @@ def _value(situation: Situation, preset: Preset, candidate: Candidate, was: floa
             most = largest_share(spec, situation.speed_mps(candidate.actor, frame), preset.steer)
             share = math.atan(candidate.strength * spec.wheelbase_m) / spec.max_steer_rad if most > 0 else 0.0
             return min(max(share, -most), most) or None
-        case Kind.DRIFTS:
-            return was + candidate.strength if candidate.at_s is None else None
         case _:
             return was + candidate.strength
 

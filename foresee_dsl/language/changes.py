@@ -267,7 +267,7 @@ def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property
     if change.property == "speed" and actor.state is not None:
         return _with(actor, state=_with(actor.state, speed=now))
     kind, field = rule.statement
-    times = {"start": change.start, "duration": change.duration} if change.property == "steer" else {}
+    times = {"start": change.start, "duration": change.duration} if rule.timed else {}
     return _replaced(actor, cast(m.ActorItem, kind.model_validate({field: now} | times)))
 
 

@@ -47,6 +47,8 @@ CLOSE_S, CLOSE_M = 0.1, 0.5
 """SUMO's headway and gap at a standstill of a vehicle that is told which gap to keep. Ours: two steps, so that it can
 still brake in time."""
 _OBEYS, _IGNORES_PRIORITY, _IGNORES_SIGNALS = 31, 55, 39
+_BRAKES_IN_COMFORT = 4
+"""The bit of these by which no speed is taken up that braking in comfort does not reach."""
 """Speed modes: 31 is SUMO's default; 55 is that without the right of way, before the junction and inside; 39 is 55
 without the red light."""
 _CRAWLS_MPS = 0.1
@@ -405,8 +407,13 @@ class World:
         """Let a vehicle ignore `signals` (and vehicles that have green there) or `priority`, or obey again."""
         known = self._vehicles[vehicle]
         (known.ignores.add if on else known.ignores.discard)(what)
-        mode = _IGNORES_SIGNALS if "signals" in known.ignores else _IGNORES_PRIORITY if known.ignores else _OBEYS
-        self._sumo.vehicle.setSpeedMode(vehicle, mode)
+        self._sumo.vehicle.setSpeedMode(vehicle, _mode(known.ignores))
+
+    def brake(self, vehicle: str, speed_mps: float | None) -> None:
+        """Let a vehicle drive at most this in the next step, however hard it brakes for that; None: as before."""
+        mode = _mode(self._vehicles[vehicle].ignores)
+        self._sumo.vehicle.setSpeedMode(vehicle, mode if speed_mps is None else mode & ~_BRAKES_IN_COMFORT)
+        self.set_speed(vehicle, speed_mps)
 
     def change_lane(self, vehicle: str, side: int) -> None:
         """Ask for a change by one lane: 1 to the next higher index, -1 to the next lower; kept there for 60 s."""
@@ -507,3 +514,8 @@ def _memory_folder() -> str | None:
     """Return a folder that is kept in memory; None (the usual one) where there is none."""
     shm = "/dev/shm"  # noqa: S108 - a private folder is made inside
     return shm if os.access(shm, os.W_OK) else None
+
+
+def _mode(ignores: set[str]) -> int:
+    """Return the speed mode of a vehicle that ignores these rules."""
+    return _IGNORES_SIGNALS if "signals" in ignores else _IGNORES_PRIORITY if ignores else _OBEYS

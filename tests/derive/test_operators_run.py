@@ -236,3 +236,42 @@ def test_a_clip_of_somebody_beside_its_line_goes_on_there(clip_case: TestCase, a
         there = whole.states[frame : frame + part.frames, whole.index(name)][:, [X, Y]]
         here = part.states[: len(there), part.index(name)][:, [X, Y]]
         assert np.hypot(*(there - here).T).max() < 0.02, name
+
+
+def test_braking_for_a_time_and_another_line_for_a_time(clip_case: TestCase, parent: Trace) -> None:
+    """One run: a walker that hesitates, and a car that brakes harder than in comfort and then drifts."""
+    child = drive(
+        child_of(
+            clip_case,
+            "walker.brakes: 0.00 m/s^2 => 2.00 m/s^2 from 1.00 s for 1.50 s",
+            "car.brakes: 0.00 m/s^2 => 6.50 m/s^2 from 0.50 s for 1.00 s",
+            "car.line: 0.00 m => -0.80 m from 2.50 s for 1.50 s",
+        )
+    )
+    walker, car = child.index("walker"), child.index("car")
+    speed = child.states[:, :, SPEED]
+    assert np.nanmax(apart(parent, child, "walker")[: round(1.0 / STEP_S) + 1]) < 1e-6
+    assert speed[round(1.8 / STEP_S) : round(2.5 / STEP_S), walker].max() < 0.05
+    assert speed[round(4.0 / STEP_S), walker] == pytest.approx(1.3, abs=0.05)
+    assert speed[round(1.5 / STEP_S), car] == pytest.approx(3.5, abs=0.4), "6.5 m/s^2 from 10 m/s for a second"
+    assert speed[round(3.0 / STEP_S), car] > 5
+    y = child.states[:, car, Y]
+    assert np.abs(y[: round(2.5 / STEP_S)] - 1.65).max() < 0.02
+    # It drives west: its right is north.
+    assert y[round(4.0 / STEP_S)] == pytest.approx(1.65 + 0.8, abs=0.05)
+    assert y[-1] == pytest.approx(1.65, abs=0.05)
+    same_but(parent, child, "walker", "car")
+
+
+def test_a_clip_from_the_middle_of_it_goes_on(clip_case: TestCase) -> None:
+    changes = (
+        "walker.brakes: 0.00 m/s^2 => 1.00 m/s^2 from 1.00 s for 2.50 s",
+        "car.line: 0.00 m => -0.80 m from 1.00 s for 3.00 s",
+    )
+    case = child_of(clip_case, *changes)
+    trace = drive(case)
+    point = RiskyPoint(1, 80, 4.0, "", "none", math.nan, math.nan, 1.0, "anything")
+    made = clip(case, trace, point, before_s=2, after_s=4, name="c", parent="child.foresee")
+    again = drive(expand_clip(made, case, source=case.source))
+    for actor in ("walker", "car"):
+        assert np.nanmax(apart(trace.part(40), again, actor)) < 0.05

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 from foresee_dsl.compile import codes
-from foresee_dsl.compile.bundle import ModelSpec, PlacedActor, RecordedState, Scene, Signal, SlipperyPatch, Steering
+from foresee_dsl.compile.bundle import (
+    ModelSpec,
+    PlacedActor,
+    RecordedState,
+    Scene,
+    Signal,
+    SlipperyPatch,
+    Steering,
+    Timed,
+)
 from foresee_dsl.compile.catalogue import cruise_speed
 from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
@@ -298,7 +308,8 @@ class SceneBuilder:
     def _with_statements(self, actor: m.Ego | m.Actor, placed: PlacedActor) -> PlacedActor:
         """Add what statements mean alike for actors on routes and on paths."""
         delay, timing, line = item(actor, m.Delay), item(actor, m.Timing), item(actor, m.Line)
-        state, steers = actor.state, item(actor, m.Steers)
+        state, steers, brakes = actor.state, item(actor, m.Steers), item(actor, m.Brakes)
+        later = line is not None and placed.control == "sumo" and (line.start is not None or line.duration is not None)
         return replace(
             placed,
             acceleration_mps2=si(state.acceleration) if state is not None else 0.0,
@@ -306,7 +317,9 @@ class SceneBuilder:
             waits=actor.name in self._waiting,
             delay_s=si(delay.time) if delay is not None else 0.0,
             timing=si(timing.factor) if timing is not None else 1.0,
-            line_m=si(line.left) if line is not None and placed.control == "sumo" else 0.0,
+            line_m=si(line.left) if line is not None and placed.control == "sumo" and not later else 0.0,
+            strays=_timed(line.left, line) if line is not None and later else None,
+            brakes=_timed(brakes.braking, brakes) if brakes is not None else None,
             recorded=tuple(map(_recorded, items(actor, m.Recorded))) if placed.control == "ego" else (),
             steering=_steering(steers) if steers is not None else None,
             guided=actor.name in self._guided,
@@ -366,6 +379,11 @@ def _recorded(statement: m.Recorded) -> RecordedState:
 
 def _steering(steers: m.Steers) -> Steering:
     return Steering(si(steers.value), si(steers.start), None if steers.duration is None else si(steers.duration))
+
+
+def _timed(value: m.Value, statement: m.Line | m.Brakes) -> Timed:
+    until_s = math.inf if statement.duration is None else si(statement.start) + si(statement.duration)
+    return Timed(si(value), si(statement.start), until_s)
 
 
 def _arrives(condition: m.Condition) -> bool:

@@ -33,6 +33,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
         _check_place(findings, actor)
         _check_once(findings, actor)
         _check_joins(findings, actor)
+        _check_times(findings, actor)
         _check_recorded(findings, actor)
         _check_class(findings, actor, parameters, cases)
     for group in groups:
@@ -67,6 +68,17 @@ def _check_joins(findings: Findings, actor: m.Ego | m.Actor) -> None:
         if isinstance(item, m.Joins) and not any(isinstance(other, m.Path) for other in actor.body):
             help = "write `path [PLACE, PLACE]` before it, or `route [...]` instead"
             findings.add(item, "", "FS042", f"'{actor.name}' joins the traffic, but has no path", help)
+
+
+def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
+    """A path has its line from the beginning to the end; the ego is its driver's."""
+    on_path = any(isinstance(item, m.Path) for item in actor.body)
+    for item in actor.body:
+        if isinstance(item, m.Line) and on_path and (item.start is not None or item.duration is not None):
+            message = f"'{actor.name}' follows a path, whose line takes no times"
+            findings.add(item, "", "FS042", message, "leave out `from` and `for`")
+        if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
+            findings.add(item, "", "FS042", "the ego's driver brakes", "say it of another actor")
 
 
 def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:

@@ -141,10 +141,11 @@ def _check_changes(findings: Findings, changes: Sequence[m.Change], *, parameter
         seen.add(path)
         for side in ("was", "now"):
             _check_changed(findings, change, side, parameters=parameters)
-        if change.property != "steer" or change.actor in m.OWNERS:
+        rule = m.PROPERTIES.get(change.property)
+        if change.actor in m.OWNERS or rule is None or not rule.timed:
             for field in ("start", "duration"):
                 if getattr(change, field) is not None:
-                    help = "only `steer` takes times, such as `from 4.00 s for 1.00 s`"
+                    help = "`steer`, `line` and `brakes` take times, such as `from 4.00 s for 1.00 s`"
                     findings.add(change, field, "FS124", f"'{'.'.join(path)}' has no times", help)
 
 

@@ -191,13 +191,36 @@ class Line(Item):
     """`line 0.60 m`: it keeps that far to the left of its own path, or of the middle of its lane (negative: right).
 
     On a path it goes there from where it is at the beginning, straight, over 5 m of the path (or what is left of it).
-    On a lane it moves over as it would when it changes lane. Its speed along its way stays what it was.
+    On a lane it moves over as it would when it changes lane. Its speed along its way stays what it was. On a lane also
+    `line 0.60 m from 2.00 s for 3.00 s`: from then on, for so long; then it goes back to the middle.
     """
 
-    pattern = "line {left}"
+    pattern = "line {left} [from {start}] [for {duration}]"
     words = "line (statement): how far an actor keeps to the left of its path or its lane's middle | line 0.60 m"
 
     left: Annotated[v.Length, Bounds(-WIDEST_LINE_M, WIDEST_LINE_M)]
+    start: v.Time | None = None
+    duration: v.Time | None = None
+
+
+HARDEST_MPS2 = 12.0
+"""The hardest braking that can be written. Ours: no tyre on a road holds more."""
+
+
+class Brakes(Item):
+    """`brakes 4.00 m/s^2 from 2.00 s for 1.50 s`: it brakes so hard from then on, for so long, and drives or walks on
+    as before; one that comes to stand stands for the rest of the time.
+
+    From the beginning, and to the end, when no times are given. It still brakes harder where it must. In that time it
+    does not do what triggers tell it about its speed.
+    """
+
+    pattern = "brakes {braking} [from {start}] [for {duration}]"
+    words = "brakes (statement): an actor brakes for a time | brakes 4.00 m/s^2 from 2.00 s for 1.50 s"
+
+    braking: Annotated[v.Acceleration, Bounds(0.0, HARDEST_MPS2)]
+    start: v.Time | None = None
+    duration: v.Time | None = None
 
 
 class State(Phrase, kind=""):
@@ -254,6 +277,7 @@ ActorItem = Annotated[
     | Timing
     | Delay
     | Line
+    | Brakes
     | Recorded,
     ONE_OF,
 ]

@@ -45,6 +45,7 @@ class Property:
         accepts: whether a value in SI is one that the property takes.
         needs: which values it takes, for the message.
         for_ego: the ego's can change too, although the driver under test drives it.
+        timed: a change may say from when, and for how long.
     """
 
     statement: tuple[type[Item], str] | None = None
@@ -52,6 +53,7 @@ class Property:
     accepts: Callable[[float], bool] = lambda _: True
     needs: str = ""
     for_ego: bool = False
+    timed: bool = False
 
     @property
     def dimension(self) -> Dimension | None:
@@ -88,6 +90,7 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
             0,
             lambda share: -1 <= share <= 1,
             "steering is a share of the largest angle, from -1 (right) to 1 (left)",
+            timed=True,
         ),
         "timing": Property((a.Timing, "factor"), 1, lambda factor: factor > 0, "timing is a ratio over zero"),
         "speed": Property((a.CruiseSpeed, "speed"), None, lambda v: v >= 0, "a speed is zero or more", for_ego=True),
@@ -97,6 +100,10 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
             0,
             lambda left: -WIDEST_LINE_M <= left <= WIDEST_LINE_M,
             f"a line is at most {WIDEST_LINE_M:g} m to the left (positive) or right of the actor's way",
+            timed=True,
+        ),
+        "brakes": Property(
+            (a.Brakes, "braking"), 0, lambda b: 0 <= b <= a.HARDEST_MPS2, "braking is from 0 to 12 m/s^2", timed=True
         ),
         "moving": Property(
             (a.Walked, "along"), None, lambda along: along >= 0, "how far it has come along its path is zero or more"
@@ -127,9 +134,10 @@ class Change(Item):
     Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
     the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
     its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
-    its way); `moving` (a length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the number
-    that a named expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's
-    default, and `end.after`.
+    its way, on a lane from `start` for `duration`); `brakes` (so hard, from `start` for `duration`); `moving` (a
+    length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the number that a named
+    expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's default, and
+    `end.after`.
     """
 
     pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"

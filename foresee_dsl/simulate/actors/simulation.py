@@ -148,6 +148,15 @@ class Simulation:
                 self._held.remove(actor.id)
                 self.world.set_speed(actor.id, None)
 
+    def brake(self, actor: Actor, speed_mps: float | None) -> None:
+        """Let an actor drive or walk at most this in the next step, however hard it brakes for that; None: it drives on
+        as before."""
+        if actor.id in self.world:
+            self.world.brake(actor.id, speed_mps)
+            self._held.discard(actor.id)
+        if speed_mps is None or actor.id not in self.world:
+            self.order_speed(actor, self.cruise_mps[actor.id] if speed_mps is None else speed_mps)
+
     def path_done(self, actor: Actor) -> bool:
         """Whether an actor has come to the end of the path that it was told to follow."""
         if isinstance(actor, PathActor):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, Protocol
 
+from foresee_dsl.compile.bundle import Timed
 from foresee_dsl.language.model import Meets
 from foresee_dsl.language.traversal import si_of, word_of
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
@@ -194,6 +195,28 @@ class StopSpot(NamedTuple):
     s: float
     lane: str = ""
     long_m: float = 0.0
+
+
+class Braking:
+    """Brakes so hard for a time, once the actor moves, and then lets it go on as before."""
+
+    def __init__(self, simulation: Simulation, actor: Actor, brakes: Timed) -> None:
+        self._simulation, self._actor, self._brakes = simulation, actor, brakes
+        self.acts = False
+        """Whether it holds the actor now."""
+
+    def update(self, time_s: float) -> bool:
+        """See `Command`."""
+        if time_s >= self._brakes.until_s - STEP_S / 100 or not self._actor.present:
+            if self.acts and self._actor.present:
+                self._simulation.brake(self._actor, None)
+            self.acts = False
+            return False
+        if time_s >= self._brakes.from_s - STEP_S / 100 and (self.acts or self._actor.speed >= STANDS_MPS):
+            self.acts = True
+            pace = max(0.0, self._actor.speed - self._brakes.value * STEP_S)
+            self._simulation.brake(self._actor, 0.0 if pace < STANDS_MPS else pace)
+        return True
 
 
 class Meeting:

@@ -14,6 +14,7 @@ from dataclasses import replace
 from itertools import count
 from typing import Any, TypeVar, assert_never
 
+from foresee_dsl.compile.bundle import Timed
 from foresee_dsl.compile.placement.doors import door_side
 from foresee_dsl.compile.placement.joining import joined_way
 from foresee_dsl.compile.placement.starts import lane_kind
@@ -27,7 +28,17 @@ from foresee_dsl.simulate.actors.lateral_orders import Beside, Shift, SidewaysOr
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.pair_orders import Gap, Match, Synchrony
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.actors.speed_orders import BOUND_FROM_M, Command, Halt, Meeting, Ramp, Reverse, Stop, StopSpot
+from foresee_dsl.simulate.actors.speed_orders import (
+    BOUND_FROM_M,
+    Braking,
+    Command,
+    Halt,
+    Meeting,
+    Ramp,
+    Reverse,
+    Stop,
+    StopSpot,
+)
 from foresee_dsl.simulate.actors.states import Actor
 from foresee_dsl.simulate.recorder import Recorder
 from foresee_dsl.simulate.trace import STEP_S
@@ -53,6 +64,8 @@ class Director:
         self._latest_path: dict[str, object] = {}
         self._latest_sideways: dict[str, SidewaysOrder] = {}
         self._bound: list[tuple[Actor, str, str]] = []
+        self._braking: dict[str, Braking] = {}
+        self._strays: list[tuple[float, m.ChangesLine]] = []
         self._bound_on: set[tuple[str, str, str]] = set()
         self._orders: dict[str, list[ActorOrders]] = {}
         self._things: list[Order] = []
@@ -63,7 +76,10 @@ class Director:
 
     def step(self) -> None:
         """Look at the frame that the simulation is at; what follows takes effect in the next step."""
-        if not (self._triggers or self._commands or self._starts or self._bound or self._sideways):
+        if not (
+            self._triggers or self._commands or self._starts or self._bound or self._sideways or self._braking
+            or self._strays
+        ):  # fmt: skip
             return
         time_s = self._simulation.time_s
         self._new.clear()
@@ -82,8 +98,16 @@ class Director:
             if not self._new:
                 break
             self._update(self._new)
+        self._stray(time_s)
         for name, order in list(self._sideways.items()):
             self._update_sideways(name, order)
+        # After whatever triggers ordered in this step.
+        for name, braking in list(self._braking.items()):
+            acted = braking.acts
+            if not braking.update(time_s):
+                del self._braking[name]
+            if braking.acts and not acted:
+                self.event("brakes", {}, name)
         for trigger in self._triggers:
             trigger.record()
 
@@ -96,7 +120,7 @@ class Director:
     def _update(self, names: Iterable[str]) -> None:
         for name in list(dict.fromkeys(names)):
             command = self._commands.get(name)
-            if command is None:
+            if command is None or (name in self._braking and self._braking[name].acts):
                 continue
             active = command.update(self._simulation.time_s)
             if not active:
@@ -198,6 +222,10 @@ class Director:
                 self._starts[actor.id] = placed.delay_s
             for what, junction in placed.ignores:
                 self._ignore(actor, what, junction)
+            if placed.brakes is not None:
+                self._braking[actor.id] = Braking(self._simulation, actor, placed.brakes)
+            if placed.strays is not None:
+                self._strays += _there_and_back(actor.id, placed.strays)
             for state in placed.meets:
                 meets = m.Meets(
                     actor=actor.id, other=state.other, junction=state.junction, gap=state.gap, order=state.order
@@ -206,6 +234,13 @@ class Director:
                 self._meet(actor, meets)
         for text, (x, y) in self._places.items():
             self.event("place", {"text": text, "x": x, "y": y})
+
+    def _stray(self, time_s: float) -> None:
+        """Let those go to another line, or back, whose time has come."""
+        due = [(at, action) for at, action in self._strays if time_s >= at - STEP_S / 100]
+        self._strays = [one for one in self._strays if one not in due]
+        for _, action in due:
+            self.act(action)
 
     def _order(self, actor: Actor, command: Command) -> IsComplete:
         """Give an order; it is over when it is done, or when another one replaces it."""
@@ -437,3 +472,10 @@ class Director:
 def _at_once() -> bool:
     """An action that is complete when it has begun."""
     return True
+
+
+def _there_and_back(actor: str, strays: Timed) -> list[tuple[float, m.ChangesLine]]:
+    """Return when an actor goes to its line of a time, and when it goes back."""
+    there = m.ChangesLine(actor=actor, to=m.Quantity.of(strays.value, "length", 4))
+    back = there.model_copy(update={"to": m.Quantity.of(0.0, "length", 4)})
+    return [(at, action) for at, action in ((strays.from_s, there), (strays.until_s, back)) if math.isfinite(at)]
