@@ -88,7 +88,9 @@ class Style(NamedTuple):
 
     Attributes:
         delay: from the moment that the prediction is in its way to the braking, s. horizon: how far ahead it predicts,
-            s. braking: m/s^2. pace: ratio of the recorded speed, from the window's beginning. aside: how far it moves
+            s. braking: m/s^2. pace: ratio of the recorded speed, from the window's beginning; it sets out so much
+            earlier that it would be in the same place when it comes nearest to the actor: a careful driver is to have
+            more time, not to be elsewhere by chance. aside: how far it moves
             to the left (negative: right), m. room: how much more it keeps free on either side, m.
     """
 
@@ -271,12 +273,15 @@ def _towards(now: float, wanted: float, most: float) -> float:
 
 
 @inner
-def _rolled(what: Record, style: Record, tracks: FloatArray, sizes: FloatArray, ending: Record) -> None:
-    """Roll one change out with one style of driving, and write how it ends."""
+def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, sizes: FloatArray, ending: Record) -> None:
+    """Roll one change out with one style of driving, and write how it ends.
+
+    `near_s`: when the ego at its recorded pace comes nearest to the actor, since the window's beginning.
+    """
     ego, track, actor = tracks[0], tracks[what["actor"]], what["actor"]
     size = (sizes[0, 0], sizes[0, 1])
     at = _Moves(_advanced(track, float(what["first"]), what["ahead"]), what["pace"], 0.0, 0.0)
-    clock, share, aside = float(what["first"]), style["pace"], 0.0
+    clock, share, aside = what["first"] + (1.0 - style["pace"]) * near_s / STEP_S * FRAMES, style["pace"], 0.0
     threatened, braking_until = inf, -inf
     ending["contact"], ending["gap"], ending["at"], ending["ego"] = inf, inf, 0.0, 0.0
     ending["brakes"], ending["struck"] = inf, False
@@ -341,4 +346,5 @@ def roll_out(whats: Records, styles: Records, tracks: FloatArray, sizes: FloatAr
             if s > 0 and endings[w, 0]["gap"] > MISSES_M:
                 endings[w, s] = endings[w, 0]
             else:
-                _rolled(whats[w], styles[s], tracks, sizes, endings[w, s])
+                near_s = endings[w, 0]["at"] if s > 0 else 0.0
+                _rolled(whats[w], styles[s], near_s, tracks, sizes, endings[w, s])

@@ -159,6 +159,7 @@ def _changed(change: Change) -> str:
     words = {
         "timing": f"is {now / was if was else 0:.2f} times as fast",
         "steer": f"is steered to the {side}{start}",
+        "brakes": f"brakes with {now:.1f} m/s^2{start}",
         "line": f"keeps {amount:.2f} m farther {side}",
         "delay": f"starts {amount:.2f} s {'later' if more else 'earlier'}",
         "moving": f"begins {amount:.1f} m {'farther on' if more else 'farther back'}",

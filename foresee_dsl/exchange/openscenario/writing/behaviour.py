@@ -189,6 +189,7 @@ class _Board:
         for what, found in (("rules that actors ignore", actor.ignores), ("meetings", actor.meets)):
             self.left_out[what] += len(found)
         self.left_out["steering perturbations"] += actor.steering is not None
+        self.left_out["`brakes`, and `line` for a time"] += actor.brakes is not None or actor.strays is not None
         self.left_out["`line` and `timing`"] += abs(actor.line_m) > 0 or actor.timing != 1.0
         if actor.control in ("ego", "sumo") and actor.line is not None:
             goal = self.bundle.scene.goal_s if actor.control == "ego" else actor.line.end_s
