@@ -93,13 +93,10 @@ def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Chang
     if now.si == was.si:
         return None
     change = Change(actor=actor, property=name, was=was, now=now)
-    if candidate.kind is Kind.SWERVES:
-        times = {
-            "start": Quantity.of(candidate.at_s or 0.0, "time", 2),
-            "duration": Quantity.of(candidate.for_s or 0.0, "time", 2),
-        }
-        return change.model_copy(update=times)
-    return change
+    if candidate.at_s is None or candidate.for_s is None:
+        return change
+    at, long = Quantity.of(candidate.at_s, "time", 2), Quantity.of(candidate.for_s, "time", 2)
+    return change.model_copy(update={"start": at, "duration": long})
 
 
 def _value(situation: Situation, preset: Preset, candidate: Candidate, was: float) -> float | None:

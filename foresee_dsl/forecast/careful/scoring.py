@@ -16,6 +16,8 @@ from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.what_if import Ending, Style, WhatIf, roll_out
 from foresee_dsl.simulate.trace import STEP_S
 
+BLIND = Style(delay=99.0, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0)
+"""The driver that does not react. Candidates that miss it by far are not rolled out further."""
 DRIVES = (
     Style(delay=0.4, horizon=2.0, braking=6.0, pace=1.0, aside=0.0, room=0.0),
     Style(delay=0.8, horizon=2.0, braking=7.0, pace=1.0, aside=0.0, room=0.0),
@@ -38,8 +40,10 @@ STANDS_MPS = 0.5
 """An ego slower than this at the contact stands: then nobody could have avoided it."""
 _HITS = 0.5
 """What a miss of no width counts, against a contact. Ours."""
+BLIND_SHARE = 0.3
+"""How much the driver that does not react counts. Ours: drivers overlook people as well."""
 
-_STYLES = np.array([*DRIVES, *CAREFUL], dtype=dtype_of(Style))
+_STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,7 @@ def _ways(avoidable: float) -> str:
 
 
 def endings(run: Recorded, candidates: Sequence[Candidate]) -> Records:
-    """Roll candidates out: [C, S] endings, with the styles of `DRIVES` and then those of `CAREFUL`."""
+    """Roll candidates out: [C, S] endings, with the style `BLIND`, those of `DRIVES` and then those of `CAREFUL`."""
     found = np.zeros((len(candidates), len(_STYLES)), dtype=dtype_of(Ending))
     if candidates:
         whats = np.array([c.what for c in candidates], dtype=dtype_of(WhatIf))
@@ -84,14 +88,15 @@ def endings(run: Recorded, candidates: Sequence[Candidate]) -> Records:
 def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     """Score candidates; those that hit an ego that stands, or that nobody avoids, have 0."""
     rolled = endings(run, candidates)
-    count = len(DRIVES)
+    count = 1 + len(DRIVES)
     drives, careful = rolled[:, :count], rolled[:, count:]
     touches = np.isfinite(drives["contact"])
     fair = drives["struck"] & (drives["ego"] >= STANDS_MPS)
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
-    hits[(touches & (drives["ego"] < STANDS_MPS)).any(axis=1)] = 0.0
+    hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
     avoided = ~np.isfinite(careful["contact"])
-    hit, avoidable = hits.mean(axis=1), 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
+    hit = BLIND_SHARE * hits[:, 0] + (1 - BLIND_SHARE) * hits[:, 1:].mean(axis=1)
+    avoidable = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
     return [
         _one(candidates[k], float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]), careful[k, 0])
         for k in range(len(candidates))
