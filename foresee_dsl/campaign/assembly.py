@@ -5,9 +5,10 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, assert_never
+from typing import NamedTuple, TypedDict, assert_never
 
 from foresee_dsl.campaign.driving import relative_path
+from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import (
     ChildOutcome,
     ClipOutcome,
@@ -20,7 +21,9 @@ from foresee_dsl.campaign.records import (
     decode,
 )
 from foresee_dsl.campaign.results import sorted_outcomes
-from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.stages import Stages
+from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.language.model import Clip, Mutant, Origin
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
@@ -72,7 +75,8 @@ def assemble(stages: Stages, out: Path) -> Assembly:
                 if row.trace:
                     file = (out / node.file).as_posix()
                     traces[trace] = (row.trace, file if record.file != file else "")
-                children[node.over("clip")][node] = replace(record, name=node.step.name, file=node.file)
+                children[node.over("clip")][node] = replace(record, name=node.step.name, file=node.file,
+                                                            **_allocated(node))  # fmt: skip
             case ReferenceRun():
                 references[node.above] = (*references.get(node.above, ()), record)
             case Minimised():
@@ -91,6 +95,21 @@ def assemble(stages: Stages, out: Path) -> Assembly:
     small = (_answered(one, references.get(node, ())) for node, one in minimised.items())
     by_name = tuple(sorted(small, key=lambda one: one.child.name))
     return Assembly(*sorted_outcomes(asked.values(), whole), traces, by_name)
+
+
+class _Allocated(TypedDict, total=False):
+    round: int
+    drawn_near: str
+
+
+def _allocated(node: Node) -> _Allocated:
+    """Return the round that asked for a child and the child that it was drawn near, where there are rounds."""
+    step, above = node.step, node.over("mutants").step
+    if not isinstance(above, MutantsStep) or not isinstance(step, ChildStep) or not above.asked.round:
+        return {}
+    number = step.mutant.number
+    near = next((want.near_number for want in above.asked.children if want.number == number), 0)
+    return {"round": above.asked.round, "drawn_near": f"{step.name.rpartition('_m')[0]}_m{near}" if near else ""}
 
 
 def _answered(small: Minimised, references: tuple[ReferenceRun, ...]) -> Minimised:

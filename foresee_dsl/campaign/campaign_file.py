@@ -171,5 +171,7 @@ def _settings(campaign: m.Campaign) -> Iterator[tuple[str, float | int | str]]:
             yield "children", int(item.count.si)
         elif isinstance(item, m.Repeat):
             yield "repeat", int(item.times.si)
+        elif isinstance(item, m.Allocation):
+            yield "allocation", item.how
         elif isinstance(item, m.FirstSeed):
             yield "seed", int(item.seed.si)

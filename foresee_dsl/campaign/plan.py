@@ -8,9 +8,13 @@ from typing import Any, NamedTuple
 
 import networkx as nx
 
+from foresee_dsl.campaign.allocation.rounds import ROUNDS, Round
 from foresee_dsl.campaign.findings.representatives import choose_representatives
+from foresee_dsl.campaign.node import AnyStep, Node
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import STEPS, AnyStep, Node, Stages
+from foresee_dsl.campaign.stages import STEPS, Stages
+from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.mutants import MutantsStep
 from foresee_dsl.campaign.storage.store import Store
 
 
@@ -36,6 +40,29 @@ class StagePlan:
         return self.step.kind
 
 
+@dataclass(frozen=True)
+class Allocated:
+    """Where children are allocated in rounds: how many rounds there are, and those that are known so far.
+
+    Attributes:
+        rounds: how many, the first included, which gives each clip `first` children. known: the later ones that have
+            begun, of each part of the campaign.
+    """
+
+    rounds: int
+    first: int
+    known: tuple[Round, ...]
+
+    shown = "rounds first known"
+
+    @property
+    def told(self) -> str:
+        """How children are allocated, and the last rounds that are known, in sentences."""
+        begins = (f"children are allocated in {self.rounds} rounds: {self.first} a clip, then to those clips that the "
+                  "rounds before say will pay")  # fmt: skip
+        return "\n".join((begins, *(one.told for one in self.known)))
+
+
 class ToDo(NamedTuple):
     """How many runs are missing, and how many more may follow from them."""
 
@@ -50,8 +77,10 @@ class CampaignPlan:
     graph: nx.DiGraph[str]
     stages: tuple[StagePlan, ...]
     jobs: int
+    allocation: Allocated | None = None
+    """Where children are allocated in rounds: how far these are."""
 
-    shown = "stages runs=runs_to_do jobs at_most_s=longest_s:1 measured graph=links"
+    shown = "stages runs=runs_to_do jobs at_most_s=longest_s:1 measured allocation? graph=links"
 
     @property
     def longest_s(self) -> float:
@@ -95,6 +124,9 @@ class CampaignPlan:
 def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> CampaignPlan:
     """Look at what there is to do; `store` is None where nothing was run, `jobs` are the workers, for the time."""
     graph: nx.DiGraph[str] = nx.DiGraph()
+    for rounds in stages.rounds:
+        while rounds.known and rounds.next():
+            pass
     known = all(row is not None for _, row in stages.walk())
     if known:
         choose_representatives(stages)
@@ -105,11 +137,21 @@ def plan_campaign(stages: Stages, store: Store | None, *, jobs: int) -> Campaign
             graph.add_edge(_name(node.above), _name(node))
         if row is None or (not known and stages.may_be_chosen(node, row)):
             _add_followers(graph, node, stages.settings, known=row is not None)
-    return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs)
+    allocated = None
+    if stages.rounds:
+        if left := sum(rounds.left for rounds in stages.rounds):
+            _add_children(graph, "children of later rounds", left, stages.settings)
+        begun = tuple(one for rounds in stages.rounds for one in rounds.begun)
+        allocated = Allocated(ROUNDS, stages.settings.first_children, begun)
+    return CampaignPlan(graph, _stage_plans(graph, store, stages.settings), jobs, allocated)
 
 
 def _name(node: Node) -> str:
-    return f"{node.step.kind} {node.step.name}" + (f" seed {node.step.seed}" if node.step.kind == "mutants" else "")
+    step = node.step
+    if not isinstance(step, MutantsStep):
+        return f"{step.kind} {step.name}"
+    later = f" round {step.asked.round}" if step.asked.round > 1 else ""
+    return f"{step.kind} {step.name} seed {step.seed}{later}"
 
 
 def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSettings, *, known: bool) -> None:
@@ -117,14 +159,32 @@ def _add_followers(graph: nx.DiGraph[str], node: Node, settings: CampaignSetting
 
     `known`: the step has been run, so that only what follows from chosen ones is still open.
     """
-    above = {node.step.kind: (_name(node), 1)}
+    step = node.step
+    if isinstance(step, MutantsStep) and step.asked.children:
+        name, count = f"{ChildStep.kind} of {_name(node)}", len(step.asked.children)
+        _add_children(graph, name, count, settings)
+        graph.add_edge(_name(node), name)
+        return
+    _add_below(graph, step.kind, _name(node), 1, settings, known=known)
+
+
+def _add_children(graph: nx.DiGraph[str], name: str, count: int, settings: CampaignSettings) -> None:
+    """Add children that are not known yet, and what may follow from them."""
+    graph.add_node(name, kind=ChildStep.kind, name="", key="", state="at_most", count=count)
+    _add_below(graph, ChildStep.kind, name, count, settings, known=False)
+
+
+def _add_below(
+    graph: nx.DiGraph[str], kind: str, name: str, many: int, settings: CampaignSettings, *, known: bool
+) -> None:
+    above = {kind: (name, many)}
     for step in STEPS:
-        if step.follows not in above or (known and step.follows == node.step.kind and not step.after_all):
+        if step.follows not in above or (known and step.follows == kind and not step.after_all):
             continue
         over, count = above[step.follows]
         count *= step.at_most(settings)
         if count:
-            below = f"{step.kind} of {_name(node)}"
+            below = f"{step.kind} of {name}"
             graph.add_node(below, kind=step.kind, name="", key="", state="at_most", count=count)
             graph.add_edge(over, below)
             above[step.kind] = below, count

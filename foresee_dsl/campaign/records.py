@@ -128,9 +128,16 @@ class MutantDraft:
 
 @dataclass(frozen=True)
 class Mutants:
-    """The mutants of one clip."""
+    """The mutants of one clip.
+
+    Attributes:
+        plans: by which its children are drawn (`derive.mutate.Mutator.plans`).
+        searched: how many children the preset's search has, where rounds may ask for them.
+    """
 
     drafts: tuple[MutantDraft, ...]
+    plans: tuple[tuple[tuple[str, str], ...], ...] = ()
+    searched: int = 0
 
 
 @dataclass(frozen=True)
@@ -158,10 +165,14 @@ class ChildOutcome:
     """Of a run that did not pass, if there are any."""
     references: tuple[ReferenceRun, ...] = ()
     """Of a failure: its runs with other drivers."""
+    round: int | None = None
+    """The round that asked for it, where children are allocated in rounds."""
+    drawn_near: str = ""
+    """The child of the same clip near which it was drawn, if it was."""
 
     shown = (
-        "mutant=name meaning operators changes verdict with=with_ reason digest file=failed_file? impact "
-        "near_misses=near preventability anticipation references story"
+        "mutant=name round drawn_near? meaning operators changes verdict with=with_ reason digest file=failed_file? "
+        "impact near_misses=near preventability anticipation references story"
     )
 
     @property

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from foresee_dsl.drivers.deadlines import Deadlines
+
+Allocation = Literal["even", "adaptive"]
+ALLOCATION: Allocation = "even"
+"""How a campaign allocates its children to clips where it is not told."""
+FIRST = 1
+"""Children that each clip gets in the first round, with each seed."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,8 @@ class CampaignSettings:
             command line takes what the driver asks for (`drivers.registry.handover_of`) where it is given none.
         repeat: clips are mutated so often, with `seed` and the seeds that follow it.
         against: the reference drivers, which drive every failing child as well.
+        allocation: `even`: each clip gets `children`. `adaptive`: they get as many together, in rounds, each round
+            where those before it found most.
     """
 
     driver: str = "pdm"
@@ -40,33 +49,47 @@ class CampaignSettings:
     handover_s: float = 0.0
     repeat: int = 1
     against: tuple[str, ...] = ()
+    allocation: Allocation = ALLOCATION
+
+    @property
+    def first_children(self) -> int:
+        """How many children a clip gets with each seed before anything is known of it: with `even`, all."""
+        return self.children if self.allocation == "even" else min(self.children, FIRST)
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Part `number` (from 1) of `of` parts of a campaign, by a hash of each test case's key."""
+    """Part `number` (from 1) of `of` parts of a campaign, by a hash of each test case's key; 0: all of these parts.
 
-    number: int = 1
+    Where children are allocated in rounds, each part has rounds of its own, also where all parts are run together.
+    """
+
+    number: int = 0
     of: int = 1
 
     @classmethod
     def parse(cls, text: str) -> Shard:
-        """Read `2/8`.
+        """Read `2/8`, or `all/8`.
 
         Raises:
             ValueError: it is not two whole numbers, the first of them between 1 and the second.
         """
         first, slash, second = text.partition("/")
-        if not (slash and first.isascii() and first.isdigit() and second.isascii() and second.isdigit()):
-            raise ValueError(f"{text!r} is no part of a campaign: write K/N, such as 2/8")
-        shard = cls(int(first), int(second))
-        if not 1 <= shard.number <= shard.of:
+        number = "0" if first == "all" else first
+        if not (slash and number.isascii() and number.isdigit() and second.isascii() and second.isdigit()):
+            raise ValueError(f"{text!r} is no part of a campaign: write K/N, such as 2/8, or all/8")
+        shard = cls(int(number), int(second))
+        if not (1 <= shard.number <= shard.of or (first == "all" and shard.of)):
             raise ValueError(f"{text!r} is no part of a campaign: the parts of {shard.of} are 1 to {shard.of}")
         return shard
 
+    def part(self, key: str) -> int:
+        """Return the number of the part that a test case with this key belongs to."""
+        return int(key[:12], 16) % self.of + 1
+
     def holds(self, key: str) -> bool:
-        """Return whether a test case with this key belongs to the part."""
-        return int(key[:12], 16) % self.of == self.number - 1
+        """Return whether a test case with this key is run."""
+        return self.number in (0, self.part(key))
 
 
 @dataclass(frozen=True)

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import pickle
 import pkgutil
+from collections import defaultdict
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
 
 from foresee_dsl.campaign import steps
+from foresee_dsl.campaign.allocation.rounds import Rounds
 from foresee_dsl.campaign.driving import case_name
 from foresee_dsl.campaign.execution.pool import Task
 from foresee_dsl.campaign.keys import driver_identity, key, operators_identity, ranker_identity
+from foresee_dsl.campaign.node import AnyStep, Node
 from foresee_dsl.campaign.records import decode
 from foresee_dsl.campaign.settings import CampaignSettings, Limits, Shard
+from foresee_dsl.campaign.steps.clip import ClipStep
 from foresee_dsl.campaign.steps.inputs import CaseRef, Ref
+from foresee_dsl.campaign.steps.mutants import Asked, MutantsStep
 from foresee_dsl.campaign.steps.seed import SeedStep
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Step, Work, run_steps
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.campaign.storage.traces import Blobs
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
-
-AnyStep = Step[Any, Any]
 
 
 def _steps() -> tuple[type[AnyStep], ...]:
@@ -51,38 +53,6 @@ STEPS = _steps()
 """The classes of steps, each after the one that it follows from."""
 _NEXT = {kind: tuple(step for step in STEPS if step.follows == kind) for kind in (step.kind for step in STEPS)}
 """The classes that follow from each kind of step."""
-
-
-@dataclass(frozen=True, eq=False)
-class Node:
-    """One step of a campaign, and the test case and the step that it follows from."""
-
-    step: AnyStep
-    case: TestCase
-    above: Node | None = None
-
-    @property
-    def folder(self) -> str:
-        """Where the files of the clips and children are, relative to the campaign's folder."""
-        return self.step.folder(self.case)
-
-    @property
-    def file(self) -> str:
-        """Its own file there."""
-        return f"{self.folder}/{self.step.name}.foresee"
-
-    def over(self, kind: str) -> Node:
-        """Return the step of a kind that it follows from (or itself).
-
-        Raises:
-            ValueError: it follows from none of that kind.
-        """
-        node: Node = self
-        while node.step.kind != kind:
-            if node.above is None:
-                raise ValueError(f"{self.step.kind} {self.step.name} follows from no {kind}")
-            node = node.above
-        return node
 
 
 class Stages:
@@ -116,6 +86,8 @@ class Stages:
         self.seeds = tuple(node for node in self._seeds(cases) if shard.holds(node.step.key))
         self.last: tuple[Node, ...] = ()
         """The steps that `choose` gave."""
+        self.rounds = self._rounds(shard) if settings.allocation == "adaptive" and settings.children else ()
+        """The rounds of each part in which children are allocated."""
 
     def row(self, node: Node) -> Row | None:
         """Return the result of a step, if there is one."""
@@ -171,9 +143,19 @@ class Stages:
         result = decode(row.record, node.step.record) if after_all else None
         return tuple(step for step in after_all if step.wanted(result, self.settings))
 
-    def walk(self) -> Iterator[tuple[Node, Row | None]]:
-        """Yield every step that is known of, what it follows from before it, with its result if there is one."""
-        ahead = list(reversed((*self.seeds, *self.last)))
+    def further(self, clip: Node, step: MutantsStep, asked: Asked) -> Node:
+        """Return the step in which a clip that was mutated is mutated once more."""
+        if not isinstance(clip.step, ClipStep):
+            raise TypeError(f"{clip.step.name} is no clip")
+        return Node(step.again(asked, clip.step, self._campaign), clip.case, clip)
+
+    def walk(self, roots: Sequence[Node] | None = None) -> Iterator[tuple[Node, Row | None]]:
+        """Yield every step that is known of, what it follows from before it, with its result if there is one.
+
+        `roots`: only what follows from these.
+        """
+        later = (node for rounds in self.rounds for node in rounds.nodes)
+        ahead = list(reversed((*self.seeds, *later, *self.last) if roots is None else roots))
         while ahead:
             node = ahead.pop()
             row = self.row(node)
@@ -194,6 +176,13 @@ class Stages:
         )
         name = node.step.name if isinstance(node.step, ClipPart) else node.case.id
         return Task(name, run_steps, work, self._deadline_s(node, limits), node.step.key)
+
+    def _rounds(self, shard: Shard) -> tuple[Rounds, ...]:
+        """Divide the test cases into parts, each with its rounds."""
+        parts: defaultdict[int, list[Node]] = defaultdict(list)
+        for node in self.seeds:
+            parts[shard.part(node.step.key)].append(node)
+        return tuple(Rounds(self, tuple(parts[number])) for number in sorted(parts))
 
     def _seeds(self, cases: Sequence[TestCase]) -> Iterator[Node]:
         """Yield a step for each test case, with a name of its own for its files.

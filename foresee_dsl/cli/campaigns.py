@@ -297,6 +297,8 @@ def _print_plan(found: CampaignPlan, folder: Path, *, stored: bool) -> None:
         for stage in found.stages
     ]  # fmt: skip
     screen.print(plain_table(("stage", "done", "to run", "at most more", "each"), rows))
+    if found.allocation is not None:
+        screen.print(found.allocation.told)
     to_run, more = found.runs_to_do
     if not to_run + more:
         screen.print(f"Everything is in {folder}: nothing has to be run.")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import hashlib
+from collections.abc import Collection, Sequence
 from decimal import Decimal
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +14,7 @@ from foresee_dsl import __version__
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive import presets
 from foresee_dsl.derive.avoidable import avoidable
+from foresee_dsl.derive.local_search import Plan, near_changes
 from foresee_dsl.derive.operators import Operator, Situation, operators, predicted_gap_m
 from foresee_dsl.derive.presets import Preset
 from foresee_dsl.language.meaning import pin_of
@@ -68,9 +72,15 @@ class Mutator:
         *,
         preset: str | Preset = "focused",
         models: Collection[str] | None = None,
+        plans: Sequence[PlanNames] = (),
     ) -> None:
-        """Find out which operators can act on which actors; that does not depend on the seed."""
+        """Find out which operators can act on which actors; that does not depend on the seed.
+
+        `plans`: what another mutator of the same clip found out (its `plans`), which saves the time.
+        """
         self._clip, self._preset, self._pin = clip, presets.preset(preset), pin_of(case)
+        self._pinned = int(self._pin.partition(":")[2], 16)
+        self._searched: dict[int, tuple[int, list[Drawn]]] = {}
         self._situation = Situation(
             clip=clip,
             trace=trace,
@@ -80,42 +90,118 @@ class Mutator:
             swappable=tuple(sorted(models if models is not None else case.models)),
             weather=_weather(case),
         )
-        self._plans = _plans(self._situation, self._preset)
+        known = operators() if plans else {}
+        given = [tuple((known[name], target) for name, target in plan) for plan in plans]
+        self._plans = given or _plans(self._situation, self._preset)
+
+    @property
+    def plans(self) -> tuple[PlanNames, ...]:
+        """What its children consist of, in turn: the names of operators, each with its target."""
+        return tuple(tuple((operator.name, target) for operator, target in plan) for plan in self._plans)
+
+    def searched(self, seed: int, most: int) -> int:
+        """Return how many children the preset's search has for a seed, of `most`."""
+        return len(self._best(seed, most))
 
     def children(self, count: int = CHILDREN, *, seed: int = 0, driver: str = "") -> tuple[Mutant, ...]:
         """Make up to `count` children."""
-        plans, pin, clip = self._plans, self._pin, self._clip
         made: list[Mutant] = []
         seen: set[tuple[Change, ...]] = set()
-        pinned = int(pin.partition(":")[2], 16)
-        found = avoidable(self._situation, self._preset, count, np.random.default_rng([seed, pinned]))
-        for k in range(1, count + 1) if plans or found else ():
-            drawn: _Drawn | None = None
-            if k <= len(found):
-                drawn = found[k - 1]
-            elif plans:
-                rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, pinned, k])))
-                drawn = _child(self._situation, self._preset, plans[(k - 1) % len(plans)], rng, seen)
-            if drawn is None:
-                continue
-            names, changes = drawn
-            seen.add(changes)
-            origin = Origin(
-                operator=names,
-                preset=self._preset.name,
-                seed=Quantity(value=Decimal(seed)),
-                tool=__version__,
-                driver=driver or None,
-            )
-            name = f"{clip.name}_m{k}"
-            made.append(Mutant(name=name, parent=f"{clip.name}.foresee", pin=pin, body=(*changes, origin)))
+        best = self.searched(seed, count)
+        for k in range(1, count + 1) if self._plans or best else ():
+            draw = Draw.numbered(k, len(self._plans), best)
+            child = self.child(draw, seed=seed, driver=driver, seen=seen) if draw is not None else None
+            if child is not None:
+                seen.add(child.changes)
+                made.append(child.model_copy(update={"name": f"{self._clip.name}_m{k}"}))
         return tuple(made)
 
+    def child(
+        self,
+        draw: Draw,
+        *,
+        seed: int,
+        driver: str = "",
+        seen: Collection[tuple[Change, ...]] = (),
+        near: Mutant | None = None,
+    ) -> Mutant | None:
+        """Make the child of a draw, which no `seen` one equals; None where there is none left.
 
-_Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
+        `near`: a child of that plan, by which it is drawn: its changes moved a little (`derive.local_search`).
+        """
+        drawn = self._near(draw, near, seed, seen) if near is not None else self._drawn(draw, seed, seen)
+        if drawn is None:
+            return None
+        names, changes = drawn
+        origin = Origin(
+            operator=names,
+            preset=self._preset.name,
+            seed=Quantity(value=Decimal(seed)),
+            tool=__version__,
+            driver=driver or None,
+        )
+        name = self._clip.name
+        return Mutant(name=f"{name}_m", parent=f"{name}.foresee", pin=self._pin, body=(*changes, origin))
+
+    def _drawn(self, draw: Draw, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
+        if draw.plan == SEARCHED:
+            best = self._best(seed, draw.turn + 1)
+            return best[draw.turn] if draw.turn < len(best) and best[draw.turn][1] not in seen else None
+        return _child(self._situation, self._preset, self._plans[draw.plan], self._rng(draw, seed), seen)
+
+    def _near(self, draw: Draw, near: Mutant, seed: int, seen: Collection[tuple[Change, ...]]) -> Drawn | None:
+        by_property = {getattr(operator, "property", ""): operator for operator in operators().values()}
+        made_by = tuple((by_property[c.property], c.actor) for c in near.changes if c.property in by_property)
+        plan = made_by if draw.plan == SEARCHED else self._plans[draw.plan]
+        rng = self._rng(draw, seed, *_entropy(near))
+        gap = partial(_gap_m, self._situation)
+        return near_changes(self._situation, self._preset, plan, near.changes, rng, seen=seen, gap=gap)
+
+    def _rng(self, draw: Draw, seed: int, *more: int) -> np.random.Generator:
+        entropy = [seed, self._pinned, draw.number(len(self._plans)), *more]
+        return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
+
+    def _best(self, seed: int, most: int) -> list[Drawn]:
+        """Return the first children of the preset's search; those of fewer are the first of those of more."""
+        asked, found = self._searched.get(seed, (0, []))
+        if asked < most:
+            found = avoidable(self._situation, self._preset, most, np.random.default_rng([seed, self._pinned]))
+            self._searched[seed] = most, found
+        return found[:most]
+
+
+SEARCHED = -1
+"""The plan whose children are those of the preset's search."""
+
+
+class Draw(NamedTuple):
+    """Which draw of a clip a child is: the `turn`-th (from 0) of a plan (its place among `Mutator.plans`)."""
+
+    plan: int
+    turn: int
+
+    @classmethod
+    def numbered(cls, k: int, plans: int, searched: int) -> Draw | None:
+        """Return the draw of child `k` where clips get as many each: what was searched, then each plan in turn."""
+        if k <= searched:
+            return cls(SEARCHED, k - 1)
+        return cls((k - 1) % plans, (k - 1) // plans) if plans else None
+
+    def number(self, plans: int) -> int:
+        """Return which child it would be then."""
+        return self.turn + 1 if self.plan == SEARCHED else self.plan + 1 + self.turn * plans
+
+
+Drawn = tuple[tuple[str, ...], tuple[Change, ...]]
 """The names of operators, and what they change."""
-_Plan = tuple[tuple[Operator, str], ...]
-"""The operators of one child, each with its target."""
+PlanNames = tuple[tuple[str, str], ...]
+"""A plan by names: its operators and their targets."""
+
+
+def _entropy(child: Mutant) -> tuple[int, ...]:
+    """Return what makes the draws near one child differ from those near another: a hash of its changes."""
+    text = repr([change.model_dump_json() for change in child.changes])
+    return 1, int(hashlib.sha256(text.encode()).hexdigest()[:12], 16)
 
 
 def _weather(case: TestCase) -> dict[str, Quantity]:
@@ -133,7 +219,7 @@ def _risky_frame(clip: Clip, trace: Trace) -> int:
     return trace.frame_at(at.si - clip.start_s)
 
 
-def _plans(situation: Situation, preset: Preset) -> list[_Plan]:
+def _plans(situation: Situation, preset: Preset) -> list[Plan]:
     """Return the recipes of a preset that can be done, with their targets; else the parts of them that can."""
     known = operators()
     if preset.targets == "letter":
@@ -187,8 +273,8 @@ def _acts(situation: Situation, preset: Preset, operator: Operator, target: str)
 
 
 def _child(
-    situation: Situation, preset: Preset, plan: _Plan, rng: np.random.Generator, seen: set[tuple[Change, ...]]
-) -> _Drawn | None:
+    situation: Situation, preset: Preset, plan: Plan, rng: np.random.Generator, seen: Collection[tuple[Change, ...]]
+) -> Drawn | None:
     """Draw one child's operators and changes that no earlier child has; None where there are none left.
 
     Of the preset's number of draws it is the one that comes nearest to the ego.

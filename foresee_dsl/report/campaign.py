@@ -6,6 +6,7 @@ import io
 import math
 import os
 import shlex
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -110,6 +111,8 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         more = f", {len(notes)} broke the driver" if notes else ""
         of = "1 mutated child" if len(children) == 1 else f"{len(children)} mutated children"
         yield Text(f"{total.failed} of {of} failed{more}", style="bold red" if total.failed or notes else "")
+    if settings.allocation == "adaptive" and children:
+        yield Text(_allocated(result))
     length = settings.before_s + settings.after_s
     yield Text(
         f"driver {safe(settings.driver)}, ranker {settings.ranker}, preset {settings.preset}, clips of {length:g} s, "
@@ -117,6 +120,15 @@ def _headline(result: CampaignResult, findings: list[Finding]) -> Iterator[Text]
         f"{counted(total.clips, 'clip')}, {duration(result.wall_s)}",
         style="dim",
     )
+
+
+def _allocated(result: CampaignResult) -> str:
+    """Say how many children clips got, of those that are mutated, and how many were drawn near another."""
+    clips = [clip for clip in result.clips if clip.children]
+    counts = Counter(len(clip.children) for clip in clips)
+    told = ", ".join(f"{count} to {counted(clips, 'clip')}" for count, clips in sorted(counts.items(), reverse=True))
+    near = sum(bool(child.drawn_near) for clip in clips for child in clip.children)
+    return f"children where they paid: {told}; {near} were drawn near another"
 
 
 def _print_finding(console: Console, number: int, finding: Finding, out: Path) -> None:

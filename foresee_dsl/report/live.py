@@ -24,6 +24,7 @@ from rich.progress import (
 from rich.progress import Task as Bar
 from rich.text import Text
 
+from foresee_dsl.campaign.allocation.rounds import Round
 from foresee_dsl.campaign.execution.engine import Listener
 from foresee_dsl.campaign.results import is_problem
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -55,6 +56,13 @@ class Figures(Listener):
         self.run_here: Counter[str] = Counter()
         """Of `finished`, those that were not in the store."""
         self.verdicts: Counter[str] = Counter()
+        self.last_round: Round | None = None
+        """The last round of children that has begun, where they are allocated in rounds."""
+
+    def round(self, begun: Round) -> None:
+        """Remember it."""
+        self.last_round = begun
+        self._left.round(begun)
 
     def planned(self, kind: str, count: int) -> None:
         """Count them."""
@@ -79,6 +87,8 @@ class Figures(Listener):
         """Return all of it in a line."""
         there = [kind for kind in TITLES if self.total[kind]]
         parts = [f"{TITLES[kind]} {self.finished[kind]}/{self.total[kind]}" for kind in there]
+        if self.last_round is not None:
+            parts.append(f"round {self.last_round.number}/{self.last_round.of}")
         failures = ", ".join(f"{count} {kind}" for kind, count in self.failures.items())
         parts.append(f"failures {failures}" if failures else "no failures")
         took_s = self._clock() - self._began
@@ -128,6 +138,11 @@ class PlainProgress(Figures):
             self._printed_s = self._clock()
             self._print_line(self.line())
 
+    def round(self, begun: Round) -> None:
+        """Print where its children go."""
+        super().round(begun)
+        self._print_line(begun.told)
+
     def broken(self, what: str) -> None:
         """Print it."""
         self._print_line(f"could not be done: {what}")
@@ -157,10 +172,20 @@ class RichProgress(Figures):
             shown = round(self._left.shown_share * 100)
             self.bars.update(self._all, visible=True, description=ahead, total=100, completed=shown)
         if self.failures and row.kind == "child":
-            counts = "  ".join(f"{kind} [red]{count}[/red]" for kind, count in self.failures.items())
-            self.bars.update(self._bars["child"], description=f"{TITLES['child']}  {counts}")
+            self._describe_children()
         if new and (problem := _problem(row)):
             self.bars.console.print(f"  {problem}", style="dim", highlight=False, markup=False)
+
+    def round(self, begun: Round) -> None:
+        """Name it beside the children's bar, and print where its children go."""
+        super().round(begun)
+        self._describe_children()
+        self.bars.console.print(f"  {begun.told}", style="dim", highlight=False, markup=False)
+
+    def _describe_children(self) -> None:
+        counts = [f"{kind} [red]{count}[/red]" for kind, count in self.failures.items()]
+        begun = [] if self.last_round is None else [f"round {self.last_round.number} of {self.last_round.of}"]
+        self.bars.update(self._bars["child"], description="  ".join((TITLES["child"], *begun, *counts)))
 
     def broken(self, what: str) -> None:
         """Print it."""
@@ -208,6 +233,11 @@ class JsonLog(Listener):
         run = {"verdict": row.verdict, "reason": row.reason} if row.verdict else {}
         self.write("done" if new else "known", stage=row.kind, name=row.name, key=row.key, **run,
                    wall_s=round(row.wall_s, 4), simulated_s=round(row.simulated_s, 2), broken=row.broken)  # fmt: skip
+
+    def round(self, begun: Round) -> None:
+        """Write it."""
+        self.write("round", number=begun.number, of=begun.of, children=begun.children, before=begun.before,
+                   total=begun.total, clips=dict(begun.clips), ways=dict(begun.ways))  # fmt: skip
 
     def broken(self, what: str) -> None:
         """Write it."""

@@ -6,8 +6,10 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Callable
 
+from foresee_dsl.campaign.allocation.rounds import Round
+from foresee_dsl.campaign.node import AnyStep
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import STEPS, AnyStep
+from foresee_dsl.campaign.stages import STEPS
 from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.simulate.results.verdict import FAILURES
 
@@ -48,6 +50,9 @@ class TimeLeft:
         if "child" in at_most:
             at_most["child"] *= settings.repeat
         self._usual = {step.kind: at_most[step.kind] * USUAL_SHARE.get(step.kind, step.share) for step in RUNS}
+        self._in_rounds = settings.allocation == "adaptive"
+        self._children = 0
+        """Where children are allocated in rounds: how many there will be, once it is known."""
         self._known: Counter[str] = Counter()
         self._finished: Counter[str] = Counter()
         self._failed: Counter[str] = Counter()
@@ -61,6 +66,10 @@ class TimeLeft:
     def planned(self, kind: str, count: int) -> None:
         """So many more runs of a kind are known of."""
         self._known[kind] += count
+
+    def round(self, begun: Round) -> None:
+        """A later round of children begins."""
+        self._children = max(self._children, begun.total)
 
     def done(self, row: Row, *, new: bool) -> None:
         """One of them is done; `new`: it took its time now."""
@@ -82,7 +91,10 @@ class TimeLeft:
                 ahead = max(0.0, expected - self._finished[above])
                 seen = self._finished[above]
                 each = (self._known[kind] + self._usual[kind] * _WEIGHT) / (seen + _WEIGHT)
-                if not step.after_all:
+                if kind == "child" and self._in_rounds:
+                    # Later rounds are given out when the ones before are over: until then what is usual counts.
+                    expected = max(self._known[kind], self._children or expected * self._usual[kind])
+                elif not step.after_all:
                     expected = self._known[kind] + ahead * each
                 elif self._known[kind]:
                     expected = float(self._known[kind])

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.study.questions import wanted_by
 from foresee_dsl.study.running import Cases, watched

@@ -10,6 +10,7 @@ import socket
 import time
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import pytest
 from foresee_dsl.campaign.execution.cluster import ClusterError, DaskExecutor, dask
 from foresee_dsl.campaign.execution.pool import Broken, RunOptions, Task
 from foresee_dsl.campaign.storage.store import Row
-from tests.support.small_campaign import Heard, campaign, published, write_project
+from tests.support.small_campaign import SETTINGS, Heard, campaign, published, write_project
 
 distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
 pytestmark = pytest.mark.filterwarnings("default")  # a cluster that loses a worker warns of much
@@ -69,10 +70,11 @@ def test_the_same_results_when_a_worker_is_killed_half_way(cluster: Any, tmp_pat
     with distributed.Client(cluster) as client:
         killer = Killer(sorted(client.run(os.getpid).values())[0])
     options = RunOptions(executor=dask(cluster.scheduler_address))
-    campaign(file, tmp_path / "cluster", options=options, heard=killer)
+    adaptive = replace(SETTINGS, allocation="adaptive")
+    campaign(file, tmp_path / "cluster", adaptive, options=options, heard=killer)
     assert killer.pid == 0  # it was killed
-    assert len([kind for kind in killer.kinds if kind != "minimise"]) == 24 and "minimise" in killer.kinds
-    campaign(file, tmp_path / "here", options=RunOptions(jobs=2))
+    assert [killer.count(kind) for kind in ("seed", "clip", "child")] == [3, 3, 12] and "minimise" in killer.kinds
+    campaign(file, tmp_path / "here", adaptive, options=RunOptions(jobs=2))
     assert published(tmp_path / "cluster") == published(tmp_path / "here")
 
 

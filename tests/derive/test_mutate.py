@@ -6,11 +6,13 @@ import pytest
 
 from foresee_dsl.compile.catalogue import spec_of
 from foresee_dsl.derive.clipping.clip import clip
-from foresee_dsl.derive.mutate import mutate
+from foresee_dsl.derive.local_search import near_changes
+from foresee_dsl.derive.mutate import Draw, Mutator, mutate
 from foresee_dsl.derive.operators import Operator, operators
 from foresee_dsl.derive.operators.model_swap import fits
 from foresee_dsl.derive.presets import FOCUSED, PAPER, UnknownPresetError
 from foresee_dsl.language.meaning import pin_of
+from foresee_dsl.language.model import Change
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
@@ -74,6 +76,42 @@ def test_the_pin_is_that_of_the_clip():
     )
     case = expand_clip(found, case_of(), source=case_of().source)
     assert {m.pin for m in mutate(case, found, trace)} == {pin_of(case)}
+
+
+def mutator_of(tracks):
+    trace = make_trace(tracks)
+    found = cut(trace, "runner", 5.0)
+    return Mutator(expand_clip(found, case_of(), source=case_of().source), found, trace)
+
+
+def test_a_child_near_another_changes_the_same_by_a_little():
+    mutator = mutator_of(near())
+    assert [[name for name, _ in plan] for plan in mutator.plans][:2] == [["steer"], ["timing"]]
+    for draw in (Draw(0, 0), Draw(1, 0), Draw(3, 1)):  # steer, timing, model_swap and timing
+        first = mutator.child(draw, seed=3)
+        second = mutator.child(draw, seed=3, seen={first.changes}, near=first)
+        assert second == mutator.child(draw, seed=3, seen={first.changes}, near=first)
+        assert second.origin.operator == first.origin.operator and second.changes != first.changes
+        for was, now in zip(first.changes, second.changes, strict=True):
+            assert was.model_copy(update={"now": now.now}) == now
+            if was.property == "timing":
+                assert abs(was.now.si - now.now.si) <= (FOCUSED.timing.high - FOCUSED.timing.low) / 2
+
+
+def test_an_operator_may_say_itself_what_is_near():
+    class Own:
+        name = "own"
+
+        def changes(self, situation, target, preset, rng):
+            return (Change(actor=target, property="timing", was=q("1"), now=q("1.2")),)
+
+        def near(self, change, situation, preset, rng):
+            return change.model_copy(update={"now": q("1.21")})
+
+    given = Own().changes(None, "runner", FOCUSED, None)
+    rng = np.random.default_rng(0)
+    found = near_changes(None, FOCUSED, ((Own(), "runner"),), given, rng, seen=(), gap=lambda _: (0.0, 0.0))
+    assert found is not None and found[0] == ("own",) and [c.now.si for c in found[1]] == [1.21]
 
 
 def test_the_same_seed_gives_the_same_children_and_another_others():

@@ -14,15 +14,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from foresee_dsl.campaign.allocation.rounds import Round, Rounds, awaited_by
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.execution.pool import Broken, Executor, Part, RunOptions, Update
 from foresee_dsl.campaign.execution.runs import broken_verdict
 from foresee_dsl.campaign.findings.representatives import choose_representatives
 from foresee_dsl.campaign.folder import CampaignFolder
+from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, SeedOutcome, encode
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
-from foresee_dsl.campaign.stages import CaseFiles, Node, Stages
+from foresee_dsl.campaign.stages import CaseFiles, Stages
 from foresee_dsl.campaign.steps.step import Made
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
@@ -42,6 +44,9 @@ class Listener:
 
     def broken(self, what: str) -> None:
         """One of them cannot be done."""
+
+    def round(self, begun: Round) -> None:
+        """A later round of children begins, where they are allocated in rounds."""
 
 
 def run_campaign(
@@ -127,6 +132,10 @@ class _Run:
         self._expected: Counter[str] = Counter()
         """Keys that tasks under way may give, and how many of these tasks."""
         self._broken: list[str] = []
+        self._rounds = {node: rounds for rounds in stages.rounds for node in rounds.seeds}
+        """The rounds that a test case belongs to, where children are allocated in rounds."""
+        self._awaited: Counter[tuple[int, int]] = Counter()
+        """How many steps are handed out for which a round waits, by part of the campaign and round."""
         budget_s = options.limits.budget_s
         self._ends_s = math.inf if budget_s is None else time.monotonic() + budget_s
         self._stopped_early = False
@@ -148,14 +157,34 @@ class _Run:
 
     @property
     def _stopped(self) -> bool:
-        return self._stopped_early or bool(self._running)
+        unfinished = any(not rounds.finished for rounds in self._stages.rounds)
+        return self._stopped_early or bool(self._running) or unfinished
 
     def _run_through(self, nodes: Iterable[Node]) -> None:
         """Run what is missing of steps and of what follows from them."""
         self._visit(nodes)
+        self._begin_rounds()
         if self._executor is not None:
             for update in self._executor.updates(self._stop):
                 self._handle(update)
+                self._begin_rounds()
+
+    def _begin_rounds(self) -> None:
+        """Begin each round for which all results are there."""
+        for rounds in self._stages.rounds:
+            while not self._stop() and not self._stopped_early and not self._awaits(rounds):
+                begun = len(rounds.begun)
+                nodes = rounds.next()
+                for new in rounds.begun[begun:]:
+                    for listener in self._listeners:
+                        listener.round(new)
+                if not nodes:
+                    break
+                self._visit(nodes)
+
+    def _awaits(self, rounds: Rounds) -> bool:
+        """Return whether the next round still waits for results."""
+        return any(self._awaited[id(rounds), number] for number in range(2, rounds.number + 2))
 
     def _stop(self) -> bool:
         return self._options.stop() or time.monotonic() > self._ends_s
@@ -178,7 +207,13 @@ class _Run:
                 ahead.extend(reversed(self._stages.after(node, row)))
         self._stopped_early |= bool(ahead)
 
+    def _awaited_by(self, node: Node) -> tuple[int, int]:
+        """Return the part of the campaign and its first round that waits for a step's result."""
+        rounds = self._rounds.get(node.over("seed"))
+        return id(rounds), awaited_by(node)
+
     def _hand_out(self, node: Node) -> None:
+        self._awaited[self._awaited_by(node)] += 1
         self._waiting.setdefault(node.step.key, []).append(node)
         if self._expected[node.step.key]:
             return  # a task that is under way gives it
@@ -189,7 +224,9 @@ class _Run:
             self._executor = self._options.executor(self._options)
         # Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their
         # children before those of second rank: where time runs out, the best points were studied.
-        self._executor.add([task], (node.step.turn > 0, node.step.rank, node.step.turn))
+        # With rounds, all that the next one waits for comes before what none waits for.
+        rank = 0 if self._rounds else node.step.rank
+        self._executor.add([task], (node.step.turn > 0, rank, node.step.turn))
 
     def _handle(self, update: Update) -> None:
         if isinstance(update.value, Part):
@@ -205,16 +242,22 @@ class _Run:
             if row is not None:
                 self._add(row, None)
             else:
-                self._waiting.pop(key, None)
+                self._end_waiting(key)
                 self._broken.append(f"{node.step.kind} {update.task.name}: {update.value.reason}")
                 for listener in self._listeners:
                     listener.broken(self._broken[-1])
 
     def _add(self, row: Row, trace: bytes | None) -> None:
         row = self._store.add(row, trace)
-        for k, node in enumerate(self._waiting.pop(row.key, [])):
+        for k, node in enumerate(self._end_waiting(row.key)):
             self._tell(row, new=k == 0)
             self._visit(self._stages.after(node, row))
+
+    def _end_waiting(self, key: str) -> list[Node]:
+        """Return the steps that waited for a result."""
+        nodes = self._waiting.pop(key, [])
+        self._awaited.subtract(self._awaited_by(node) for node in nodes)
+        return nodes
 
     def _tell(self, row: Row, *, new: bool) -> None:
         for listener in self._listeners:

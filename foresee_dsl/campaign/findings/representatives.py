@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from foresee_dsl.campaign.assembly import assemble
 from foresee_dsl.campaign.findings.grouping import findings_of
+from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import ChildOutcome
-from foresee_dsl.campaign.stages import Node, Stages
+from foresee_dsl.campaign.stages import Stages
 
 
 def choose_representatives(stages: Stages) -> tuple[Node, ...]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.records import ClipOutcome, MutantDraft, Mutants
-from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
+from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
-from foresee_dsl.derive.mutate import Mutator
+from foresee_dsl.derive.mutate import Draw, Mutator, PlanNames
 from foresee_dsl.drivers.registry import recorded_driver
+from foresee_dsl.language.model import Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
@@ -22,9 +24,43 @@ if TYPE_CHECKING:
     from foresee_dsl.campaign.steps.clip import ClipStep
 
 
+SEARCHED_FOR = 3
+"""So many times a clip's share of children the preset's search is asked for, where they are allocated in rounds."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A child that a round asks for.
+
+    Attributes:
+        number: the last part of its name. draw: which draw of its clip it is.
+        near: the text of the child near which it is drawn; "" of one that is drawn anew. near_number: its number.
+    """
+
+    number: int
+    draw: Draw
+    near: str = ""
+    near_number: int = 0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a round asks of a clip.
+
+    Attributes:
+        round: its number; the first asks nothing, and each clip gets its first children. 0: there are no rounds.
+        children: what it wants. plans: of the clip's children. made: the texts of those that there are.
+    """
+
+    round: int = 0
+    children: tuple[Wanted, ...] = ()
+    plans: tuple[PlanNames, ...] = ()
+    made: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
-    """Mutate a clip with one seed."""
+    """Mutate a clip with one seed; `asked`: where children are allocated in rounds, what one of them asks for."""
 
     kind = "mutants"
     title = "mutations"
@@ -36,14 +72,22 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
     turn = 1
     usual_s = 0.05
 
+    asked: Asked = Asked()
+
     @classmethod
     def following(cls, above: ClipStep, result: ClipOutcome | None, campaign: Campaign) -> Iterator[Self]:  # noqa: ARG003
         """Yield a mutation for each seed."""
         s, draft = campaign.settings, above.draft
         for seed in range(s.seed, s.seed + s.repeat) if s.children else ():
-            key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.children, seed=seed,
+            key = campaign.key(cls, clip=above.key, risk=draft.risk, preset=s.preset, count=s.first_children, seed=seed,
                                operators=campaign.operators)  # fmt: skip
-            yield cls(key, above.name, seed, draft)
+            yield cls(key, above.name, seed, draft, Asked(int(s.allocation == "adaptive")))
+
+    def again(self, asked: Asked, clip: ClipStep, campaign: Campaign) -> Self:
+        """Return the step in which the same clip is mutated with the same seed in a later round."""
+        key = campaign.key(type(self), clip=clip.key, risk=self.draft.risk, preset=campaign.settings.preset,
+                           seed=self.seed, operators=campaign.operators, asked=json.dumps(asdict(asked)))  # fmt: skip
+        return replace(self, key=key, asked=asked)
 
     @staticmethod
     def wanted(result: ClipOutcome, settings: CampaignSettings) -> bool:
@@ -61,12 +105,28 @@ class MutantsStep(ClipPart["ClipStep", ClipOutcome]):
             raise ValueError(f"clip {self.draft.name} is mutated without its own run's trace")
         settings, text = work.settings, self.draft.text
         parent = clip_case(text, work.case, work.folder / f"{self.draft.name}.foresee")
-        mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset)
+        mutator = Mutator(parent, clip_of(text), trace, preset=settings.preset, plans=self.asked.plans)
+        driver = driver_of(trace, settings.driver)
         drafts = []
-        for mutant in mutator.children(settings.children, seed=self.seed, driver=driver_of(trace, settings.driver)):
+        for number, mutant in self._drawn(mutator, settings, driver):
             meaning = expand_mutant(mutant, parent, source=work.folder / f"{mutant.name}.foresee").meaning
-            drafts.append(MutantDraft(int(mutant.name.rpartition("_m")[2]), print_model(mutant), meaning))
-        return Mutants(tuple(drafts)), None
+            drafts.append(MutantDraft(number, print_model(mutant), meaning))
+        searched = mutator.searched(self.seed, SEARCHED_FOR * settings.children) if self.asked.round else 0
+        return Mutants(tuple(drafts), mutator.plans, searched), None
+
+    def _drawn(self, mutator: Mutator, settings: CampaignSettings, driver: str) -> Iterator[tuple[int, Mutant]]:
+        """Yield the mutants with their numbers."""
+        if not self.asked.children:
+            for mutant in mutator.children(settings.first_children, seed=self.seed, driver=driver):
+                yield int(mutant.name.rpartition("_m")[2]), mutant
+            return
+        seen = {mutant_of(made).changes for made in self.asked.made}
+        for child in self.asked.children:
+            near = mutant_of(child.near) if child.near else None
+            drawn = mutator.child(child.draw, seed=self.seed, driver=driver, seen=seen, near=near)
+            if drawn is not None:
+                seen.add(drawn.changes)
+                yield child.number, drawn.model_copy(update={"name": f"{self.draft.name}_m{child.number}"})
 
 
 def driver_of(clip_trace: Trace, driver: str) -> str:

@@ -9,10 +9,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
+from foresee_dsl.campaign.settings import ALLOCATION
 from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FirstOption, OnlyOption
@@ -50,6 +51,14 @@ class Flags:
     repeat: Annotated[
         int, typer.Option(min=1, max=10_000, help="How many times each clip is mutated, each time with another seed.")
     ] = 1
+    allocation: Annotated[
+        str,
+        typer.Option(
+            metavar="HOW",
+            help="How children are spent: even (each clip gets --children), or adaptive (as many together, in rounds, "
+            "where those before them found most).",
+        ),
+    ] = ALLOCATION
     against: Annotated[
         str | None,
         typer.Option(
@@ -67,7 +76,9 @@ class Flags:
     ] = None
     first: FirstOption = None
     only: OnlyOption = None
-    shard: Annotated[str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays.")] = ""
+    shard: Annotated[
+        str, typer.Option("--shard", metavar="K/N", help="Run only part K of N, for job arrays; all/N: all N parts.")
+    ] = ""
     allow_outside: common.AllowOutsideOption = False
     run_programs: Annotated[
         bool, typer.Option("--run-programs", help="Start the programs that the campaign's file names as drivers.")
@@ -154,7 +165,7 @@ def requested(ctx: typer.Context, paths: list[str], flags: Flags, budget: float 
 
 
 def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSettings:
-    from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.campaign.settings import Allocation, CampaignSettings
     from foresee_dsl.derive.clipping.clip import DRIVES_S
     from foresee_dsl.derive.presets import preset as load_preset
     from foresee_dsl.drivers.registry import handover_of
@@ -169,6 +180,9 @@ def _settings(values: Mapping[str, Any], driver: str, ranker: str) -> CampaignSe
     if isinstance(found := load_ranker(ranker), Learned):
         found.weights_hash(driver)  # it raises where nothing watches this driver
     load_preset(values["preset"])
+    if values["allocation"] not in get_args(Allocation):
+        known = ", ".join(get_args(Allocation))
+        raise typer.BadParameter(f"{values['allocation']!r} is not one of: {known}", param_hint="--allocation")
     by_option = {field.name.removesuffix("_s"): field.name for field in fields(CampaignSettings)}
     against = _references(values["against"], driver)
     chosen = {by_option[name]: value for name, value in values.items() if name in by_option}

@@ -1,6 +1,6 @@
 """A campaign's file: which test cases, driven by whom, clipped and mutated how, and for how long."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -96,6 +96,19 @@ class Repeat(Item):
     times: Annotated[_Count, Bounds(1, 100_000)]  # ours: beyond the study's size (34,416 runs) by far
 
 
+class Allocation(Item):
+    """`allocation adaptive`: children go where those before them found most; `even`: each clip gets as many."""
+
+    pattern = "allocation {how}"
+    words = """
+        allocation (statement): how a campaign spends its children on the clips | allocation adaptive
+        even (constant): each clip gets as many children | allocation even
+        adaptive (constant): children go where those before them found most | allocation adaptive
+    """
+
+    how: Literal["even", "adaptive"]
+
+
 class FirstSeed(Item):
     """`seed 7`: the seed of all random choices."""
 
@@ -124,6 +137,7 @@ CampaignItem = Annotated[
     | RiskyPoints
     | Children
     | Repeat
+    | Allocation
     | FirstSeed
     | Budget,
     ONE_OF,

@@ -62,6 +62,8 @@ class Child(_Part):
     preventability: Preventability | None = None
     anticipation: Anticipation | None = None
     references: tuple[Reference, ...] = ()
+    round: int | None = None
+    drawn_near: str | None = None
 
 
 class ClipRun(_Part):

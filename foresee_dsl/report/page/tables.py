@@ -106,6 +106,8 @@ def numbers(sources: Sequence[Source]) -> Iterator[Table]:
         yield Table(f"The campaign {driver}".strip(), ("", "value"), tuple(_figures(campaign)))
         yield _family_table(campaign, driver)
         yield _operator_table(campaign, driver)
+        if any(child.round for clip in campaign.clip_runs for child in clip.children):
+            yield _allocation_table(campaign, driver)
         yield Table(
             f"Test cases {driver}".strip(),
             ("test case", "verdict", "how it ended", "points", "nearest m", "TTC s", "PET s", "braking m/s²"),
@@ -168,6 +170,20 @@ def _operator_table(campaign: Campaign, driver: str) -> Table:
             failed[names] += child.file is not None
     rows = [(name, str(ran[name]), str(failed[name]), f"{failed[name] / ran[name]:.1%}") for name in sorted(ran)]
     return Table(f"By operator {driver}".strip(), ("operators", "children", "failing", "share"), tuple(rows))
+
+
+def _allocation_table(campaign: Campaign, driver: str) -> Table:
+    """Where the children went that were allocated in rounds: the clips that got most first."""
+    rounds = sorted({child.round or 0 for clip in campaign.clip_runs for child in clip.children})
+    rows = []
+    for clip in sorted(campaign.clip_runs, key=lambda clip: (-len(clip.children), clip.clip)):
+        of = Counter(child.round or 0 for child in clip.children)
+        near = sum(bool(child.drawn_near) for child in clip.children)
+        failing = sum(child.file is not None for child in clip.children)
+        counts = (len(clip.children), *(of[number] for number in rounds), near, failing)
+        rows.append((clip.clip, *map(str, counts)))
+    headings = ("clip", "children", *(f"round {number}" for number in rounds), "near another", "failing")
+    return Table(f"Children by clip {driver}".strip(), headings, tuple(rows))
 
 
 def _case_row(case: CaseRun) -> tuple[str, ...]:

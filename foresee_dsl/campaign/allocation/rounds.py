@@ -1,0 +1,339 @@
+"""The rounds of a campaign whose children are allocated: what is known after one round decides who gets the next.
+
+A round begins when all children of the rounds before have ended. So what it does depends on their results and on the
+campaign's seed alone, never on which worker was faster, and a campaign that was stopped comes to the same rounds again.
+What reference drivers did counts a round later: they drive while the next round's children do.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from foresee_dsl.campaign.allocation.choice import Sampler, Tried, Way, counts, spread
+from foresee_dsl.campaign.allocation.worth import Told, avoided, worths
+from foresee_dsl.campaign.node import Node
+from foresee_dsl.campaign.records import ChildOutcome, Mutants, ReferenceRun, decode
+from foresee_dsl.campaign.steps.child import ChildStep
+from foresee_dsl.campaign.steps.mutants import Asked, MutantsStep, Wanted
+from foresee_dsl.derive.mutate import SEARCHED, Draw
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.settings import CampaignSettings
+    from foresee_dsl.campaign.storage.store import Row
+    from foresee_dsl.derive.mutate import PlanNames
+
+
+class Steps(Protocol):
+    """What rounds ask of a campaign's `Stages`."""
+
+    @property
+    def settings(self) -> CampaignSettings:
+        """The campaign's settings."""
+        ...
+
+    def row(self, node: Node) -> Row | None:
+        """Return the result of a step, if there is one."""
+        ...
+
+    def after(self, node: Node, row: Row) -> tuple[Node, ...]:
+        """Return the steps that follow from one with this result."""
+        ...
+
+    def walk(self, roots: Sequence[Node] | None = None) -> Iterator[tuple[Node, Row | None]]:
+        """Yield every step that follows from some, with its result if there is one."""
+        ...
+
+    def further(self, clip: Node, step: MutantsStep, asked: Asked) -> Node:
+        """Return the step in which a clip that was mutated is mutated once more."""
+        ...
+
+
+ROUNDS = 4
+"""Rounds of a campaign. Ours: with four children a clip each round has about as many as there are clips."""
+NEAR_AT_MOST = 2
+"""Children that are drawn near one child, at most."""
+_NEVER = sys.maxsize
+"""The round that waits for what no round waits for."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """What a round does, for people.
+
+    Attributes:
+        number, of: which round, of how many. children: how many it has. before: how many there were before. total: how
+            many there will be. clips: how many of its children each clip gets. ways: how many are drawn in each way.
+    """
+
+    number: int
+    of: int
+    children: int
+    before: int
+    total: int
+    clips: Mapping[str, int]
+    ways: Mapping[str, int]
+
+    shown = "number of children before total clips ways"
+
+    @property
+    def told(self) -> str:
+        """The round in a sentence."""
+        most = ", ".join(f"{name} {count}" for name, count in list(self.clips.items())[:_NAMED])
+        more = ", ..." if len(self.clips) > _NAMED else ""
+        ways = ", ".join(f"{way} {count}" for way, count in self.ways.items())
+        return (
+            f"round {self.number} of {self.of}: {self.children} of {self.total} children to {len(self.clips)} clips: "
+            f"{most}{more} ({ways})"
+        )
+
+
+_NAMED = 3
+
+
+class _Made(NamedTuple):
+    """A child that was drawn. `node`: its step."""
+
+    node: Node
+    step: ChildStep
+    round: int
+    plan: int
+    near: int
+
+
+@dataclass
+class _Unit:
+    """A clip with one seed: what was drawn of it."""
+
+    clip: Node
+    step: MutantsStep
+    plans: tuple[PlanNames, ...]
+    made: list[_Made] = field(default_factory=list)
+    searched: int = 0
+    """How many children the preset's search has."""
+    turns: Counter[int] = field(default_factory=Counter)
+    """How many children were asked for anew, by plan."""
+    uses: Counter[int] = field(default_factory=Counter)
+    """How many were asked for near a child, by that child's number."""
+    dry: set[int] = field(default_factory=set)
+    """The plans that gave no more children."""
+    numbers: int = 0
+    """How many were asked for altogether."""
+    wanted: list[Wanted] = field(default_factory=list)
+
+    def way(self, plan: int, *, near: bool = False) -> Way:
+        return Way(("searched",) if plan == SEARCHED else tuple(name for name, _ in self.plans[plan]), near)
+
+    @property
+    def open_plans(self) -> list[int]:
+        """The plans that have more children."""
+        more = [SEARCHED] if self.turns[SEARCHED] < self.searched else []
+        return [*more, *(plan for plan in range(len(self.plans)) if plan not in self.dry)]
+
+
+class Rounds:
+    """The rounds of one part of a campaign: of these test cases and all that follows from them."""
+
+    def __init__(self, stages: Steps, seeds: tuple[Node, ...]) -> None:
+        """Begin with the first round, in which each clip gets its first children."""
+        self._stages, self.seeds = stages, seeds
+        self.number = 1
+        self.nodes: list[Node] = []
+        """The mutations that later rounds asked for."""
+        self.begun: list[Round] = []
+        """The later rounds."""
+        self.finished = False
+        """Whether there is no further round."""
+        self._told: dict[Node, Told] = {}
+
+    @property
+    def known(self) -> bool:
+        """Whether all results that the next round waits for are there."""
+        walked = self._stages.walk((*self.seeds, *self.nodes))
+        return all(row is not None or awaited_by(node) > self.number + 1 for node, row in walked)
+
+    @property
+    def left(self) -> int:
+        """How many children of the clips that are known to be mutated no round has given out yet."""
+        if self.finished:
+            return 0
+        units = self._units()
+        asked = sum(len(node.step.asked.children) for node in self.nodes
+                    if isinstance(node.step, MutantsStep) and self._stages.row(node) is None)  # fmt: skip
+        return self._stages.settings.children * len(units) - sum(len(unit.made) for unit in units) - asked
+
+    def next(self) -> tuple[Node, ...]:
+        """Begin the next round and return its first steps; none where all children are given out, or none is left."""
+        units = self._units()
+        total = self._stages.settings.children * len(units)
+        made = sum(len(unit.made) for unit in units)
+        if self.number >= ROUNDS or made >= total:
+            self.finished = True
+            return ()
+        count = spread(total - made, ROUNDS - self.number)[0]
+        before = self._before(units)
+        seed = self._stages.settings.seed
+        rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, self.number])))
+        self.number += 1
+        _give_out(units, Sampler(before.tried, rng), count, before.nearness, most=self._stages.settings.children)
+        asking = [unit for unit in units if unit.wanted]
+        nodes = tuple(self._stages.further(unit.clip, unit.step, _asked(unit, self.number)) for unit in asking)
+        self.nodes += nodes
+        ways = (unit.way(want.draw.plan, near=bool(want.near)) for unit in asking for want in unit.wanted)
+        self.begun.append(
+            Round(
+                self.number,
+                ROUNDS,
+                sum(len(unit.wanted) for unit in asking),
+                made,
+                total,
+                counts(unit.step.name for unit in asking for _ in unit.wanted),
+                counts(f"{'near a child, ' if way.near else ''}{'+'.join(way.operators)}" for way in ways),
+            )
+        )
+        return nodes or self.next()
+
+    def _units(self) -> list[_Unit]:
+        """Return the clips that are mutated, in an order that no name and no worker decides, with their children."""
+        units: dict[tuple[str, str, int], _Unit] = {}
+        for node, row in self._stages.walk((*self.seeds, *self.nodes)):
+            step = node.step
+            if not isinstance(step, MutantsStep) or row is None or node.above is None:
+                continue
+            record = decode(row.record, Mutants)
+            if not isinstance(record, Mutants) or not (record.plans or record.searched):
+                continue
+            name = step.draft.pin, step.name, step.seed
+            unit = units.setdefault(name, _Unit(node.above, step, record.plans))
+            unit.searched = max(unit.searched, record.searched)
+            asked = step.asked.children or _first(self._stages.settings.first_children, record)
+            children = {child.step.mutant.number: child for child in self._stages.after(node, row)
+                        if isinstance(child.step, ChildStep)}  # fmt: skip
+            for want in asked:
+                plan = want.draw.plan
+                unit.numbers = max(unit.numbers, want.number)
+                if want.near:
+                    unit.uses[want.near_number] += 1
+                else:
+                    unit.turns[plan] = max(unit.turns[plan], want.draw.turn + 1)
+                child = children.get(want.number)
+                if child is not None and isinstance(child.step, ChildStep):
+                    unit.made.append(_Made(child, child.step, step.asked.round, plan, want.near_number))
+                elif not want.near:
+                    unit.dry.add(plan)
+                else:
+                    unit.uses[want.near_number] += NEAR_AT_MOST
+        return [units[name] for name in sorted(units)]
+
+    def _before(self, units: list[_Unit]) -> _Before:
+        """Return what the children of the rounds before were worth."""
+        every = sorted(((made, unit) for unit in units for made in unit.made), key=lambda pair: pair[0].round)
+        known = [(made, unit, told) for made, unit in every if (told := self._read(made.node)) is not None]
+        values = worths((told, self._others_avoid(made)) for made, _, told in known)
+        tried = [
+            Tried(unit.step.draft.pin, unit.way(made.plan, near=made.near > 0), worth)
+            for (made, unit, _), worth in zip(known, values, strict=True)
+        ]
+        return _Before(tried, {made.node: told.nearness for made, _, told in known})
+
+    def _read(self, node: Node) -> Told | None:
+        if node not in self._told:
+            row = self._stages.row(node)
+            record = decode(row.record, ChildOutcome) if row is not None else None
+            if not isinstance(record, ChildOutcome):
+                return None
+            self._told[node] = Told.of(record, node.case.family)
+        return self._told[node]
+
+    def _others_avoid(self, made: _Made) -> bool:
+        """Return whether a reference driver avoids a child's failure, as far as this round may know."""
+        row = self._stages.row(made.node)
+        if made.round >= self.number or row is None or not self._told[made.node].story:
+            return False
+        after = ((node, self._stages.row(node)) for node in self._stages.after(made.node, row))
+        records = (decode(found.record, ReferenceRun) for node, found in after
+                   if found is not None and node.step.record is ReferenceRun)  # fmt: skip
+        return avoided(record for record in records if isinstance(record, ReferenceRun))
+
+
+class _Before(NamedTuple):
+    """The children of the rounds before. `nearness`: of each child's step, as a pass."""
+
+    tried: list[Tried]
+    nearness: dict[Node, float]
+
+
+def awaited_by(node: Node) -> int:
+    """Return the first round that waits for a step's result."""
+    above: Node | None = node
+    while above is not None and not isinstance(above.step, MutantsStep):
+        above = above.above
+    in_round = above.step.asked.round if above is not None and isinstance(above.step, MutantsStep) else 1
+    if node.step.kind == "reference":
+        return in_round + 2
+    return in_round + 1 if node.step.kind in ("seed", "forecast", "clip", "mutants", "child") else _NEVER
+
+
+def _give_out(
+    units: list[_Unit], sampler: Sampler, count: int, nearness: Mapping[Node, float], *, most: int
+) -> None:  # fmt: skip
+    """Let so many children be chosen, of one clip at most `most`."""
+    by_clip: defaultdict[str, list[_Unit]] = defaultdict(list)
+    for unit in units:
+        by_clip[unit.step.draft.pin].append(unit)
+    given: Counter[str] = Counter()
+    for _ in range(count):
+        ways = {clip: _open_ways(own, nearness) for clip, own in by_clip.items() if given[clip] < most * len(own)}
+        chosen = sampler.choose(ways)
+        if chosen is None:
+            return
+        clip, way = chosen
+        given[clip] += 1
+        _want(by_clip[clip], way, nearness)
+
+
+def _open_ways(units: list[_Unit], nearness: Mapping[Node, float]) -> tuple[Way, ...]:
+    anew = (unit.way(plan) for unit in units for plan in unit.open_plans)
+    near = (unit.way(made.plan, near=True) for unit in units for made in _bases(unit, nearness))
+    return tuple(sorted({*anew, *near}))
+
+
+def _bases(unit: _Unit, nearness: Mapping[Node, float]) -> Iterator[_Made]:
+    """Yield the children near which others may be drawn."""
+    for made in unit.made:
+        if nearness.get(made.node, 0.0) > 0 and unit.uses[made.step.mutant.number] < NEAR_AT_MOST:
+            yield made
+
+
+def _want(units: list[_Unit], way: Way, nearness: Mapping[Node, float]) -> None:
+    """Ask one of a clip's units for a child that is drawn in a way."""
+    if way.near:
+        bases = [
+            (unit, made) for unit in units for made in _bases(unit, nearness) if unit.way(made.plan, near=True) == way
+        ]
+        unit, made = max(bases, key=lambda pair: nearness[pair[1].node])
+        number = made.step.mutant.number
+        want = Wanted(unit.numbers + 1, Draw(made.plan, unit.uses[number]), made.step.mutant.text, number)
+        unit.uses[number] += 1
+    else:
+        able = [(unit, plan) for unit in units for plan in unit.open_plans if unit.way(plan) == way]
+        unit, plan = min(able, key=lambda pair: (pair[0].numbers, pair[0].turns[pair[1]]))
+        want = Wanted(unit.numbers + 1, Draw(plan, unit.turns[plan]))
+        unit.turns[plan] += 1
+    unit.numbers += 1
+    unit.wanted.append(want)
+
+
+def _first(count: int, record: Mutants) -> tuple[Wanted, ...]:
+    """Return what the first round asks for without saying so."""
+    drawn = ((k, Draw.numbered(k, len(record.plans), min(record.searched, count))) for k in range(1, count + 1))
+    return tuple(Wanted(k, draw) for k, draw in drawn if draw is not None)
+
+
+def _asked(unit: _Unit, number: int) -> Asked:
+    return Asked(number, tuple(unit.wanted), unit.plans, tuple(made.step.mutant.text for made in unit.made))
