@@ -14,7 +14,8 @@ from foresee_dsl.derive.presets import Preset
 from foresee_dsl.forecast.careful.behaviours import Candidate, Kind
 from foresee_dsl.forecast.careful.recorded import Recorded
 from foresee_dsl.forecast.careful.scoring import Scored, search
-from foresee_dsl.language.model import Change, Quantity
+from foresee_dsl.language.model import Change, IgnoresRule, Quantity
+from foresee_dsl.language.model.derived import NOTHING
 
 SAME_KIND = 0.5
 """A candidate counts so much less for each one of the same actor and kind that is a child already. Ours: a second
@@ -33,6 +34,8 @@ _PROPERTY = {
     Kind.DRIFTS: "line",
     Kind.CUTS_IN: "line",
     Kind.SWERVES: "steer",
+    Kind.RUNS_LIGHT: "ignores",
+    Kind.TAKES_WAY: "ignores",
 }
 NAMES = {
     Kind.LATE: "late_start",
@@ -44,6 +47,8 @@ NAMES = {
     Kind.DRIFTS: "drifts",
     Kind.CUTS_IN: "cuts_in",
     Kind.SWERVES: "swerves",
+    Kind.RUNS_LIGHT: "runs_light",
+    Kind.TAKES_WAY: "takes_right_of_way",
 }
 """What a mutant's `origin` calls the behaviours."""
 
@@ -83,6 +88,10 @@ def _worth(scored: Scored, chosen: list[Candidate]) -> float:
 def _change(situation: Situation, preset: Preset, candidate: Candidate) -> Change | None:
     """Return a candidate as a change; None where it cannot be made of this actor."""
     name, actor = _PROPERTY[candidate.kind], candidate.actor
+    if name == "ignores":
+        obeys = not any(isinstance(item, IgnoresRule) for item in situation.actors[actor].body)
+        rule = "signals" if candidate.kind is Kind.RUNS_LIGHT else "priority"
+        return Change(actor=actor, property=name, was=NOTHING, now=rule) if obeys else None
     was = situation.present_value(actor, name)
     if was is None:
         return None

@@ -10,7 +10,7 @@ it does so and how hard is a `Style`.
 
 from __future__ import annotations
 
-from math import cos, exp, hypot, inf, sin
+from math import cos, hypot, inf, sin
 from typing import NamedTuple
 
 from foresee_dsl.kernels.arrays import FloatArray, Records
@@ -28,13 +28,16 @@ STANDS_MPS = 0.5
 steps."""
 SLACK_M = 0.3
 """So much wider than its body is the corridor that the ego keeps free. Ours: what is left beside people who stand."""
-LOOKS = 4
-"""At so many moments up to a style's horizon the ego compares where both will be. Ours: at 10 m/s and 2 s they are
-5 m apart, about a car's length."""
+LOOKS = 6
+"""At so many moments up to a style's horizon the ego compares where both will be. Ours: at 10 m/s and 2.5 s they are
+4 m apart, about a car's length."""
 BEFORE_M = 1.0
 """The ego keeps so much free before and behind it. Ours."""
-RECOVERS_S = 1.0
-"""How fast a steered vehicle takes back an error of its heading (as `derive.operators.steer`)."""
+RECOVERS_S = 0.5
+"""How fast a steered vehicle turns to where it aims for. Ours: its wheels turn back in about this time."""
+AHEAD_S = 1.0
+AHEAD_M = 5.0
+"""It aims for its line so far ahead, in time and at least (`simulate.actors.lane_recovery.RecoverySettings`)."""
 GAINS_MPS2 = 1.5
 """How an actor or the ego takes up its recorded pace again. Ours: unhurried."""
 SIDEWAYS_S = 1.5
@@ -190,8 +193,9 @@ def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves
     left, turned = now.left, now.turned
     if what["turn_at"] <= since < what["turn_at"] + what["turn_for"]:
         turned += what["turn"] * way
-    else:
-        turned *= exp(-STEP_S / RECOVERS_S)
+    elif what["turn"] != 0.0 and since >= what["turn_at"]:
+        wanted = -left / max(AHEAD_M, AHEAD_S * way / STEP_S)
+        turned += (wanted - turned) * STEP_S / RECOVERS_S
     if what["left"] != 0.0 and since >= what["left_at"]:
         wanted = 0.0 if since >= what["left_at"] + what["left_for"] else what["left"]
         most = min(what["left_rate"] * STEP_S, LANE_SHARE * way)

@@ -258,6 +258,8 @@ def _had(actor: Participant, name: str, rule: m.Property) -> _Value | None:
         return _value(actor.state.speed)
     kind, field = rule.statement
     found = _item_of(actor, kind)
+    if rule.words and found is None:
+        return rule.words[0]
     return _value(getattr(found, field)) if found is not None else rule.default
 
 
@@ -267,6 +269,8 @@ def _changed(actor: Participant, change: m.Change, now: _Value, rule: m.Property
     if change.property == "speed" and actor.state is not None:
         return _with(actor, state=_with(actor.state, speed=now))
     kind, field = rule.statement
+    if rule.words and now == rule.words[0]:
+        return _with(actor, body=tuple(item for item in actor.body if not isinstance(item, kind)))
     times = {"start": change.start, "duration": change.duration} if rule.timed else {}
     return _replaced(actor, cast(m.ActorItem, kind.model_validate({field: now} | times)))
 

@@ -16,7 +16,7 @@ from foresee_dsl.derive.presets import FOCUSED
 from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.language.meaning import pin_of
-from foresee_dsl.language.model import Actor, Change, Clip, Mutant
+from foresee_dsl.language.model import Actor, Change, Clip, IgnoresRule, Mutant
 from foresee_dsl.language.parser import parse
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -275,3 +275,10 @@ def test_a_clip_from_the_middle_of_it_goes_on(clip_case: TestCase) -> None:
     again = drive(expand_clip(made, case, source=case.source))
     for actor in ("walker", "car"):
         assert np.nanmax(apart(trace.part(40), again, actor)) < 0.05
+
+
+def test_somebody_who_ignores_priority_drives_on(clip_case: TestCase) -> None:
+    case = child_of(clip_case, "car.ignores: nothing => priority")
+    car = next(item for item in case.scenario.body if isinstance(item, Actor) and item.name == "car")
+    assert any(isinstance(item, IgnoresRule) and item.what == "priority" for item in car.body)
+    assert "ignores" in {event.what for event in drive(case).events if event.actor == "car"}

@@ -158,7 +158,10 @@ def _check_changed(findings: Findings, change: m.Change, side: str, *, parameter
             findings.add(change, side, "FS046", "the model of an actor is a name", "such as `car.compact`")
         return
     else:
-        needed = m.PROPERTIES[change.property].dimension if change.property in m.PROPERTIES else None
+        rule = m.PROPERTIES.get(change.property)
+        if rule is not None and rule.words and value not in rule.words:
+            findings.add(change, side, "FS046", f"`{change.property}` takes a word", f"one of {', '.join(rule.words)}")
+        needed = rule.dimension if rule is not None and not rule.words else None
     if needed is None:
         return  # of any kind: it is compared with what there is when the files are joined
     if isinstance(value, str):

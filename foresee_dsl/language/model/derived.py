@@ -34,6 +34,10 @@ from foresee_dsl.language.units import Dimension
 # ---- what a change may name -----------------------------------------------------------------------------------------
 
 
+NOTHING = "nothing"
+"""What an actor `ignores` that obeys."""
+
+
 @dataclass(frozen=True, slots=True)
 class Property:
     """A property of an actor that can change.
@@ -46,6 +50,7 @@ class Property:
         needs: which values it takes, for the message.
         for_ego: the ego's can change too, although the driver under test drives it.
         timed: a change may say from when, and for how long.
+        words: the words that it takes, the first of them for an actor without the statement; empty for other values.
     """
 
     statement: tuple[type[Item], str] | None = None
@@ -54,6 +59,7 @@ class Property:
     needs: str = ""
     for_ego: bool = False
     timed: bool = False
+    words: tuple[str, ...] = ()
 
     @property
     def dimension(self) -> Dimension | None:
@@ -105,6 +111,7 @@ PROPERTIES: Mapping[str, Property] = MappingProxyType(
         "brakes": Property(
             (a.Brakes, "braking"), 0, lambda b: 0 <= b <= a.HARDEST_MPS2, "braking is from 0 to 12 m/s^2", timed=True
         ),
+        "ignores": Property((a.IgnoresRule, "what"), words=(NOTHING, "signals", "priority")),
         "moving": Property(
             (a.Walked, "along"), None, lambda along: along >= 0, "how far it has come along its path is zero or more"
         ),
@@ -134,10 +141,10 @@ class Change(Item):
     Properties of an actor: `model`; `steer` (-1 right .. 1 left, share of the largest steering angle; from `start` of
     the clip, for `duration`); `timing` (ratio of speed along its own path); `speed` (at the clip's start; in a scenario
     its cruise speed); `delay` (a time: it stands that much longer); `line` (a length: it keeps that far to the left of
-    its way, on a lane from `start` for `duration`); `brakes` (so hard, from `start` for `duration`); `moving` (a
-    length: where on its path it begins). `weather.rain` and the like; `expect.NAME`, the number that a named
-    expectation compares with. In a scenario that extends another also `param.NAME`, a parameter's default, and
-    `end.after`.
+    its way, on a lane from `start` for `duration`); `brakes` (so hard, from `start` for `duration`); `ignores`
+    (`nothing`, `signals`, `priority`); `moving` (a length: where on its path it begins). `weather.rain` and the like;
+    `expect.NAME`, the number that a named expectation compares with. In a scenario that extends another also
+    `param.NAME`, a parameter's default, and `end.after`.
     """
 
     pattern = "change {actor}.{property}: {was} => {now} [from {start}] [for {duration}]"
