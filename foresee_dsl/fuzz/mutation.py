@@ -156,7 +156,7 @@ class Mutator:
 
     def _on_foot(self, spec: ModelSpec, manner: Manner, around: Around) -> Iterator[_Beginning]:
         top = min(spec.max_speed_mps, s.RUNS_MPS if manner == "linear" else cruise_speed(spec, spec.max_speed_mps))
-        for start in around.on_foot():
+        for start in around.on_foot(blocks=manner == "immobile"):
             placed = PlacedActor("", spec, "path", *start, 0.0, speed_mps=0.0)
             if manner == "immobile":
                 yield (m.StartAt(place=_point(start)),), None, placed

@@ -64,8 +64,15 @@ class Around:
         for k in self.rng.permutation(len(places))[: s.PLACES_TRIED]:
             yield places[int(k)]
 
-    def on_foot(self) -> Iterator[XY]:
-        """Yield places on sidewalks, in a drawn order."""
+    def on_foot(self, *, blocks: bool = False) -> Iterator[XY]:
+        """Yield places on sidewalks or on the road, in a drawn order; `blocks` as of `on_lanes`."""
+        if float(self.rng.random()) < s.ROAD_SHARE:
+            road = self._lane_places("car", blocks=blocks)
+            for k in self.rng.permutation(len(road))[: s.PLACES_TRIED]:
+                lane = road[int(k)].lane
+                beside = float(self.rng.uniform(-lane.width_m / 2, lane.width_m / 2))
+                x, y, _ = lane.line.at(road[int(k)].along_m, beside)
+                yield x, y
         places = self._walk_places
         for k in self.rng.permutation(len(places))[: s.PLACES_TRIED]:
             yield places[int(k)]

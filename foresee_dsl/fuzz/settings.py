@@ -16,6 +16,8 @@ MOVE_SHARE = 0.5
 """Of the mutations about actors, where some were added before: the share that moves one of them. Ours."""
 WALKER_SHARE = 0.5
 """Share of people among added actors: DriveFuzz draws vehicles and walkers alike."""
+ROAD_SHARE = 0.5
+"""Share of the people that begin on the road; the others are on sidewalks. Ours: DriveFuzz's are anywhere."""
 CLASSES: Mapping[str, float] = MappingProxyType(
     {"car": 0.7, "bicycle": 0.1, "motorcycle": 0.1, "van": 0.05, "truck": 0.05}
 )
