@@ -42,8 +42,8 @@ from tests.support.code_frames import FRAMES
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
-LANGUAGE, METHOD, DRIVERS, FINDINGS = (
-    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers", "findings")
+LANGUAGE, METHOD, DRIVERS, FINDINGS, FUZZ = (
+    (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("language", "method", "drivers", "findings", "fuzz")
 )
 
 
@@ -300,7 +300,7 @@ _SCALE = {"%": 0.01, "deg/s": math.pi / 180, **{word: unit.to_si for word, unit 
 def tables() -> list[tuple[tuple[str, ...], dict[str, list[str]]]]:
     """Every table of settings: what it is about, and its rows' cells by their first."""
     found = []
-    for names, rows in _TABLE.findall(METHOD + FINDINGS):
+    for names, rows in _TABLE.findall(METHOD + FINDINGS + FUZZ):
         cells = [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows.splitlines()]
         found.append((tuple(re.findall(r"`([\w.]+)`", names)), {row[0].strip(" `"): row[1:] for row in cells}))
     return found

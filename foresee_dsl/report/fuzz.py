@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -15,15 +16,17 @@ from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.live import EVERY_S, bars
 from foresee_dsl.report.safe_text import safe, shortened
 from foresee_dsl.report.terminal import duration, plain_table
-from foresee_dsl.report.verdicts import verdicts_line
+from foresee_dsl.report.verdicts import counted
+from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from foresee_dsl.fuzz.records import FuzzResult, FuzzRun, SeedFuzz
+    from foresee_dsl.fuzz.records import FuzzResult, SeedFuzz
 
-_WIDE = 100
-"""Columns from which on a failure is told on one line with its mutation."""
+
+_CALLED = {Verdict.PASS: "passed", Verdict.INVALID: "impossible", Verdict.CRASH: "broke the driver"}
+"""How the headline calls what is no failure."""
 
 
 class FuzzProgress(Listener):
@@ -49,8 +52,6 @@ class FuzzProgress(Listener):
 
     def done(self, row: Row, *, new: bool = True) -> None:
         """Advance."""
-        from foresee_dsl.simulate.results.verdict import FAILURES
-
         self._done += 1
         self._bars.update(self._task, completed=self._done)
         if row.verdict in [verdict.value for verdict in FAILURES]:
@@ -71,18 +72,21 @@ def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
     """Print the failures, how the scores fell, and where the files are."""
     tried = [seed for seed in result.seeds if seed.usable]
     every = [run for seed in result.seeds for run in seed.every]
-    console.print(
-        Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), verdicts_line([r.verdict for r in every], [])),
-        soft_wrap=True,
-    )
+    counts = Counter(run.verdict for run in every)
+    told = ", ".join(f"{counts[kind]} {_CALLED.get(kind, kind.value)}" for kind in Verdict if counts[kind])
+    style = "bold red" if result.failures else "bold green"
+    line = f"{counted(len(every), 'mutation')}: {told}" if every else "no mutation was run"
+    console.print(Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), (line, style)), soft_wrap=True)
     for seed in result.seeds:
         _print_seed(console, seed)
     if result.by_cycle:
         rows = [(one.cycle, one.seeds, one.failures, f"{one.mean_best:.2f}") for one in result.by_cycle]
         console.print()
         console.print(plain_table(("cycle", "seeds", "failures", "mean lowest score"), rows))
-    aside = len(result.seeds) - len(tried)
-    left_out = f", {aside} do not pass unmutated" if aside else ""
+    waiting = sum(seed.plain is None for seed in result.seeds)
+    aside = len(result.seeds) - len(tried) - waiting
+    left_out = f", {counted(aside, 'does', 'do')} not pass unmutated" if aside else ""
+    left_out += f", {counted(waiting, 'has', 'have')} not been driven yet" if waiting else ""
     console.print(
         f"\n{result.failures} of {len(tried)} seeds fail after {len(every)} mutations{left_out}; "
         f"{duration(result.simulated_s)} simulated in {duration(result.wall_s)}",
@@ -99,17 +103,14 @@ def _print_seed(console: Console, seed: SeedFuzz) -> None:
                       soft_wrap=True)  # fmt: skip
         _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.what}")
         console.print(f"  {run.file}", soft_wrap=True, markup=False)
+    elif seed.plain is None:
+        console.print(Text.assemble((f"{name}  ", "bold"), ("not driven yet", "dim")), soft_wrap=True)
     elif not seed.usable:
         console.print(Text.assemble((f"{name}  ", "bold"), (f"not mutated: {seed.reason}", "dim")), soft_wrap=True)
     else:
-        scores = " ".join(f"{cycle.best:.1f}" for cycle in seed.cycles)
+        scores = " ".join(f"{cycle.best:.1f}" for cycle in seed.cycles) or "none yet"
         console.print(Text.assemble((f"{name}  ", "bold"), f"passes; lowest scores {scores}"), soft_wrap=True)
 
 
 def _print_line(console: Console, text: str) -> None:
     console.print(Text(shortened(text, max(console.width, 40))), soft_wrap=True)
-
-
-def told(run: FuzzRun) -> str:
-    """Return a run in a line: `c03_m5 -12.25 pass: adds ...`."""
-    return f"c{run.cycle:02d}_m{run.number} {run.score:.2f} {run.verdict}: {run.what}"
