@@ -15,7 +15,7 @@ from benchmarks.faults.__main__ import FEW, listed
 from benchmarks.faults.approaches import APPROACHES, DEFAULT, Approach
 from benchmarks.faults.evidence import Evidence, Failure, Ran
 from benchmarks.faults.measures import Confusion, confusions, detects, median, scores, weakest
-from benchmarks.faults.sampling import half_of, library, name
+from benchmarks.faults.sampling import library, name
 from benchmarks.faults.searching import Search, searched
 from benchmarks.faults.table import Benchmark, as_json, as_markdown
 from foresee_dsl.campaign.keys import driver_identity
@@ -200,11 +200,10 @@ def test_medians_leave_out_what_is_unknown_and_count_what_is_never_found() -> No
 
 
 def test_halves_are_apart_and_small_samples_have_all_families(bundled: list[TestCase]) -> None:
-    cases = bundled
-    names = [name(case) for case in cases]
-    even, odd = ({each for each in names if half_of(each) == half} for half in ("even", "odd"))
-    assert even | odd == set(names) and not even & odd and min(len(even), len(odd)) > 40
-    assert len({case.family for case in cases[:10]}) == len({case.family for case in cases})
+    names = [name(case) for case in bundled]
+    even = {name(case) for case in library("even")}
+    assert len(names) == len(set(names)) and even < set(names) and 40 < len(even) < len(names) - 40
+    assert len({case.family for case in bundled[:10]}) == len({case.family for case in bundled})
 
 
 def test_an_approach_that_is_not_there_is_named() -> None:

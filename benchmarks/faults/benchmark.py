@@ -23,7 +23,8 @@ from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 
-T, R = TypeVar("T"), TypeVar("R")
+T = TypeVar("T")
+R = TypeVar("R")
 Say = Callable[[str], None]
 
 

@@ -9,30 +9,20 @@ from typing import Literal
 
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.document import TestCase
-from foresee_dsl.language.project.loading import load_test_cases
+from training.selforacle.evaluate import chosen_cases
 
 Half = Literal["even", "odd", "all"]
 
 
 def library(half: Half = "all") -> list[TestCase]:
     """Return the bundled test cases of one half, or all, in an order whose beginnings are stratified samples."""
-    folder = data_folder("scenarios")
-    places = sorted(
-        {*folder.glob("scenario*.foresee"), *(file for at in folder.glob("scenario*") for file in at.glob("*.foresee"))}
-    )
-    found = [case for case in load_test_cases([str(place) for place in places]) if half in ("all", half_of(name(case)))]
-    return stratified(found)
+    return stratified(chosen_cases(None if half == "all" else half))
 
 
 def name(case: TestCase) -> str:
     """Return a test case's address below the folder of the scenarios: `scenario3.foresee::r01`."""
     folder = data_folder("scenarios").resolve()
     return f"{case.source.resolve().relative_to(folder).as_posix()}::{case.id.partition('::')[2]}"
-
-
-def half_of(address: str) -> Half:
-    """Return in which half a test case is, by the hash of its address."""
-    return "odd" if _hash(address) % 2 else "even"
 
 
 def stratified(cases: Sequence[TestCase]) -> list[TestCase]:

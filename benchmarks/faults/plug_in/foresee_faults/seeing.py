@@ -147,7 +147,7 @@ class BlindSector(Fault):
 
     def seen(self, actors: Actors, observation: Observation) -> Actors:
         """Leave out whose centre is in the sector."""
-        half = self.between(0.0, self.half_rad)
+        half = self.half_rad * self.strength**1.5
 
         def hidden(ahead_m: float, left_m: float) -> bool:
             return abs(math.remainder(math.atan2(left_m, ahead_m) - self.middle_rad, math.tau)) < half
@@ -160,7 +160,7 @@ class BlindLeft(BlindSector):
 
     what = "sees nobody in a sector at the front left"
     cause = "a pillar, a dirty or a failed sensor"
-    scale = "0 to 80 degrees wide, around 50 degrees left of ahead"
+    scale = "0 to 80 degrees wide (with the power 1.5), around 50 degrees left of ahead"
     middle_rad = math.radians(50)
 
 
@@ -169,7 +169,7 @@ class BlindRight(BlindSector):
 
     what = "sees nobody in a sector at the front right"
     cause = "a pillar, a dirty or a failed sensor"
-    scale = "0 to 80 degrees wide, around 50 degrees right of ahead"
+    scale = "0 to 80 degrees wide (with the power 1.5), around 50 degrees right of ahead"
     middle_rad = math.radians(-50)
 
 
