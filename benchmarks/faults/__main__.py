@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,6 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
         jobs=args.jobs,
         out=args.out,
         bisects=not args.all_strengths,
+        ends_s=time.time() + 60 * args.minutes,
     )
     found = measure(plan, lambda line: print(line, file=sys.stderr, flush=True))  # noqa: T201
     text = as_markdown(found)
@@ -92,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--seconds-simulated", type=float, default=900.0, help="what each search may simulate")
     add("--judges", default="idm,frenetix,pdm", help="drivers that judge the failures at the middle strength, or none")
     add("--all-strengths", action="store_true", help="search at every strength, instead of bisecting")
+    add("--minutes", type=float, default=math.inf, help="no search begins later; faults that are not done are left out")
     add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     add("--out", type=Path, default=Path("out/faults"), help="the folder for results; what is in it is not done again")
     add("--list", action="store_true", help="print the kinds of fault as a table, and do nothing else")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -48,6 +49,8 @@ class Plan:
     jobs: int
     out: Path
     bisects: bool = True
+    ends_s: float = math.inf
+    """No search begins later than that, as `time.time` has it."""
 
     @property
     def reference(self) -> float:
@@ -82,15 +85,24 @@ def measure(plan: Plan, say: Say) -> Benchmark:
                 skipped.append(f"the fault {fault}: it changes nothing in any test case")
                 say(skipped[-1])
         faults = tuple(fault for fault in plan.faults if cases[fault])
-        chains = [_Chain(plan, fault, approach, cases[fault]) for approach in usable for fault in faults]
-        thresholds, compared, core_s = {}, [], 0.0
-        for number, (chain, (threshold, evidences)) in enumerate(_spread(pool, _search, chains), start=1):
+        # A fault with all approaches before the next one: where time runs out, what was measured can be compared.
+        chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
+        thresholds, compared, core_s, late = {}, [], 0.0, set()
+        for number, (chain, found) in enumerate(_spread(pool, _search, chains), start=1):
+            if found is None:
+                late.add(chain.fault)
+                continue
+            threshold, evidences = found
             thresholds[chain.fault, chain.approach.name] = threshold
             compared += [one for one in evidences if one.strength == plan.reference]
             core_s += sum(one.wall_s for one in evidences)
             tried = ", ".join(f"{one.strength:g}" for one in evidences)
             say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {threshold:g} on "
                 f"(tried {tried}; {time.monotonic() - started:.0f} s)")  # fmt: skip
+    if late:
+        skipped.append(f"{len(late)} of {len(faults)} faults, as time ran out: {', '.join(sorted(late))}")
+        faults = tuple(fault for fault in faults if fault not in late)
+        compared = [one for one in compared if one.fault not in late]
     order = {approach.name: k for k, approach in enumerate(usable)}
     compared.sort(key=lambda one: (faults.index(one.fault), order[one.approach]))
     return Benchmark(tuple(order), faults, plan.strengths, plan.reference, plan.simulated_s, thresholds,
@@ -98,22 +110,31 @@ def measure(plan: Plan, say: Say) -> Benchmark:
                      core_s)  # fmt: skip
 
 
-def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]]:
-    """Return the weakest strength that is found, and the evidence of the strengths that were tried."""
+class _LateError(Exception):
+    """Time has run out."""
+
+
+def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]] | None:
+    """Return the weakest strength that is found, and the evidence of the strengths that were tried; None: too late."""
     plan, known = chain.plan, _library(chain.plan.half)
     cases = [known[each] for each in chain.cases]
     tried: dict[float, Evidence] = {}
 
     def finds(strength: float) -> bool:
         judges = plan.judges if strength == plan.reference else ()
+        if time.time() > plan.ends_s:
+            raise _LateError
         search = Search(chain.fault, strength, chain.approach, plan.simulated_s, judges)
         tried[strength] = searched(search, cases, plan.out / "searches")
         return detects(tried[strength], plan.simulated_s)
 
-    if plan.bisects:
-        threshold = weakest(plan.strengths, finds)
-    else:
-        threshold = min([strength for strength in plan.strengths if finds(strength)], default=float("inf"))
+    try:
+        if plan.bisects:
+            threshold = weakest(plan.strengths, finds)
+        else:
+            threshold = min([strength for strength in plan.strengths if finds(strength)], default=math.inf)
+    except _LateError:
+        return None
     return threshold, tuple(tried[strength] for strength in sorted(tried))
 
 

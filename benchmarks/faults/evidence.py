@@ -7,6 +7,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of them"
+"""The judges that are no single driver: two models, whether any judging driver avoids it, and any of all these."""
+
 
 @dataclass(frozen=True)
 class Failure:

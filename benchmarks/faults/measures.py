@@ -9,7 +9,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from benchmarks.faults.evidence import Evidence, Failure
+from benchmarks.faults.evidence import ANY, Evidence, Failure
 
 
 def weakest(strengths: Sequence[float], finds: Callable[[float], bool]) -> float:
@@ -38,11 +38,14 @@ class Score:
             half of its failures are.
         recall: share of the fault's findings of all approaches that this one found; None where nobody found any.
         first_s: simulated seconds until the end of the first failure that is the fault's; infinite: none.
+        said, said_right: failing runs that any verdict calls avoidable, and those of them that are the fault's.
         simulated_s, wall_s: what it took.
     """
 
     failing: int
     the_faults: int
+    said: int
+    said_right: int
     findings: int
     true_findings: int
     recall: float | None
@@ -54,6 +57,11 @@ class Score:
     def precision(self) -> float | None:
         """The share of the failing runs that is the fault's; None where nothing fails."""
         return self.the_faults / self.failing if self.failing else None
+
+    @property
+    def precision_of_said(self) -> float | None:
+        """The share of what is called avoidable that is the fault's."""
+        return self.said_right / self.said if self.said else None
 
     @property
     def precision_of_findings(self) -> float | None:
@@ -88,6 +96,8 @@ def _score(evidence: Evidence, known: frozenset[tuple[str, ...]], simulated_s: f
     return Score(
         failing=len(failures),
         the_faults=sum(failure.is_the_faults for failure in failures),
+        said=sum(bool(failure.verdicts.get(ANY)) for failure in failures),
+        said_right=sum(failure.is_the_faults for failure in failures if failure.verdicts.get(ANY)),
         findings=len(_shares(failures)),
         true_findings=len(own),
         recall=len(own & known) / len(known) if known else None,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.faults import in_order
 from benchmarks.faults.approaches import Approach
-from benchmarks.faults.evidence import Evidence, Failure, Ran
+from benchmarks.faults.evidence import AHEAD, ANY, DIFFERENTIAL, R157, Evidence, Failure, Ran
 from benchmarks.faults.evidence import load as load_evidence
 from benchmarks.faults.evidence import save as save_evidence
 from benchmarks.faults.plug_in_path import address, healthy
@@ -28,7 +28,6 @@ from foresee_dsl.language.project.document import TestCase
 
 MOST_SEEDS = 50
 """Ours: how many seeds of the sensors' noise the plain test cases are driven with at most."""
-R157, AHEAD, DIFFERENTIAL, ANY = "R157", "anticipating", "differential", "any of them"
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,8 @@ def as_json(found: Benchmark) -> dict[str, Any]:
                 "approaches": [
                     {"approach": name, "threshold": _finite(found.thresholds.get((fault, name), math.inf)),
                      **{key: _finite(value) for key, value in asdict(score).items()},
-                     "precision": score.precision, "precision_of_findings": score.precision_of_findings}
+                     "precision": score.precision, "precision_of_findings": score.precision_of_findings,
+                     "precision_of_avoidable": score.precision_of_said}
                     for name, score in found.scores_of(fault).items()
                 ],
             }
@@ -111,6 +112,8 @@ def _summary(found: Benchmark) -> list[str]:
             _share(min((s.precision for s in own if s.precision is not None), default=None)),
             _share(true / failing if failing else None),
             _share(median(s.precision_of_findings for s in own)),
+            _share(median(s.precision_of_said for s in own)),
+            _share(min((s.precision_of_said for s in own if s.precision_of_said is not None), default=None)),
             f"{sum(s.true_findings for s in own)}",
             _share(median(s.recall for s in own)),
             _seconds(median(s.first_s for s in own)),
@@ -118,8 +121,8 @@ def _summary(found: Benchmark) -> list[str]:
         ))  # fmt: skip
     head = (
         "approach", "threshold (median)", "found at any strength", f"found at {found.reference:g}",
-        "precision (median)", "(least)", "(pooled)", "of findings (median)", "the fault's findings", "recall (median)",
-        "first, s (median)", "simulated, s",
+        "precision (median)", "(least)", "(pooled)", "of findings (median)", "of what is called avoidable (median)",
+        "(least)", "the fault's findings", "recall (median)", "first, s (median)", "simulated, s",
     )  # fmt: skip
     return ["## Approaches", "", *_table(head, rows), ""]
 

@@ -89,7 +89,7 @@ class StandingIsLeaving(Fault):
     what = "takes a standing vehicle for one that is driving off"
     cause = "a prediction that was trained at signals: who stands will drive"
     scale = "believed speed, 0 to 6 m/s"
-    source = "NHTSA 23E-029 (a bus ahead was expected to go on)"
+    source = "NHTSA 23E-029 (a bus ahead, predicted wrongly)"
 
     def seen(self, actors: Actors, observation: Observation) -> Actors:
         """Report a speed of those that stand."""
@@ -106,11 +106,11 @@ class HeadingErrors(Fault):
 
     what = "sees wrong headings"
     cause = "the shape that is visible is fitted with a box of the wrong orientation"
-    scale = "standard deviation 0 to 40 degrees, one error of each object a second"
+    scale = "standard deviation 0 to 25 degrees, one error of each object a second"
 
     def seen(self, actors: Actors, observation: Observation) -> Actors:
         """Add to each heading."""
-        spread, second = math.radians(self.between(0.0, 40.0)), int(observation.time_s)
+        spread, second = math.radians(self.between(0.0, 25.0)), int(observation.time_s)
         return tuple(
             replace(a, heading_rad=a.heading_rad + spread * float(self.random(a.track, second, 1).normal()))
             for a in actors
@@ -122,11 +122,11 @@ class JitteringPlaces(Fault):
 
     what = "sees others at places that jump about"
     cause = "two sensors that disagree, and the better one wins anew each second"
-    scale = "standard deviation 0 to 2.5 m, one error of each object a second"
+    scale = "standard deviation 0 to 1.5 m, one error of each object a second"
 
     def seen(self, actors: Actors, observation: Observation) -> Actors:
         """Add to each place."""
-        spread, second = self.between(0.0, 2.5), int(observation.time_s)
+        spread, second = self.between(0.0, 1.5), int(observation.time_s)
         found = []
         for a in actors:
             dx, dy = spread * self.random(a.track, second, 2).normal(size=2)
@@ -158,7 +158,7 @@ class StraightOn(Fault):
     what = "predicts that who turns at a junction goes straight on"
     cause = "constant velocity, or a map without the turning lanes"
     scale = "0 to 100 % of the bend of each crossing stream is taken away"
-    source = "NHTSA 22E-072 (the way of an oncoming vehicle at a left turn)"
+    source = "recall of Cruise, September 2022 (the way of an oncoming vehicle at a left turn)"
 
     def told(self, mission: Mission) -> Mission:
         """Straighten the paths of the crossing streams."""

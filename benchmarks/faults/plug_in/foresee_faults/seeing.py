@@ -101,7 +101,7 @@ class BlindToLorries(Blind):
     what = "sees buses and lorries only when they are near"
     cause = "a long side without contours is taken for background"
     scale = "within 100 m to 6 m (centre to centre)"
-    source = "NTSB HAR-17/02 (Williston: the side of a crossing lorry)"
+    source = "NTSB HWY16FH018 (Williston: the side of a crossing lorry)"
     kinds, range_m, least_m = frozenset({"bus", "truck"}), 100.0, 6.0
 
 
@@ -111,7 +111,7 @@ class MissesObstacles(Blind):
     what = "sees obstacles on the road only when they are near"
     cause = "what does not move and has no class is filtered out as clutter"
     scale = "within 50 m to 3 m"
-    source = "NTSB HAR-20/01 (Mountain View: a crash attenuator)"
+    source = "NTSB HWY18FH011 (Mountain View: a crash attenuator)"
     kinds, range_m, least_m = frozenset({"obstacle"}), 50.0, 3.0
 
 
@@ -198,13 +198,13 @@ class TooFar(Fault):
 
     what = "takes everybody for farther away than they are"
     cause = "distance from the height in the picture, with a wrong pitch or a sloping road"
-    scale = "0 to 40 % farther, at most 8 m"
+    scale = "0 to 25 % farther, at most 5 m"
 
     def seen(self, actors: Actors, observation: Observation) -> Actors:
         """Move all away from the ego."""
-        share, ego = self.between(0.0, 0.4), observation.ego
+        share, ego = self.between(0.0, 0.25), observation.ego
         return tuple(
-            moved(a, min(share * away(a, ego), 8.0 * self.strength), math.atan2(a.y - ego.y, a.x - ego.x))
+            moved(a, min(share * away(a, ego), 5.0 * self.strength), math.atan2(a.y - ego.y, a.x - ego.x))
             for a in actors
         )
 

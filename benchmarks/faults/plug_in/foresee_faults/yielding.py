@@ -17,7 +17,7 @@ class RunsAmber(Fault):
     what = "drives on when the signal has become amber or red"
     cause = "the time to the stop line is taken from a plan that accelerates"
     scale = "takes it for green for 0 to 5 s after the change"
-    source = "NHTSA 23V-085 (entering a junction on a stale amber)"
+    source = "NHTSA 23V-085 (entering a junction on a steady amber)"
 
     def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Forget the colours."""
@@ -40,11 +40,11 @@ class OverTheLine(Fault):
 
     what = "stops beyond the stop line"
     cause = "the line's place in the map is that of the old marking"
-    scale = "0 to 8 m"
+    scale = "0 to 4 m"
 
     def told(self, mission: Mission) -> Mission:
         """Move the stop lines on, at most to just before the junction's end."""
-        on = self.between(0.0, 8.0)
+        on = self.between(0.0, 4.0)
         moved = tuple(replace(j, stop_s=max(min(j.stop_s + on, j.exit_s - 1.0), j.stop_s)) for j in mission.junctions)
         return replace(mission, junctions=moved)
 
@@ -138,7 +138,7 @@ class SmallGapLeft(MovedConflicts):
     what = "turns left into gaps in the oncoming traffic that are too small"
     cause = "a gap that was tuned on a test ground, where oncoming cars are slow"
     scale = "takes oncoming vehicles for 0 to 30 m farther away and 0 to 70 % slower, before left turns"
-    source = "NHTSA 22E-072 (an unprotected left turn)"
+    source = "recall of Cruise, September 2022 (an unprotected left turn)"
     most_m, slower = 30.0, 0.7
 
     def concerns(self, passage: JunctionPassage, foe: Foe) -> bool:
