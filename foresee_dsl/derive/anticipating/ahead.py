@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts, who_go_first
+from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts, crossings_of, who_go_first
 from foresee_dsl.derive.anticipating.hazards import Hazard, hazards
 from foresee_dsl.derive.anticipating.manoeuvre import HARDEST, steered
 from foresee_dsl.derive.anticipating.settings import (
@@ -82,7 +82,7 @@ class Ahead(Replay):
     def reset(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Begin at the run's first frame."""
         super().reset(mission, vehicle, seed)
-        self._mission, self._first = mission, who_go_first(mission)
+        self._mission, self._first, self._crossings = mission, who_go_first(mission), crossings_of(mission)
 
     def step(self, observation: Observation) -> Control:
         """Answer with the recorded states until it is free, then as it judges."""
@@ -141,7 +141,8 @@ class Ahead(Replay):
 
     def _decide(self, observation: Observation, others: list[tuple[int, Other]]) -> None:
         now, speed = observation.time_s, self._state.speed
-        ego = Ego(self._way, self._along, speed, self._info.length_m, self._info.width_m, self._first)
+        ego = Ego(self._way, self._along, speed, self._info.length_m, self._info.width_m, self._first,
+                  self._crossings)  # fmt: skip
         people = [other for _, other in others]
         wish = math.inf
         slowing = min(hazards(ego, people), key=Hazard.allows, default=None)

@@ -13,7 +13,7 @@ from foresee_dsl.derive.anticipating.answer import Answer, Anticipation
 from foresee_dsl.derive.anticipating.foresight import onset, who_go_first
 from foresee_dsl.derive.anticipating.manoeuvre import Manoeuvre
 from foresee_dsl.derive.anticipating.screening import Screened, Screening, sideways
-from foresee_dsl.derive.anticipating.settings import LOOKS_ON_S, MARGIN_M, MOST_RUNS
+from foresee_dsl.derive.anticipating.settings import LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
 from foresee_dsl.derive.anticipating.way import Way
 from foresee_dsl.derive.preventability import contact, strays
 from foresee_dsl.derive.preventability.replay import Replay
@@ -132,6 +132,10 @@ class _Assessment:
             screened, confirmed = hardest, self._confirm(hardest)
         plan = screened.plan
         strength = f"braking with up to {plan.braking_mps2:.1f} m/s^2 from {begins_s:.2f} s on"
+        stood_s = self._stood_before_a_walker(confirmed.result)
+        if stood_s is not None:
+            why = f"{strength} brings the ego to a stand {stood_s:.1f} s before {self._failed.with_} walks into it"
+            return Anticipation(Answer.BRAKING, why, begins_s=begins_s, braking_mps2=plan.braking_mps2, least_m=0.0)
         if not _clear(confirmed.result):
             self._tried.append(f"{strength} {self._ended(confirmed.result)}")
             return None
@@ -142,6 +146,16 @@ class _Assessment:
             Answer.BRAKING, f"{strength}{early} {self._leaves(confirmed)}",
             begins_s=begins_s, braking_mps2=plan.braking_mps2, spare_s=round(spare, 6), least_m=confirmed.least_m,
         )  # fmt: skip
+
+    def _stood_before_a_walker(self, result: RunResult) -> float | None:
+        """Return for how long the ego had stood when a walker walked into it; None where that is not what happened."""
+        left = contact(result)
+        if left is None or left.with_ != self._failed.with_ or result.verdict is not Verdict.F2:
+            return None
+        speeds = result.trace.states[:, 0, SPEED]
+        moving = np.flatnonzero(speeds >= STUCK_SPEED_MPS)
+        stood_s = (len(speeds) - 1 - int(moving[-1]) if len(moving) else len(speeds)) * STEP_S
+        return stood_s if stood_s >= STOOD_S - 1e-9 else None
 
     def _by_evading(self, screening: Screening, begins_s: float) -> Anticipation | None:
         for screened in screening.evading(begins_s)[:2]:

@@ -20,6 +20,8 @@ from foresee_dsl.derive.anticipating.settings import (
     FORESEES_S,
     FORGETS_S,
     GAP_S,
+    STANDS_MPS,
+    TURNING_RAD,
     WALKER_HASTENS_MPS,
 )
 from foresee_dsl.derive.anticipating.way import Way
@@ -56,7 +58,11 @@ class Other:
 
 @dataclass(frozen=True)
 class Ego:
-    """The ego at a place of its way; `first`: the ways of those who go first at its junctions, [N, 2] each."""
+    """The ego at a place of its way.
+
+    Attributes:
+        first: the ways of those who go first at its junctions, [N, 2] each. crossings: those of walkers who do.
+    """
 
     way: Way
     along_m: float
@@ -64,12 +70,19 @@ class Ego:
     length_m: float
     width_m: float
     first: tuple[FloatArray, ...] = ()
+    crossings: tuple[FloatArray, ...] = ()
 
 
 def who_go_first(mission: Mission) -> tuple[FloatArray, ...]:
     """Return the ways, with their approaches, of the traffic to which the ego gives way at its junctions."""
     foes = (foe for junction in mission.junctions for foe in junction.foes)
     return tuple(foe.path for foe in foes if foe.has_priority and not foe.pedestrian)
+
+
+def crossings_of(mission: Mission) -> tuple[FloatArray, ...]:
+    """Return the crossings on the ego's way where walkers go first."""
+    foes = (foe for junction in mission.junctions for foe in junction.foes)
+    return tuple(foe.path for foe in foes if foe.has_priority and foe.pedestrian)
 
 
 def _goes_first(ego: Ego, other: Other) -> bool:
@@ -112,17 +125,20 @@ def conflicts(ego: Ego, others: list[Other]) -> list[Conflict | None]:
     mine = ego_boxes(ego, time_s)
     reach = mine[:, 3].max() / 2 + ego.speed_mps * float(time_s[-1])
     at = mine[0]
+    turns = abs(math.remainder(float(mine[-1, 2] - at[2]), math.tau)) > TURNING_RAD
     found: list[Conflict | None] = []
     for other in others:
         far = reach + (other.speed_mps + WALKER_HASTENS_MPS) * float(time_s[-1]) + other.length_m
         near = math.hypot(other.x - at[0], other.y - at[1]) < far
-        found.append(_conflict(ego, mine, other, time_s) if near and _in_front(ego, at, other) else None)
+        found.append(_conflict(ego, mine, other, time_s) if near and _counts(ego, at, other, turns) else None)
     return found
 
 
-def _in_front(ego: Ego, at: FloatArray, other: Other) -> bool:
-    ahead = (other.x - at[0]) * math.cos(at[2]) + (other.y - at[1]) * math.sin(at[2])
-    return bool(ahead > -ego.length_m / 2)
+def _counts(ego: Ego, at: FloatArray, other: Other, turns: bool) -> bool:
+    """Whether another is in front of the ego's rear, or comes from behind beside an ego that turns."""
+    cos, sin, dx, dy = math.cos(at[2]), math.sin(at[2]), other.x - at[0], other.y - at[1]
+    beside = abs(dy * cos - dx * sin) > (ego.width_m + other.width_m) / 2
+    return bool(dx * cos + dy * sin > -ego.length_m / 2 or (turns and beside))
 
 
 def _conflict(ego: Ego, mine: FloatArray, other: Other, time_s: FloatArray) -> Conflict | None:
@@ -160,7 +176,9 @@ def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: floa
     boxes = np.empty((len(time_s), 5))
     boxes[:, 0], boxes[:, 1] = other.x + chord * np.cos(course), other.y + chord * np.sin(course)
     boxes[:, 2] = other.heading_rad + turned
-    boxes[:, 3:] = (other.length_m, other.width_m)
+    # What stands does not sway: beside it there is room as soon as the bodies do not touch.
+    sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > STANDS_MPS else 2 * WANDER_M
+    boxes[:, 3:] = (max(other.length_m - sways, 0.1), max(other.width_m - sways, 0.1))
     return boxes
 
 

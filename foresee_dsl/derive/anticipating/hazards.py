@@ -15,11 +15,13 @@ import numpy as np
 
 from foresee_dsl.derive.anticipating.foresight import Ego, Other
 from foresee_dsl.derive.anticipating.settings import (
+    AT_CROSSING_M,
     BESIDE_M,
     CLOSE_M,
     EASES_MPS2,
     EXPECTED_REACTION_S,
     HARDEST_MPS2,
+    HIDES_M,
     KERB_M,
     NEAR_VEHICLE_M,
     RUNNING_MPS,
@@ -31,6 +33,7 @@ from foresee_dsl.derive.anticipating.settings import (
 
 _TOWARDS_MPS = 0.2
 """A walker who comes nearer to the way's line at this speed walks towards it. Ours: a seventh of walking pace."""
+_HALF_CROSSING_M = 2.0
 _APPROACHES_M = 8.0
 """A walker who walks towards the way is slowed for from this distance to it. Ours: five seconds of walking."""
 
@@ -68,6 +71,8 @@ def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
         half = _half_along(other, float(heading[k]))
         gap = abs(float(left[k])) - across - ego.width_m / 2
         front = ego.along_m + ego.length_m / 2
+        if other.kind == "pedestrian" and ego.crossings:
+            found += _at_crossing(ego, other, front)
         if float(along[k]) + half < front or gap <= 0.0:
             continue
         before = float(along[k]) - half - front
@@ -75,10 +80,28 @@ def hazards(ego: Ego, others: list[Other]) -> list[Hazard]:
     return found
 
 
+def _at_crossing(ego: Ego, walker: Other, front: float) -> list[Hazard]:
+    """Slow for a walker at a crossing where walkers go first."""
+    found = []
+    for path in ego.crossings:
+        (x0, y0), (x1, y1) = path[0], path[-1]
+        length = math.hypot(x1 - x0, y1 - y0)
+        share = ((walker.x - x0) * (x1 - x0) + (walker.y - y0) * (y1 - y0)) / max(length, 0.1) ** 2
+        nearest = min(max(share, 0.0), 1.0)
+        away = math.hypot(walker.x - x0 - nearest * (x1 - x0), walker.y - y0 - nearest * (y1 - y0))
+        middle = np.array([[(x0 + x1) / 2, (y0 + y1) / 2]])
+        along, aside, _ = ego.way.beside(middle)
+        if away < AT_CROSSING_M and float(along[0]) > front and abs(float(aside[0])) < length:
+            before = float(along[0]) - front - _HALF_CROSSING_M - _stopping_m(SLOWEST_AT_BUS_MPS)
+            found.append(Hazard("a walker at a crossing", before, SLOWEST_AT_BUS_MPS))
+    return found
+
+
 def _of(other: Other, others: list[Other], gap: float, before: float, left: float, heading: float) -> list[Hazard]:
     if other.kind == "pedestrian":
         return _walker(other, others, gap, before, left, heading)
-    if other.kind in ("bicycle", "motorcycle", "obstacle") or other.speed_mps > STANDS_MPS or gap > BESIDE_M:
+    small = other.kind in ("bicycle", "motorcycle") or other.width_m < HIDES_M
+    if small or other.speed_mps > STANDS_MPS or gap > BESIDE_M:
         return []
     bus, people = other.kind == "bus", _people_near(other, others)
     slowest = SLOWEST_AT_BUS_MPS if bus or people else SLOWEST_MPS

@@ -51,11 +51,16 @@ RUNNING_MPS = 2.22
 """8 km/h: Euro NCAP, AEB VRU protocol, running adult: who gets off or catches a bus."""
 BESIDE_M = 3.0
 """A stopped vehicle whose side is nearer than this to the ego's side can hide somebody. Ours: a lane's width."""
+HIDES_M = 1.2
+"""What stands and is narrower hides nobody. Ours: a skip and a parked car do, a cone and a cabinet do not."""
 KERB_M = 2.0
 """A standing walker nearer than this to the ego's side may step out. Ours: a kerb, and a step from it."""
 CLOSE_M = 1.0
 """So near to the ego's side anybody who walks is passed with care, wherever it walks to. Ours, measured: with walkers
 predicted to turn by 15 degrees at any time, the driver stopped 19 m before a walker who went along the kerb."""
+AT_CROSSING_M = 3.0
+"""A walker this near to a crossing on the ego's way, where walkers go first, may want to cross. Ours: two steps. German
+law (StVO 26) asks for moderate speed there, and to wait."""
 NEAR_VEHICLE_M = 5.0
 """Walkers this near to a stopped vehicle belong to it. Ours: a car's length."""
 SLOWEST_MPS = 30 / 3.6
@@ -69,6 +74,10 @@ HARDEST_MPS2 = 7.0
 """What the driver counts on when it chooses a speed that suits what is hidden. Ours: R157's 0.774 g less a tenth, for
 the build-up."""
 
+TURNING_RAD = 0.35
+"""Who turns by more than this within the time ahead looks over its shoulder: who comes from behind beside it counts.
+Ours: 20 degrees, as `CROSSING_RAD` of the near misses."""
+
 STANDS_MPS = 0.3
 """Slower is standing, for whom one slows. Ours: a tenth of walking pace above SUMO's threshold."""
 
@@ -81,5 +90,8 @@ LOOKS_ON_S = 3.0
 for a while, and the other has gone by."""
 PASSES_S = 1.0
 """Who evades keeps going until so long after the failure's contact, then stops comfortably. Ours."""
+STOOD_S = 0.5
+"""A walker who walks into an ego that has stood for so long would have stopped: walkers of the simulation do not look.
+Ours: a step."""
 MOST_RUNS = 6
 """Runs in the real simulation for one failure, the unchanged replay included. Ours: the campaign's time."""
