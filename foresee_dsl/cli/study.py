@@ -33,7 +33,9 @@ REPORT = "report"
 
 
 def study(
-    question: Annotated[str, typer.Argument(metavar="QUESTION", help="rq1 to rq5, all, or report.")],
+    question: Annotated[
+        str, typer.Argument(metavar="QUESTION", help="rq1 to rq5, several with commas, all, or report.")
+    ],
     paths: Annotated[
         list[str] | None,
         typer.Argument(
@@ -127,10 +129,10 @@ def study(
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
         _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, json=json)
         return
-    if question not in (ALL, *QUESTIONS):
+    names = tuple(QUESTIONS) if question == ALL else _names(question)
+    if not names or not set(names) <= set(QUESTIONS):
         known = ", ".join((*QUESTIONS, ALL, REPORT))
         raise typer.BadParameter(f"{question!r} is not one of: {known}", param_hint="QUESTION")
-    names = tuple(QUESTIONS) if question == ALL else (question,)
     searched, searches = _numbers(exhaustive, 2, "--exhaustive")
     fuzz_repetitions, cycles, mutations = _numbers(fuzzing, 3, "--fuzzing")
     settings = StudySettings(

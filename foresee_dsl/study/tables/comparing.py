@@ -17,7 +17,8 @@ COLUMNS = (
     Column("units"), Column("test cases"),
 )  # fmt: skip
 NOTES = (
-    "Units are (test case, repetition). The interval of the ratio is by bootstrap over test cases. The signed-rank "
+    "Units are (test case, repetition); findings are counted in each of them, so that a story that two test cases tell "
+    "counts twice. The interval of the ratio is by bootstrap over test cases. The signed-rank "
     "test takes each unit as one; the permutation test flips the signs of whole test cases, exactly. Holm's correction "
     "is over this table.",
 )
