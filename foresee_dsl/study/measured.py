@@ -6,11 +6,12 @@ The store has everything, for this version of the tool; from these files tables 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from foresee_dsl.errors import ForeseeError
@@ -22,25 +23,32 @@ SCHEMA = 1
 
 
 class Counted(StrEnum):
-    """What is counted, each of the one before: raw failures, stories, stories that somebody avoids."""
+    """What is counted, each of the one before: raw failures, their stories, those of them that somebody avoids."""
 
     COLLISIONS = "collisions"
     FINDINGS = "findings"
     AVOIDABLE = "avoidable findings"
 
 
+AVOIDERS: Mapping[str, str] = MappingProxyType(
+    {"d": "another driver", "b": "R157's driver", "a": "the anticipating driver"}
+)
+"""Who may avoid a failure: a reference driver, who passes the unmutated clip as well; UN R157's careful driver, who
+brakes; the one who anticipates."""
+
+
 class Child(NamedTuple):
     """A mutated clip as it was run.
 
-    `story`: of a failure, what is the same in equal stories of its family, as a hash. `avoidable`: whether a careful
-    driver would have avoided it, or a reference driver does, who passes the unmutated clip as well.
+    `story`: of a failure, what is the same in equal stories of its family, as a hash. `avoided_by`: who avoids it or
+    would have, letters of `AVOIDERS`.
     """
 
     verdict: Verdict
     simulated_s: float
     wall_s: float
     story: str = ""
-    avoidable: bool = False
+    avoided_by: str = ""
 
 
 @dataclass(frozen=True)
@@ -167,12 +175,18 @@ class Measured:
                 yield from clip.children
 
 
+def avoided(measured: Measured, who: str) -> int:
+    """Return how many findings somebody (of `AVOIDERS`) avoids one failure of at least."""
+    children = (child for case in measured.usable for child in case.children)
+    return len({child.story for child in children if child.verdict.is_collision and who in child.avoided_by})
+
+
 def counted(children: Iterable[Child], what: Counted) -> int:
     """Return how many collisions there are among runs, or how many different stories these have."""
     collisions = [child for child in children if child.verdict.is_collision]
     if what is Counted.COLLISIONS:
         return len(collisions)
-    return len({child.story for child in collisions if what is Counted.FINDINGS or child.avoidable})
+    return len({child.story for child in collisions if what is Counted.FINDINGS or child.avoided_by})
 
 
 def save(measured: Measured, file: Path) -> None:

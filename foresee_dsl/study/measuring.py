@@ -11,7 +11,7 @@ from foresee_dsl.campaign.stages import Stages
 from foresee_dsl.derive.preventability import Preventable
 from foresee_dsl.story import Story
 from foresee_dsl.study.halves import half_of
-from foresee_dsl.study.measured import Child, Measured, MeasuredCase, MeasuredClip
+from foresee_dsl.study.measured import AVOIDERS, Child, Measured, MeasuredCase, MeasuredClip
 
 
 def measure(stages: Stages, *, group: str, repetition: int) -> Measured:
@@ -59,7 +59,7 @@ def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]
             simulated_s=round(child.duration_s, 2),
             wall_s=round(wall_s["child", child.name], 4),
             story=_story(child.story, clip.family),
-            avoidable=is_avoidable(child),
+            avoided_by=avoided_by(child),
         )
         for child in clip.children
     )
@@ -67,10 +67,15 @@ def _clip(position: int, clip: ClipOutcome, wall_s: dict[tuple[str, str], float]
     return MeasuredClip(position, clip.verdict, simulated_s, wall, tuple(children))
 
 
-def is_avoidable(failure: ChildOutcome | SeedOutcome) -> bool:
-    """Whether a careful driver would have avoided a failure, or a reference driver does."""
-    said = failure.preventability
-    return bool(failure.avoided) or (said is not None and said.verdict is Preventable.YES)
+def avoided_by(failure: ChildOutcome | SeedOutcome) -> str:
+    """Return who avoids a failure or would have, a letter of `AVOIDERS` each."""
+    careful, anticipating = failure.preventability, failure.anticipation
+    who = {
+        "d": bool(failure.avoided),
+        "b": careful is not None and careful.verdict is Preventable.YES,
+        "a": anticipating is not None and anticipating.answer.preventable,
+    }
+    return "".join(letter for letter in AVOIDERS if who[letter])
 
 
 def _story(story: Story | None, family: str) -> str:

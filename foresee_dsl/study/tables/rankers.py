@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import product
 
 from foresee_dsl.simulate.results.verdict import COLLISIONS, Verdict
-from foresee_dsl.study.measured import Counted, Measured
+from foresee_dsl.study.measured import AVOIDERS, Counted, Measured, avoided
 from foresee_dsl.study.results import TOGETHER, Results, mean, total
 from foresee_dsl.study.statistics import compare
 from foresee_dsl.study.tables.comparing import Compared, comparison_table
@@ -79,8 +79,8 @@ def _by_family(results: Results) -> Table:
         rows += [Row(f"Scenario{f}", line) for f, line in zip(results.families, lines, strict=True)]
         rows.append(Row("Σ", tuple(map(total, zip(*lines, strict=True))), RowKind.SUM))
     notes = (
-        "Findings: collisions of one family that tell the same story are one. Avoidable: a careful driver would have "
-        "avoided one of them, or a reference driver does. Means of the repetitions.",
+        "Findings: collisions of one family that tell the same story are one. Avoidable: another driver avoids one of "
+        "them, or R157's driver or the anticipating one would have. Means of the repetitions.",
     )
     return Table("rq2_findings", "RQ2: collisions, findings and avoidable findings", columns, tuple(rows), notes=notes)
 
@@ -89,6 +89,7 @@ def _counted(results: Results) -> Table:
     columns = (
         Column("clips"), Column("children"), *(Column(what.value) for what in Counted),
         *(Column(what.value, ("a clip",), 3) for what in Counted), Column("avoidable, %", digits=1),
+        *(Column(who, ("avoidable by",)) for who in AVOIDERS.values()),
     )  # fmt: skip
     rows: list[Row] = []
     for driver in results.drivers:
@@ -110,8 +111,9 @@ def _totals(found: tuple[Measured, ...]) -> Iterator[float | None]:
     yield mean(sum(len(clip.children) for case in m.usable for clip in case.clips) for m in found)
     yield from numbers.values()
     yield from (n / clips if clips and n is not None else None for n in numbers.values())
-    stories, avoided = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]
-    yield 100 * avoided / stories if stories and avoided is not None else None
+    stories, avoidable = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]
+    yield 100 * avoidable / stories if stories and avoidable is not None else None
+    yield from (mean(avoided(m, who) for m in found) for who in AVOIDERS)
 
 
 def _statistics(results: Results) -> Table:
