@@ -67,7 +67,9 @@ def study(
             show_default=False,
         ),
     ] = None,
-    cases: Annotated[int | None, typer.Option("--cases", min=1, help="So many test cases at most.")] = None,
+    cases: Annotated[
+        int | None, typer.Option("--cases", min=1, help="So many test cases at most, of all families.")
+    ] = None,
     only: OnlyOption = None,
     repetitions: Annotated[int, typer.Option(min=1, max=100, help="Repetitions, each with a seed of its own.")] = 3,
     exhaustive: Annotated[
@@ -203,6 +205,7 @@ def _run(
 
     for note in notes:
         say(note)
+    folder.noted(settings, {}, notes)  # a study that is killed can be reported as far as it came
     with ExitStack() as stack:
         opened = stack.enter_context(Store(store))
         listeners, _ = progress(stack, screen, quiet=quiet, log=None)
@@ -306,10 +309,10 @@ def _loaded(
     from foresee_dsl.cli.options.case_selection import selected
     from foresee_dsl.files import data_folder
     from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.study.halves import of_half
+    from foresee_dsl.study.halves import of_half, sample
 
     found = load_test_cases(paths or [str(data_folder("scenarios"))], allow_outside=allow_outside)
-    return tuple(selected(of_half(found, settings.half), settings.first, only))
+    return sample(selected(of_half(found, settings.half), None, only), settings.first)
 
 
 def _town(folder: Path, settings: StudySettings, *, allow_outside: bool) -> tuple[TestCase, ...]:

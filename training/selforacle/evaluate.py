@@ -37,12 +37,13 @@ from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.loading import load_test_cases
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
+from foresee_dsl.study.halves import Half, of_half
 from training.selforacle.alarms import Event, Tally, near_misses_of
 
 RANKERS = ("foresee", "proximity", "random", "selforacle", "selforacle_conv")
 FIRST = 4
 """Segments of a run that are compared: as many as a campaign studies points by default."""
-HALVES = {"even": 0, "odd": 1}
+HALVES = (Half.EVEN.value, Half.ODD.value)
 
 
 def main() -> None:
@@ -91,9 +92,7 @@ def chosen_cases(half: str | None) -> list[TestCase]:
     """Return the library's test cases, or one half of them by the hash of their names."""
     folder = data_folder("scenarios")
     cases = load_test_cases(sorted(str(file) for file in folder.glob("scenario*")))
-    if half is None:
-        return list(cases)
-    return [case for case in cases if _hash(Path(case.id).name) % 2 == HALVES[half]]
+    return list(of_half(cases, Half.ALL if half is None else Half(half)))
 
 
 def row(name: str, result: CampaignResult) -> str:
@@ -160,10 +159,6 @@ def _studied(case: TestCase, trace: Trace, results: Sequence[CampaignResult]) ->
 
 def _at_one_of(segment: Segment, frames: Sequence[int]) -> bool:
     return any(segment.first - 20 <= frame <= segment.last + 20 for frame in frames)
-
-
-def _hash(name: str) -> int:
-    return int(hashlib.sha256(name.encode()).hexdigest(), 16)
 
 
 def _say(text: str) -> None:
