@@ -13,6 +13,7 @@ import pytest
 from benchmarks.faults import plug_in_path
 from benchmarks.faults.__main__ import FEW, listed
 from benchmarks.faults.approaches import APPROACHES, DEFAULT, Approach
+from benchmarks.faults.benchmark import all_kinds
 from benchmarks.faults.evidence import Evidence, Failure, Ran
 from benchmarks.faults.measures import Confusion, confusions, detects, median, scores, weakest
 from benchmarks.faults.sampling import library, name
@@ -20,6 +21,7 @@ from benchmarks.faults.searching import Search, searched
 from benchmarks.faults.table import Benchmark, as_json, as_markdown
 from foresee_dsl.campaign.keys import driver_identity
 from foresee_dsl.compile import compile_test_case
+from foresee_dsl.drivers.idm import IdmDriver
 from foresee_dsl.drivers.pdm import PdmDriver
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.drivers.registry import load_driver
@@ -106,6 +108,17 @@ def test_a_fault_of_no_strength_changes_no_answer(kind: str, drives: Mapping[str
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_coarse_fault_changes_answers(kind: str, drives: Mapping[str, Recording]) -> None:
     assert any(differs(drives[case], kind, 1.0) for case in CASES)
+
+
+@pytest.mark.parametrize("fault", [fault for fault in all_kinds(KINDS) if fault.startswith("idm/")])
+def test_a_fault_of_no_strength_changes_no_answer_of_idm(fault: str, drives: Mapping[str, Recording]) -> None:
+    recording = drives[CASES[0]]
+    drivers = IdmDriver(), FaultyDriver("idm", fault.partition("/")[2], 0.0)
+    for driver in drivers:
+        driver.reset(*recording.told, 0)
+    for seen, _ in recording.steps:
+        answer, same = (driver.step(seen) for driver in drivers)
+        assert answer == same
 
 
 def test_there_are_enough_kinds_and_the_documentation_has_them() -> None:
@@ -219,11 +232,11 @@ def test_an_approach_that_is_not_there_is_named() -> None:
 
 def test_a_search_ends_with_its_time_and_is_not_done_twice(bundled: list[TestCase], tmp_path: Path) -> None:
     case = next(case for case in bundled if name(case) == "scenario7.foresee::r01")
-    search = Search("pdm/weak_brakes", 1.0, Approach("foresee", {"risky_points": 1}), 45.0)
+    search = Search("pdm/weak_brakes", 1.0, Approach("foresee", {"risky_points": 1}), 40.0)
     found = searched(search, [case], tmp_path)
     assert [run.kind for run in found.runs[:3]] == ["seed", "clip", "child"]
     spent = [run.simulated_s for run in found.runs]
-    assert sum(spent[:-1]) < 45.0
+    assert sum(spent[:-1]) < 40.0
     assert all(run.failure.healthy and "R157" in run.failure.verdicts for run in found.runs if run.failure)
     file = next(tmp_path.rglob("foresee.json"))
     assert not list(tmp_path.rglob("*.work"))
@@ -231,7 +244,7 @@ def test_a_search_ends_with_its_time_and_is_not_done_twice(bundled: list[TestCas
     assert searched(search, [case], tmp_path) == found and file.stat().st_mtime_ns == before
     other = Search("pdm/weak_brakes", 1.0, search.approach, 10.0)
     assert other.key([case]) != search.key([case])
-    written = Benchmark(("foresee",), ("pdm/weak_brakes",), (1.0,), 1.0, 45.0, {("pdm/weak_brakes", "foresee"): 1.0},
+    written = Benchmark(("foresee",), ("pdm/weak_brakes",), (1.0,), 1.0, 40.0, {("pdm/weak_brakes", "foresee"): 1.0},
                         (found,), (), {"pdm/weak_brakes": 1}, "all", 1.0)  # fmt: skip
     assert "| foresee | 1 | 1 of 1 |" in as_markdown(written)
-    assert as_json(written)["faults"][0]["approaches"][0]["failing"] == len(found.failures(45.0))
+    assert as_json(written)["faults"][0]["approaches"][0]["failing"] == len(found.failures(40.0))

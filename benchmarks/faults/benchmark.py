@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import get_context
@@ -23,6 +24,9 @@ from benchmarks.faults.table import Benchmark
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
+
+_ATTEMPTS = 5
+"""Ours: how often processes may die. A library that crashes in one of some thousand runs must not cost the others."""
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -78,31 +82,37 @@ def measure(plan: Plan, say: Say) -> Benchmark:
             say(skipped[-1])
         else:
             usable.append(approach)
-    with ProcessPoolExecutor(plan.jobs, get_context("spawn"), _begin) as pool:
-        cases = _cases_of(plan, pool, say)
-        for fault in plan.faults:
-            if not cases[fault]:
-                skipped.append(f"the fault {fault}: it changes nothing in any test case")
-                say(skipped[-1])
-        faults = tuple(fault for fault in plan.faults if cases[fault])
-        # A fault with all approaches before the next one: where time runs out, what was measured can be compared.
-        chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
-        thresholds, compared, core_s, late = {}, [], 0.0, set()
-        for number, (chain, found) in enumerate(_spread(pool, _search, chains), start=1):
-            if found is None:
-                late.add(chain.fault)
-                continue
-            threshold, evidences = found
-            thresholds[chain.fault, chain.approach.name] = threshold
-            compared += [one for one in evidences if one.strength == plan.reference]
-            core_s += sum(one.wall_s for one in evidences)
-            tried = ", ".join(f"{one.strength:g}" for one in evidences)
-            say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {threshold:g} on "
-                f"(tried {tried}; {time.monotonic() - started:.0f} s)")  # fmt: skip
+    cases = _cases_of(plan, say)
+    for fault in plan.faults:
+        if not cases[fault]:
+            skipped.append(f"the fault {fault}: it changes nothing in any test case")
+            say(skipped[-1])
+    faults = tuple(fault for fault in plan.faults if cases[fault])
+    # A fault with all approaches before the next one: where time runs out, what was measured can be compared.
+    chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
+    thresholds, compared, core_s = {}, [], 0.0
+    late: set[str] = set()
+    broken: dict[str, str] = {}
+    for number, (chain, found) in enumerate(_spread(plan.jobs, _search, chains), start=1):
+        if isinstance(found, str):
+            broken[chain.fault] = f"the fault {chain.fault}: its search by {chain.approach.name} broke, {found}"
+            say(broken[chain.fault])
+            continue
+        if found is None:
+            late.add(chain.fault)
+            continue
+        threshold, evidences = found
+        thresholds[chain.fault, chain.approach.name] = threshold
+        compared += [one for one in evidences if one.strength == plan.reference]
+        core_s += sum(one.wall_s for one in evidences)
+        tried = ", ".join(f"{one.strength:g}" for one in evidences)
+        say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {threshold:g} on "
+            f"(tried {tried}; {time.monotonic() - started:.0f} s)")  # fmt: skip
     if late:
         skipped.append(f"{len(late)} of {len(faults)} faults, as time ran out: {', '.join(sorted(late))}")
-        faults = tuple(fault for fault in faults if fault not in late)
-        compared = [one for one in compared if one.fault not in late]
+    skipped += broken.values()
+    faults = tuple(fault for fault in faults if fault not in late and fault not in broken)
+    compared = [one for one in compared if one.fault in faults]
     order = {approach.name: k for k, approach in enumerate(usable)}
     compared.sort(key=lambda one: (faults.index(one.fault), order[one.approach]))
     return Benchmark(tuple(order), faults, plan.strengths, plan.reference, plan.simulated_s, thresholds,
@@ -114,8 +124,9 @@ class _LateError(Exception):
     """Time has run out."""
 
 
-def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]] | None:
-    """Return the weakest strength that is found, and the evidence of the strengths that were tried; None: too late."""
+def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]] | str | None:
+    """Return the weakest strength that is found, and the evidence of the strengths that were tried; in words why there
+    is none; None: time has run out."""
     plan, known = chain.plan, _library(chain.plan.half)
     cases = [known[each] for each in chain.cases]
     tried: dict[float, Evidence] = {}
@@ -135,16 +146,18 @@ def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]] | None:
             threshold = min([strength for strength in plan.strengths if finds(strength)], default=math.inf)
     except _LateError:
         return None
+    except Exception as err:  # one search that breaks must not cost the others
+        return f"{type(err).__name__}: {err}"
     return threshold, tuple(tried[strength] for strength in sorted(tried))
 
 
-def _cases_of(plan: Plan, pool: ProcessPoolExecutor, say: Say) -> dict[str, tuple[str, ...]]:
+def _cases_of(plan: Plan, say: Say) -> dict[str, tuple[str, ...]]:
     """Return for each fault test cases that the healthy driver passes and in which its coarsest form changes anything:
     elsewhere nobody can find it. They are taken in the stratified order, as many as asked for."""
     drivers = sorted({healthy(fault) for fault in plan.faults})
     names = [name(case) for case in library(plan.half)]
     runs = [(plan.half, each, driver) for driver in drivers for each in names]
-    passed = {run[1:]: digest for run, digest in _spread(pool, _digest, runs) if digest}
+    passed = {run[1:]: digest for run, digest in _spread(plan.jobs, _digest, runs) if digest}
     say(f"{len(names)} test cases; passed by " + ", ".join(
         f"{driver}: {sum(key[1] == driver for key in passed)}" for driver in drivers))  # fmt: skip
     asked = [
@@ -152,7 +165,7 @@ def _cases_of(plan: Plan, pool: ProcessPoolExecutor, say: Say) -> dict[str, tupl
          tuple((each, passed[each, healthy(fault)]) for each in names if (each, healthy(fault)) in passed))
         for fault in plan.faults
     ]  # fmt: skip
-    return {task[1]: found for task, found in _spread(pool, _affected, asked)}
+    return {task[1]: found for task, found in _spread(plan.jobs, _affected, asked)}
 
 
 def _digest(run: tuple[Half, str, str]) -> str:
@@ -185,11 +198,25 @@ def _begin() -> None:
     logging.disable(logging.WARNING)
 
 
-def _spread(pool: ProcessPoolExecutor, work: Callable[[T], R], given: Sequence[T]) -> Iterator[tuple[T, R]]:
-    """Yield what each gives, in the order in which they are done."""
-    running: dict[Future[R], T] = {pool.submit(work, each): each for each in given}
-    for done in as_completed(running):
-        yield running[done], done.result()
+def _spread(jobs: int, work: Callable[[T], R], given: Sequence[T]) -> Iterator[tuple[T, R]]:
+    """Yield what each gives, in the order in which they are done; where a process dies, the rest is given to new ones.
+
+    Raises:
+        BrokenProcessPool: processes die again and again.
+    """
+    left = dict(enumerate(given))
+    for attempt in range(_ATTEMPTS):
+        with ProcessPoolExecutor(min(jobs, max(len(left), 1)), get_context("spawn"), _begin) as pool:
+            running: dict[Future[R], int] = {pool.submit(work, each): number for number, each in left.items()}
+            try:
+                for done in as_completed(running):
+                    result = done.result()
+                    yield left.pop(running[done]), result
+            except BrokenProcessPool:
+                if attempt == _ATTEMPTS - 1:
+                    raise
+        if not left:
+            return
 
 
 def all_kinds(kinds: Iterable[str]) -> tuple[str, ...]:

@@ -33,11 +33,11 @@ class WeakBrakes(Fault):
 
     what = "brakes too weakly"
     cause = "a load that the controller does not know of, worn or hot brakes"
-    scale = "0 to 70 % less"
+    scale = "0 to 60 % less"
 
     def done(self, control: Control, observation: Observation) -> Control:
         """Take away from the brake."""
-        return replace(control, brake=control.brake * (1 - self.between(0.0, 0.7)))
+        return replace(control, brake=control.brake * (1 - self.between(0.0, 0.6)))
 
 
 class ComfortOnly(Fault):
@@ -58,7 +58,7 @@ class SlowBrakes(Fault):
 
     what = "brakes late: the pressure builds up slowly"
     cause = "air in the hydraulics, or a filter in the actuator's interface"
-    scale = "time constant 0 to 1.5 s"
+    scale = "time constant 0 to 0.8 s"
 
     def begin(self, mission: Mission, vehicle: VehicleLimits, seed: int) -> None:
         """Without pressure."""
@@ -67,7 +67,7 @@ class SlowBrakes(Fault):
 
     def done(self, control: Control, observation: Observation) -> Control:
         """Let the brake follow; it is released at once."""
-        lag_s = self.between(0.0, 1.5)
+        lag_s = self.between(0.0, 0.8)
         share = STEP_S / (STEP_S + lag_s)
         self._brake = min(self._brake + share * (control.brake - self._brake), control.brake)
         return replace(control, brake=self._brake) if lag_s else control
@@ -170,11 +170,11 @@ class SlowSpeedometer(Fault):
 
     what = "takes itself for slower than it is, so that it drives faster and brakes late"
     cause = "wheels of another size"
-    scale = "by 0 to 40 %"
+    scale = "by 0 to 25 %"
 
     def felt(self, ego: EgoState, observation: Observation) -> EgoState:
         """Report a lower speed."""
-        return replace(ego, speed_mps=ego.speed_mps * (1 - self.between(0.0, 0.4)))
+        return replace(ego, speed_mps=ego.speed_mps * (1 - self.between(0.0, 0.25)))
 
 
 class BesideItself(Fault):
@@ -204,11 +204,11 @@ class CutsCorners(Fault):
 
     what = "cuts corners"
     cause = "a smoothing of the route that is too strong"
-    scale = "by 0 to 2 m in bends of less than 50 m radius"
+    scale = "by 0 to 1.5 m in bends of less than 50 m radius"
 
     def told(self, mission: Mission) -> Mission:
         """Move the line inwards where it bends; the lanes' edges stay where they are."""
-        most = self.between(0.0, 2.0)
+        most = self.between(0.0, 1.5)
         x, y = np.asarray(mission.centreline, dtype=float).T
         tx, ty = np.gradient(x), np.gradient(y)
         heading = np.unwrap(np.arctan2(ty, tx))
@@ -227,7 +227,7 @@ class FastInCurves(Fault):
 
     what = "is too fast in bends"
     cause = "a limit of lateral acceleration that was meant for a sports mode"
-    scale = "2.5 to 8 m/s^2 to the side"
+    scale = "2.5 to 5 m/s^2 to the side"
 
     def settle(self, state: Any) -> None:  # noqa: ANN401 - see Fault
         """Give the driver another speed profile; its route is shared with other runs, so it gets a copy."""
@@ -236,7 +236,7 @@ class FastInCurves(Fault):
         route = state._route
         columns = {name: values.copy() for name, values in route.columns.items()}
         limit = np.interp(columns["s"], self.task.s, self.task.speed_limit_mps)
-        squared = np.minimum(limit**2, self.between(2.5, 8.0) / np.maximum(np.abs(columns["curvature"]), 1e-6))
+        squared = np.minimum(limit**2, self.between(2.5, 5.0) / np.maximum(np.abs(columns["curvature"]), 1e-6))
         ramp = 2.0 * 2.0 * GRID_M * np.arange(len(squared))
         columns["profile"] = np.sqrt(np.minimum.accumulate((squared + ramp)[::-1])[::-1] - ramp)
         points = route.points.copy()
