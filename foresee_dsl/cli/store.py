@@ -81,10 +81,13 @@ def _print(data: object, text: str, *, json: bool) -> None:
 
 def _print_statistics(folder: Path, found: Statistics) -> None:
     from foresee_dsl.campaign.stages import STEPS
+    from foresee_dsl.fuzz.engine import KIND
     from foresee_dsl.report.terminal import duration, plain_table
 
     screen = console()
-    kinds = [(step.title, found.kinds.get(step.kind, {})) for step in STEPS]
+    titles = {step.kind: step.title for step in STEPS} | {KIND: "mutated whole (foresee fuzz)"}
+    always = [step.kind for step in STEPS]
+    kinds = [(titles.get(kind, kind), found.kinds.get(kind, {})) for kind in dict.fromkeys([*always, *found.kinds])]
     rows = (
         (title, sum(verdicts.values()), ", ".join(f"{n} {verdict}" for verdict, n in verdicts.items() if verdict))
         for title, verdicts in kinds

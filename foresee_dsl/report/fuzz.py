@@ -16,7 +16,7 @@ from foresee_dsl.campaign.storage.store import Row
 from foresee_dsl.report.live import EVERY_S, bars
 from foresee_dsl.report.safe_text import safe, shortened
 from foresee_dsl.report.terminal import duration, plain_table
-from foresee_dsl.report.verdicts import counted
+from foresee_dsl.report.verdicts import counted, without_verdict
 from foresee_dsl.simulate.results.verdict import FAILURES, Verdict
 
 if TYPE_CHECKING:
@@ -56,12 +56,12 @@ class FuzzProgress(Listener):
         self._bars.update(self._task, completed=self._done)
         if row.verdict in [verdict.value for verdict in FAILURES]:
             self._failed += 1
-            self._bars.update(self._task, description=f"runs, {self._failed} failures")
+            self._bars.update(self._task, description=f"runs, {counted(self._failed, 'failure')}")
             if new:
                 self._bars.console.print(f"  {row.name}: {row.reason}", style="dim", highlight=False, markup=False)
         if new and not self._console.is_terminal and time.monotonic() - self._told_s >= EVERY_S:
             self._told_s = time.monotonic()
-            self._console.print(f"{self._done} runs, {self._failed} failures")
+            self._console.print(f"{counted(self._done, 'run')}, {counted(self._failed, 'failure')}")
 
     def broken(self, what: str) -> None:
         """Print it."""
@@ -78,7 +78,7 @@ def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
     line = f"{counted(len(every), 'mutation')}: {told}" if every else "no mutation was run"
     console.print(Text.assemble((f"{safe(result.settings.driver)}: ", "bold"), (line, style)), soft_wrap=True)
     for seed in result.seeds:
-        _print_seed(console, seed)
+        _print_seed(console, seed, out)
     if result.by_cycle:
         rows = [(one.cycle, one.seeds, one.failures, f"{one.mean_best:.2f}") for one in result.by_cycle]
         console.print()
@@ -95,18 +95,21 @@ def print_fuzz(console: Console, result: FuzzResult, out: Path) -> None:
     console.print(f"{out / 'fuzz.json'}", soft_wrap=True, markup=False)
 
 
-def _print_seed(console: Console, seed: SeedFuzz) -> None:
+def _print_seed(console: Console, seed: SeedFuzz, out: Path) -> None:
     name = safe(seed.test_case)
     run = seed.failed
     if run is not None:
-        console.print(Text.assemble((f"{name}  ", "bold"), (run.verdict.value, run.verdict.style), f" {run.reason}"),
+        reason = f" {safe(without_verdict(run.verdict, run.reason))}"
+        console.print(Text.assemble((f"{name}  ", "bold"), (run.verdict.value, run.verdict.style), reason),
                       soft_wrap=True)  # fmt: skip
         _print_line(console, f"  cycle {run.cycle}, mutation {run.number}: {run.what}")
-        console.print(f"  {run.file}", soft_wrap=True, markup=False)
+        console.print(f"  {out / run.file}", soft_wrap=True, markup=False)
     elif seed.plain is None:
         console.print(Text.assemble((f"{name}  ", "bold"), ("not driven yet", "dim")), soft_wrap=True)
     elif not seed.usable:
-        console.print(Text.assemble((f"{name}  ", "bold"), (f"not mutated: {seed.reason}", "dim")), soft_wrap=True)
+        console.print(
+            Text.assemble((f"{name}  ", "bold"), (f"not mutated: {safe(seed.reason)}", "dim")), soft_wrap=True
+        )
     else:
         scores = " ".join(f"{cycle.best:.1f}" for cycle in seed.cycles) or "none yet"
         console.print(Text.assemble((f"{name}  ", "bold"), f"passes; lowest scores {scores}"), soft_wrap=True)
