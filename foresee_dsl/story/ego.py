@@ -11,7 +11,7 @@ import numpy as np
 
 from foresee_dsl.compile.roads.polyline import wrap
 from foresee_dsl.compile.roads.topology import Movement
-from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, YAW_RATE
+from foresee_dsl.simulate.trace import ACCELERATION, SPEED, STEP_S, YAW_RATE, X, Y
 from foresee_dsl.story.facts import Facts, spans
 from foresee_dsl.story.place import Place, kind_of, movement_near
 from foresee_dsl.story.story import Moment
@@ -149,6 +149,17 @@ def _moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:
     for start, end in spans(acceleration >= ACCELERATES_MPS2, ACCELERATES_FOR_S, EASES_S):
         yield _moment(start, "accelerates", f"the ego accelerates from {kmh(speed[start])} to {kmh(speed[end])}")
     yield from _way_moments(facts)
+    yield from _slippery_moments(facts)
+
+
+def _slippery_moments(facts: Facts) -> Iterator[Moment]:
+    """Where it comes onto slippery ground: its middle, give or take half its width, over a patch."""
+    states, half_m = facts.trace.states[:, 0], facts.trace.actors[0].width_m / 2
+    for patch in facts.bundle.scene.slippery:
+        on = np.hypot(states[:, X] - patch.x, states[:, Y] - patch.y) <= patch.radius_m + half_m
+        for start, _ in spans(on, 0.0, EASES_S):
+            text = f"the ego comes onto {patch.name}, slippery ground with friction {patch.friction:g}"
+            yield _moment(start, "slippery", text)
 
 
 def _braking_moments(facts: Facts, brakings: list[tuple[int, int]]) -> Iterator[Moment]:

@@ -1,6 +1,6 @@
 // The view from above, on a canvas.
 
-const NAMES = ['ground', 'road', 'mark', 'path', 'crossing', 'building', 'edge', 'cycle', 'ego', 'opponent', 'others', 'label',
+const NAMES = ['ground', 'road', 'mark', 'path', 'crossing', 'building', 'edge', 'cycle', 'slippery', 'ego', 'opponent', 'others', 'label',
   'halo', 'shade', 'forecast', 'contact', 'panel', 'line', 'ink', 'muted', 'accent'];
 const colours = () => {
   const style = getComputedStyle(document.documentElement);
@@ -171,6 +171,12 @@ const drawScene = (canvas, run, ground, time, view, show, c) => {
   ctx.setTransform(scale, 0, 0, -scale, canvas.width / 2 - view.x * scale, canvas.height / 2 + view.y * scale);
   const pixel = 1 / view.scale;
   ground.draw(ctx, c, pixel);
+  for (const [x, y, radius] of run.raw.slippery || []) {
+    ctx.fillStyle = c.slippery;
+    ctx.beginPath();
+    ctx.arc(x, y, radius, 0, 2 * Math.PI);
+    ctx.fill();
+  }
 
   const ego = run.pose(run.ego.way, time);
   const poses = run.actors.map((actor) => run.pose(actor.way, time));

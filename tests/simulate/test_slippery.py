@@ -21,6 +21,7 @@ from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, X, Y
+from foresee_dsl.story import tell
 from tests.support.scenes import Cruise
 from tests.support.situations import risky
 
@@ -124,3 +125,9 @@ def test_a_clip_has_the_patch_where_it_was_and_drives_over_it_in_the_same_way(
     clip_case = expand_clip(made, case, source=tmp_path / "ice_p1.foresee")
     found = run(compile_test_case(clip_case), Brakes(0.0))
     assert deviation(parent.trace, 30, found.trace).largest_m < 0.05
+
+
+def test_the_story_says_where_the_ego_comes_onto_it(on_ice: tuple[TestCase, RunResult]) -> None:
+    case, result = on_ice
+    told = [moment.text for moment in tell(result.trace, case).moments if moment.kind == "slippery"]
+    assert told == ["the ego comes onto ice, slippery ground with friction 0.1"]

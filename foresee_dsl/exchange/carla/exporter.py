@@ -67,6 +67,7 @@ def run(
         left_out["actors besides the ego"] += len(bundle.scene.actors) - 1
         left_out["speeds at the beginning"] += bundle.scene.ego.speed_mps > 0
         left_out["triggers"] += len(bundle.scene.whens)
+        left_out["slippery patches"] += len(bundle.scene.slippery)
         left_out["signals' states"] += len(bundle.scene.signals)
     indent(routes)
 

@@ -81,6 +81,8 @@ def playback(trace: Trace, bundle: SumoBundle, marks: Marks, parent: Parent | No
         "ghost_gap": [],
         "differs": None,
     }
+    if bundle.scene.slippery:
+        run["slippery"] = [[round(p.x, 2), round(p.y, 2), round(p.radius_m, 2)] for p in bundle.scene.slippery]
     if marks.contact_s is not None:
         run["contact"] = [marks.contact_s, *([round(v, 2) for v in marks.contact] if marks.contact else [])]
     if parent is not None:

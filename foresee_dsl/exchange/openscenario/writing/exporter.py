@@ -75,6 +75,7 @@ def run(
     trace = result.trace
     name = case_name(case)
     left_out: Counter[str] = Counter()
+    left_out["slippery patches"] += len(bundle.scene.slippery)
     road = opendrive_of(case.network, bundle.net_file)
     end_s = trace.duration_s + (_LATER_S if result.verdict.is_failure else 0.0)
     network = osc.RoadNetwork(f"{name}.xodr")
