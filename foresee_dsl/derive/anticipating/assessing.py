@@ -84,7 +84,7 @@ class _Assessment:
         stood = self._stood()
         if stood:
             return stood
-        again = self._run(Replay(self._trace, None), self._whole)
+        again = self._run(Replay(self._trace, None, self._whole.scene), self._whole)
         if why := strays(again.result, self._result):
             return Anticipation(Answer.UNDECIDED, why)
         seen_s = self._seen_s()

@@ -98,12 +98,12 @@ def _judged(bundle: SumoBundle, result: RunResult, failed: Impact) -> Preventabi
     if seen is None:
         where = " in the rear" if failed.side == "rear" else ""
         return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")
-    astray = strays(run(bundle, Replay(result.trace, None)), result)
+    astray = strays(run(bundle, Replay(result.trace, None, bundle.scene)), result)
     if astray:
         return Preventability(Preventable.UNKNOWN, astray)
     if seen.brakes_s >= result.time_s:
         return _too_late(seen, result.time_s)
-    return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s)))
+    return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s, bundle.scene)))
 
 
 def strays(replay: RunResult, result: RunResult) -> str:

@@ -7,9 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.derive.preventability.risk import RecordedPath
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, VehicleLimits
 from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
+from foresee_dsl.simulate.actors.slippery import SlipperyGround
 from foresee_dsl.simulate.trace import SPEED, STEER, STEP_S, Trace
 
 BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
@@ -36,13 +38,14 @@ class Replay:
     vehicle's model.
 
     Args:
-        trace: the run. brakes_s: when braking begins; None: never.
+        trace: the run. brakes_s: when braking begins; None: never. scene: what was run, for its slippery patches.
     """
 
     name = "careful"
     version = "1"
 
-    def __init__(self, trace: Trace, brakes_s: float | None) -> None:
+    def __init__(self, trace: Trace, brakes_s: float | None, scene: Scene | None = None) -> None:
+        self._ground = SlipperyGround(scene) if scene is not None else None
         self._states = trace.states[:, 0]
         self._path = RecordedPath(trace)
         self._brakes_from = math.inf if brakes_s is None else round(brakes_s / STEP_S)
@@ -60,6 +63,8 @@ class Replay:
         """Answer with what leads to the next recorded frame, or with braking."""
         if self._bicycle is None:
             raise RuntimeError("stepped before reset")
+        if self._ground is not None:
+            self._ground.hold(self._bicycle, self._state)
         following = self._frame < min(self._brakes_from, len(self._states) - 1)
         control = self._follow(self._bicycle) if following else self._brake(self._bicycle)
         before = self._state

@@ -12,7 +12,7 @@ from math import hypot
 
 from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.kernels.arrays import FloatArray
-from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle
+from foresee_dsl.simulate.actors.dynamics import GRAVITY_MPS2, Bicycle, BicycleState
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import Ego, PathActor, SteeredVehicle
 from foresee_dsl.simulate.actors.states import Actor
@@ -50,17 +50,19 @@ class SlipperyGround:
                 continue
             match actor:
                 case Ego():
-                    self._wheels(actor, actor.motion)
+                    self.hold(actor.motion, actor.bicycle())
                 case SteeredVehicle() if actor.recovery is not None:
-                    self._wheels(actor, actor.recovery.bicycle)
+                    self.hold(actor.recovery.bicycle, actor.bicycle())
                 case PathActor():
                     self._path(actor)
                 case GuidedVehicle() if actor.guide is not None:
                     self._path(actor.guide)
         self._traffic(vehicles, world)
 
-    def _wheels(self, actor: Ego | SteeredVehicle, motion: Bicycle) -> None:
-        motion.hold(self.under(motion.wheels(actor.bicycle(), TYRE_M)))
+    def hold(self, motion: Bicycle, state: BicycleState) -> None:
+        """Let a vehicle's tyres hold what the ground under its wheels allows; nothing changes without patches."""
+        if self._patches:
+            motion.hold(self.under(motion.wheels(state, TYRE_M)))
 
     def _path(self, actor: PathActor) -> None:
         if actor.placed.model.kind != "pedestrian":
