@@ -22,8 +22,9 @@ SAME_KIND = 0.5
 strength of one behaviour often ends the same way."""
 SAME_ACTOR = 0.8
 """And so much less for each of the same actor. Ours."""
-LEAST = 0.02
-"""Candidates with a smaller score are left to chance. Ours: their roll-outs miss the ego by more than a metre."""
+LEAST = 0.15
+"""Candidates with a smaller score are not worth a simulation. Ours: so much has who hits a driver that reacts, if late.
+Of 116 children of 11 test cases, 6 of 9 with a score of 0.4 failed, 1 of 18 from 0.2 on, none of 89 below."""
 _PROPERTY = {
     Kind.LATE: "delay",
     Kind.EARLY: "moving",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Collection, Sequence
 from decimal import Decimal
 from functools import partial
@@ -24,6 +25,8 @@ from foresee_dsl.simulate.trace import Trace
 
 CHILDREN = 4
 """c, the number of children a risky point (paper, section 4.4)."""
+UNPROMISING = 0.25
+"""The share of its children that a clip gets of which a search finds nothing good. Ours: one in four by default."""
 _DRAWS = 32
 """How often a child is drawn anew when it equals an earlier one. Ours: two values of a hundred agree once in a
 hundred draws, 32 in a row never; where the operators have fewer values than children, there are fewer children."""
@@ -108,6 +111,8 @@ class Mutator:
         made: list[Mutant] = []
         seen: set[tuple[Change, ...]] = set()
         best = self.searched(seed, count)
+        if self._preset.search is not None:  # where nothing is promising, hardly anything is driven
+            count = best or math.ceil(count * UNPROMISING)
         for k in range(1, count + 1) if self._plans or best else ():
             draw = Draw.numbered(k, len(self._plans), best)
             child = self.child(draw, seed=seed, driver=driver, seen=seen) if draw is not None else None

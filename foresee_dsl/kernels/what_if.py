@@ -26,6 +26,8 @@ FRAMES = 2.0
 STANDS_MPS = 0.5
 """An actor that is slower than this is taken as this fast where braking is worked out. Ours: a walker's slowest
 steps."""
+HALTS_MPS = 0.1
+"""An actor slower than this waits (SUMO's threshold)."""
 SLACK_M = 0.3
 """So much wider than its body is the corridor that the ego keeps free. Ours: what is left beside people who stand."""
 LOOKS = 6
@@ -172,6 +174,16 @@ def _advanced(track: FloatArray, clock: float, way: float) -> float:
 
 
 @inner
+def _paced(pace: float, track: FloatArray, now: _Moves) -> float:
+    """Return the share of the recorded pace a step later: nobody waits for less long, or gains speed faster."""
+    mps, later = _mps(track, now.clock), _mps(track, now.clock + FRAMES)
+    if later < HALTS_MPS:
+        return 1.0
+    reached = now.share * mps + max(GAINS_MPS2 * STEP_S, later - mps)
+    return min(pace, max(1.0, reached / later))
+
+
+@inner
 def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves:
     """Return where the changed actor is a step later; `since`: from the window's beginning to now, s."""
     share, before = now.share, max(_mps(track, now.clock), STANDS_MPS)
@@ -182,6 +194,8 @@ def _acted(what: Record, track: FloatArray, now: _Moves, since: float) -> _Moves
         share = max(0.0, share - what["braking"] * STEP_S / before)
     elif braked or what["delay"] > 0.0:
         share = min(what["pace"], share + GAINS_MPS2 * STEP_S / before)
+    else:
+        share = _paced(what["pace"], track, now)
     clock = now.clock + share * FRAMES
     if since >= what["goes_at"]:
         onset = _mps(track, what["first"] + what["goes_at"] / STEP_S * FRAMES)
@@ -214,27 +228,33 @@ def _placed(track: FloatArray, at: _Moves) -> tuple[float, float, float]:
 def _hidden(
     x: float, y: float, to_x: float, to_y: float, actor: int, tracks: FloatArray, frame: int, sizes: FloatArray
 ) -> bool:
-    """Say whether another body, at least as high as an actor, stands between the ego and that actor's middle.
-
-    The line is looked at in nine places around where it comes nearest to the body's middle.
-    """
+    """Say whether another body, at least as high as an actor, stands between the ego and that actor's middle."""
     dx, dy = to_x - x, to_y - y
     squared = max(dx * dx + dy * dy, 1e-9)
     for k in range(1, sizes.shape[0]):
         if k == actor or sizes[k, 2] < sizes[actor, 2]:
             continue
         bx, by = tracks[k, frame, 0] - x, tracks[k, frame, 1] - y
-        share = (bx * dx + by * dy) / squared
-        radius = hypot(sizes[k, 0], sizes[k, 1]) / 2
+        share = min(max((bx * dx + by * dy) / squared, 0.0), 1.0)
         # Written so that the NaN of somebody absent does not pass.
-        if not (hypot(bx - share * dx, by - share * dy) < radius and 0.0 < share < 1.0):
+        if not hypot(bx - share * dx, by - share * dy) <= hypot(sizes[k, 0], sizes[k, 1]) / 2:
             continue
-        body = Box(bx, by, tracks[k, frame, 2], sizes[k, 0], sizes[k, 1])
-        for part in range(-4, 5):
-            at = share + part * radius / 4 / squared**0.5
-            if 0.0 < at < 1.0 and overlap(Box(at * dx, at * dy, 0.0, 0.0, 0.0), body):
-                return True
+        c, s = cos(tracks[k, frame, 2]), sin(tracks[k, frame, 2])
+        # The line of sight as the body sees it: from (ahead, left) by (way, aside), cut off at its length and width.
+        low, high = _cut(-bx * c - by * s, dx * c + dy * s, sizes[k, 0] / 2, 0.0, 1.0)
+        low, high = _cut(bx * s - by * c, dy * c - dx * s, sizes[k, 1] / 2, low, high)
+        if low <= high:
+            return True
     return False
+
+
+@inner
+def _cut(begin: float, way: float, half: float, low: float, high: float) -> tuple[float, float]:
+    """Return the shares of a way, within low..high, at which a coordinate is within a half width of 0."""
+    if abs(way) < 1e-12:
+        return (low, high) if abs(begin) <= half else (1.0, 0.0)
+    one, other = (-half - begin) / way, (half - begin) / way
+    return max(low, min(one, other)), min(high, max(one, other))
 
 
 @inner
@@ -284,7 +304,8 @@ def _rolled(what: Record, style: Record, near_s: float, tracks: FloatArray, size
     """
     ego, track, actor = tracks[0], tracks[what["actor"]], what["actor"]
     size = (sizes[0, 0], sizes[0, 1])
-    at = _Moves(_advanced(track, float(what["first"]), what["ahead"]), what["pace"], 0.0, 0.0)
+    begins = _advanced(track, float(what["first"]), what["ahead"])
+    at = _Moves(begins, what["pace"] if _mps(track, begins) >= HALTS_MPS else 1.0, 0.0, 0.0)
     clock, share, aside = what["first"] + (1.0 - style["pace"]) * near_s / STEP_S * FRAMES, style["pace"], 0.0
     threatened, braking_until = inf, -inf
     ending["contact"], ending["gap"], ending["at"], ending["ego"] = inf, inf, 0.0, 0.0

@@ -17,7 +17,7 @@ from foresee_dsl.simulate.trace import STEP_S, Trace
 BEST = 4
 """A moment counts as much as its best candidates on average: so many (the children of a clip in a campaign)."""
 APART_S = 2.0
-"""Moments of one actor nearer than this are one. Ours: clips of 10 s that begin nearer than this show the same."""
+"""Of moments nearer than this the best counts. Ours: clips of 10 s that begin nearer than this show the same."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,16 @@ class CarefulRanker:
                 found.append((sum(s.score for s in best) / BEST, encounter, best[0]))
         found.sort(key=lambda f: (-f[0], f[1].frame, f[1].actor))
         points = [_point(trace, *f, before_s) for f in _apart(found)]
-        taken = {(p.frame, p.actor) for p in points}
-        rest = ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s)
-        points += [replace(p, score=0.0) for p in rest if (p.frame, p.actor) not in taken]
+        for other in ForeseeRanker().rank(trace, seed=seed, before_s=before_s, after_s=after_s):
+            if all(abs(other.time_s - p.time_s) >= APART_S for p in points):
+                points.append(replace(other, score=0.0))
         return tuple(replace(p, rank=k) for k, p in enumerate(points, start=1))
 
 
 def _apart(found: list[tuple[float, CloseEncounter, Scored]]) -> list[tuple[float, CloseEncounter, Scored]]:
     kept: list[tuple[float, CloseEncounter, Scored]] = []
     for one in found:
-        near = (abs(one[1].frame - k[1].frame) * STEP_S < APART_S and one[1].actor == k[1].actor for k in kept)
-        if not any(near):
+        if all(abs(one[1].frame - k[1].frame) * STEP_S >= APART_S for k in kept):
             kept.append(one)
     return kept
 

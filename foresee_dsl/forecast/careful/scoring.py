@@ -34,17 +34,18 @@ CAREFUL = (
 )
 """What a careful driver does: brakes early, approaches slower (twice), keeps to the left or to the right. Ours: less
 than half a lane's free width aside, and the speed of somebody who expects something."""
-NEAR_M = 0.4
+NEAR_M = 0.25
 """A roll-out that misses by this much counts about a third. Ours: what the roll-out is off by after some seconds."""
 STANDS_MPS = 0.5
 """An ego slower than this at the contact stands: then nobody could have avoided it."""
-_HITS = 0.5
+_HITS = 0.3
 """What a miss of no width counts, against a contact. Ours."""
 LEAST_SHARE = 0.2
 """What is left of the score where no careful driver of ours avoids it. Ours: in a trial other drivers avoid those too,
 but fewer."""
-BLIND_SHARE = 0.2
-"""How much the driver that does not react counts. Ours: drivers overlook people as well."""
+SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
+"""How much `BLIND` and each of `DRIVES` counts. Ours: what hits a prompt driver fails in the simulation; of what hits
+only one that is late or does not react, one in twenty does."""
 
 _STYLES = np.array([BLIND, *DRIVES, *CAREFUL], dtype=dtype_of(Style))
 
@@ -98,7 +99,7 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
     hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
     avoided = ~np.isfinite(careful["contact"])
-    hit = BLIND_SHARE * hits[:, 0] + (1 - BLIND_SHARE) * hits[:, 1:].mean(axis=1)
+    hit = hits @ np.array(SHARES)
     avoidable = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
     score = hit * (LEAST_SHARE + (1 - LEAST_SHARE) * avoidable)
     return [
