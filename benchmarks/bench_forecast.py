@@ -1,4 +1,4 @@
-"""What the forecast of a run costs as a share of simulating it: test cases of the library, a campaign's defaults."""
+"""What the forecast of a run costs as a share of simulating it, and a roll-out of a candidate of `careful`."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.figures import Figure, costs, cpu_of
 from benchmarks.library import cases
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.steps.forecast import clip_around
+from foresee_dsl.forecast.careful.behaviours import Behaviours
+from foresee_dsl.forecast.careful.ranker import CarefulRanker
+from foresee_dsl.forecast.careful.recorded import Recorded
+from foresee_dsl.forecast.careful.scoring import CAREFUL, DRIVES, endings
+from foresee_dsl.forecast.foresee import close_encounters
 from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.registry import load_ranker
 from foresee_dsl.language.printer import print_model
@@ -19,6 +26,7 @@ from foresee_dsl.simulate.trace import Trace
 from foresee_dsl.simulate.world import World
 
 ROUNDS = 5
+STYLES = 1 + len(DRIVES) + len(CAREFUL)
 _MOST = 0.03
 """What is asked for (docs/architecture.md)."""
 _TIMES = 5
@@ -29,7 +37,8 @@ systems."""
 def figures() -> Iterator[Figure]:
     """Measure, and return the share."""
     settings = CampaignSettings()
-    simulating_s = forecasting_s = cutting_s = 0.0
+    simulating_s = forecasting_s = cutting_s = rolling_s = 0.0
+    rolled_out = 0
     with tempfile.TemporaryDirectory() as folder:
         for case in cases():
             trace = run_test_case(case, settings.driver, settings.seed).trace
@@ -38,11 +47,15 @@ def figures() -> Iterator[Figure]:
             simulating_s += min(taken["simulate"][0])
             forecasting_s += min(taken["forecast"][0]) / _TIMES
             cutting_s += min(taken["cut"][0]) / _TIMES
+            rolled, candidates = _roll_outs(trace)
+            rolling_s, rolled_out = rolling_s + rolled, rolled_out + candidates
     World.close_shared()
     means = "CPU for ranking the moments of a run over CPU for simulating it, with pdm"
     yield Figure("forecast_share", forecasting_s / simulating_s, "ratio", means, _MOST)
     means = "CPU for cutting the clips out (not the forecast's, but the same step of a campaign) over the same"
     yield Figure("clip_cutting_share", cutting_s / simulating_s, "ratio", means)
+    means = f"CPU for one candidate of `careful` with {STYLES} styles of driving over 10 s; {rolled_out} candidates"
+    yield Figure("candidate_us", 1e6 * rolling_s / max(rolled_out, 1), "us", means)
 
 
 def _costs(
@@ -57,6 +70,19 @@ def _costs(
         },
         ROUNDS,
     )
+
+
+def _roll_outs(trace: Trace) -> tuple[float, int]:
+    """Return the CPU time of rolling out the candidates of a run's encounters, and how many they are."""
+    ranker = CarefulRanker()
+    run = Recorded.of(trace)
+    windows = []
+    for encounter in close_encounters(trace, ranker.encounters, before_s=5.0):
+        first, last = encounter.frame - 100, min(trace.frames - 1, encounter.frame + 100)
+        made = Behaviours(run, first, last, encounter.frame, ranker.settings, np.random.default_rng(0))
+        windows.append(list(made.of(encounter.actor)))
+    taken = min(cpu_of(lambda: [endings(run, candidates) for candidates in windows]) for _ in range(ROUNDS))
+    return taken, sum(map(len, windows))
 
 
 def _ranked(trace: Trace, settings: CampaignSettings) -> tuple[RiskyPoint, ...]:
