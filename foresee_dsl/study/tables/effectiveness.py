@@ -115,7 +115,10 @@ def _rates(results: Results) -> Table:
             lines.append(Row("exhaustive", tuple(_shares(everything, everything))))
         if lines:
             rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
-    note = "The share is of the mean over the exhaustive search's repetitions."
+    note = (
+        "The share is of the mean over the exhaustive search's repetitions, whose failures no reference driver drives: "
+        "of avoidable findings there is no share."
+    )
     return Table("rq1_rates", "RQ1: what a risky point gives, and the share of the exhaustive search", columns,
                  tuple(rows), "ranking", (note,))  # fmt: skip
 
@@ -123,8 +126,11 @@ def _rates(results: Results) -> Table:
 def _shares(found: tuple[Measured, ...], everything: tuple[Measured, ...]) -> Iterator[Value]:
     points = mean(m.clips for m in found)
     for what in Counted:
+        if what is Counted.AVOIDABLE and found is everything:
+            yield from (None, None, None)
+            continue
         number = mean(m.count(what) for m in found)
-        most = mean(m.count(what) for m in everything)
+        most = mean(m.count(what) for m in everything) if what is not Counted.AVOIDABLE else None
         yield number
         yield number / points if points and number is not None else None
         yield 100 * number / most if most and number is not None else None

@@ -45,6 +45,8 @@ def _an_hour(results: Results, clock: Clock) -> Table:
             if not found:
                 continue
             rates = [_rate(found, what, clock) for what in Counted]
+            if ranker == EXHAUSTIVE:
+                rates[-1] = None  # no reference driver drives its failures
             more = 100 * (rates[0] / slowest - 1) if slowest and rates[0] is not None and ranker != EXHAUSTIVE else None
             hours = mean(_seconds(m, clock) / 3600 for m in found)
             lines.append(Row(ranker, (mean(m.count(Counted.COLLISIONS) for m in found), hours, *rates, more)))
