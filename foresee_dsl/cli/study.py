@@ -194,7 +194,9 @@ def _run(
     from foresee_dsl.errors import InputError
     from foresee_dsl.report.live import progress
     from foresee_dsl.study.running import possible, run_study
+    from foresee_dsl.study.statistics.effects import need_statsmodels
 
+    need_statsmodels()
     if mistakes := placement_mistakes([case for group in cases.values() for case in group]):
         raise InputError(mistakes)
     settings, notes = possible(settings)

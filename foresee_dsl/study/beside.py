@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from foresee_dsl.study.paper import A_CHILD, FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child
+from foresee_dsl.study.paper import FIGURES, STANDS_FOR, Ours, PaperFigure, Unit, a_child, a_child_of_paper
 from foresee_dsl.study.results import TOGETHER, Results
 from foresee_dsl.study.tables.table import Column, Row, Table, Value
 
@@ -16,23 +16,18 @@ NEAR = 1.25
 def beside(results: Results, question: str) -> Table:
     """Return the paper's figures of a question beside ours."""
     drivers = (*results.drivers, *((TOGETHER,) if len(results.drivers) > 1 else ()))
-    columns: list[Column] = []
-    for driver in drivers:
-        if driver in STANDS_FOR:
-            columns.append(Column("paper", (driver,)))
-        columns += [Column("ours", (driver,)), Column("95 %", (driver,))]
+    columns = [Column(title, (driver,)) for driver in drivers for title in ("paper", "ours", "95 %")]
     rows: list[Row] = []
     for figure in (f for f in FIGURES if f.question == question):
         values: list[Value] = []
         for driver in drivers:
             found = figure.ours(results, driver)
-            if driver in STANDS_FOR:
-                values.append(figure.values.get(driver))
-            values += [found.value if found else None, _ends(found)]
-        if any(value is not None for value in values):
+            values += [figure.of(driver)[1], found.value if found else None, _ends(found)]
+        if any(value is not None for value in values[1::3]):
             rows.append(Row(f"{figure.what}{_behind(figure)} ({figure.section})", tuple(values)))
-    names = "; ".join(f"{driver} stands for {STANDS_FOR[driver]}" for driver in drivers if driver in STANDS_FOR)
-    notes = (f"{names[0].upper()}{names[1:]}.",) if names else ()
+    names = [f"{driver} stands for {STANDS_FOR[driver]}" for driver in results.drivers if driver in STANDS_FOR]
+    others = "Drivers that the paper does not have are beside its two together, or InterFuser where it has no other."
+    notes = (f"Here {' and '.join(names)}. {others}" if names else others,)
     return Table(f"{question}_paper", f"{question.upper()}: the paper's figures and ours", tuple(columns), tuple(rows),
                  "figure", notes)  # fmt: skip
 
@@ -59,20 +54,22 @@ def in_words(results: Results, question: str) -> tuple[str, ...]:
         sentence
         for figure in FIGURES
         if figure.question == question
-        for driver in (*results.drivers, TOGETHER)
-        if driver in figure.values and (driver != TOGETHER or len(results.drivers) > 1)
+        for driver in (
+            *results.drivers,
+            *((TOGETHER,) if len(results.drivers) > 1 and TOGETHER in figure.values else ()),
+        )
         for sentence in _sentences(results, figure, driver)
     )
 
 
 def _sentences(results: Results, figure: PaperFigure, driver: str) -> Iterator[str]:
-    found, paper = figure.ours(results, driver), figure.values[driver]
+    found, (name, paper) = figure.ours(results, driver), figure.of(driver)
     if found is None:
         return
     who = "all drivers together" if driver == TOGETHER else f"`{driver}`"
     unit = {Unit.SHARE: " %", Unit.MORE: " %", Unit.TIMES: " times"}.get(figure.unit, "")
     text = f"{figure.what[0].upper()}{figure.what[1:]}, {who}: {_short(found.value)}{unit}, " \
-           f"the paper's {STANDS_FOR[driver]} {_short(paper)}{unit}"  # fmt: skip
+           f"the paper's {name} {_short(paper)}{unit}"  # fmt: skip
     yield f"{text}. {_judged(found, paper, figure.unit)}{_why(results, figure, driver)}"
 
 
@@ -100,7 +97,7 @@ def _why(results: Results, figure: PaperFigure, driver: str) -> str:
     if figure.question != "rq2" or figure.unit is not Unit.MORE:
         return ""
     other = figure.what.rpartition(" ")[2]
-    rates = [(a_child(results, driver, name), A_CHILD.get((driver, name))) for name in ("foresee", other)]
+    rates = [(a_child(results, driver, name), a_child_of_paper(driver, name)) for name in ("foresee", other)]
     if any(ours is None or paper is None for ours, paper in rates):
         return ""
     (own, own_paper), (theirs, theirs_paper) = [(float(a or 0), float(b or 0)) for a, b in rates]

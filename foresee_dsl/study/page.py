@@ -38,10 +38,6 @@ def write_page(
     record = folder.read()
     inside = page.resolve().parent == folder.at.resolve()
     pictures = folder.figures.name if inside else page.stem
-    if not inside and figures:
-        (page.parent / pictures).mkdir(parents=True, exist_ok=True)
-        for name in figures:
-            shutil.copyfile(folder.figures / f"{name}.svg", page.parent / pictures / f"{name}.svg")
     parts = [
         Part(
             QUESTIONS[name],
@@ -52,6 +48,11 @@ def write_page(
         for name, found in tables.items()
         if found
     ]
+    shown = [name for part in parts for name, _ in part.figures]
+    if not inside and shown:
+        (page.parent / pictures).mkdir(parents=True, exist_ok=True)
+        for name in shown:
+            shutil.copyfile(folder.figures / f"{name}.svg", page.parent / pictures / f"{name}.svg")
     names = {case.name for m in results.campaigns if m.group == BUNDLED for case in m.cases}
     text = templates("study", markup=False).get_template("results.md.j2").render(
         half=results.half.value,

@@ -20,9 +20,10 @@ from foresee_dsl.study.statistics.bootstrap import Interval, ratio_interval
 from foresee_dsl.study.tables.complementarity import iterations
 
 STANDS_FOR: Mapping[str, str] = MappingProxyType(
-    {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "both together"}
+    {"fusion_safe": "InterFuser", "fusion": "TransFuser", TOGETHER: "two drivers together"}
 )
-"""Whose figures a driver's are compared with."""
+"""Whose figures a driver's are compared with; those of any other with the paper's two together, or with InterFuser's
+where it has no others."""
 
 
 class Unit(StrEnum):
@@ -66,6 +67,11 @@ class PaperFigure:
     section: str
     values: Mapping[str, float]
     ours: Callable[[Results, str], Ours | None] = field(compare=False)
+
+    def of(self, driver: str) -> tuple[str, float]:
+        """Return whose figure of the paper a driver's is compared with, and that figure."""
+        like = next(name for name in (driver, TOGETHER, "fusion_safe") if name in self.values)
+        return STANDS_FOR[like], self.values[like]
 
 
 def _drivers(results: Results, driver: str) -> tuple[str, ...]:
@@ -233,6 +239,11 @@ A_CHILD: Mapping[tuple[str, str], float] = MappingProxyType({
     (TOGETHER, "selforacle"): 88.34 / 1811,
 })  # fmt: skip
 """Collisions a child (section 4.5, table 3): the sums over the number of its test cases, which it has once for all."""
+
+
+def a_child_of_paper(driver: str, ranker: str) -> float | None:
+    """Return the paper's collisions a child, of the driver that this one is compared with."""
+    return A_CHILD.get((driver if driver in STANDS_FOR else TOGETHER, ranker))
 
 
 def a_child(results: Results, driver: str, ranker: str) -> float | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import write_whole
 from foresee_dsl.study.beside import beside
 from foresee_dsl.study.figures import NoFiguresError, write_figures
@@ -52,9 +53,11 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
     """Write the tables of a study's folder, for one half of the test cases (by default, as they were run).
 
     Raises:
-        ForeseeError: there is no study in the folder.
+        ForeseeError: there is no study in the folder, or nothing of this half.
     """
     results = Results.of(folder, half)
+    if not any(measured.cases for measured in results.campaigns):
+        raise ForeseeError(f"the study in {folder.at} has no test case of the {results.half} half: name another --half")
     asked = folder.read().asked or TABLES  # where none was answered to the end, all that there is
     tables = {name: found for name in TABLES if name in asked and (found := tables_of(name, results))}
     for found in tables.values():

@@ -5,8 +5,11 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Sequence
+from importlib.util import find_spec
 
 import numpy as np
+
+from foresee_dsl.errors import ForeseeError
 
 SIZES = ("negligible", "small", "medium", "large")
 _A_FROM = (0.56, 0.64, 0.71)
@@ -51,10 +54,25 @@ def d_size(value: float) -> str:
     return "undefined" if math.isnan(value) else SIZES[bisect.bisect_right(_D_FROM, abs(value))]
 
 
+def need_statsmodels() -> None:
+    """Check that the package is there that corrects p values, before anything runs.
+
+    Raises:
+        ForeseeError: it is not installed.
+    """
+    if find_spec("statsmodels") is None:
+        raise ForeseeError("a study needs statsmodels: pip install 'foresee-dsl[study]' installs it")
+
+
 def holm(values: Sequence[float]) -> tuple[float, ...]:
-    """Return p values corrected for there being several of them (Holm 1979), in the same order."""
+    """Return p values corrected for there being several of them (Holm 1979), in the same order.
+
+    Raises:
+        ForeseeError: statsmodels is not installed.
+    """
     if not values:
         return ()
+    need_statsmodels()
     from statsmodels.stats.multitest import multipletests
 
     return tuple(float(p) for p in multipletests(values, method="holm")[1])
