@@ -17,7 +17,7 @@ NEW_UNAVOIDED = 0.6
 AGAIN = 0.25
 """A failure whose story is known, as a share of what it was worth as the first."""
 NEAR_MISS = 0.2
-"""A pass that came as near as can be; less for those farther away."""
+"""A pass that came as near as can be; a quarter of it for one half as near (`nearness_of`)."""
 NEAR_M = 2.0
 """A pass counts as a near miss below this distance between the footprints. Ours: about what a driver leaves beside a
 parked car and its door."""
@@ -31,7 +31,7 @@ class Told:
 
     Attributes:
         story: what equal failures have in common; () of another run.
-        avoidable: whether a careful driver who brakes would have avoided it.
+        avoidable: whether a careful driver who brakes, or one who anticipates, would have avoided it.
         nearness: of a pass, 0 (far) to 1 (they nearly touch); else 0.
     """
 
@@ -45,7 +45,8 @@ class Told:
         signature = child.story.signature if child.story is not None else (child.verdict.value,)
         return cls(
             story=(family, *signature) if child.verdict.is_failure else (),
-            avoidable=child.preventable is Preventable.YES,
+            avoidable=child.preventable is Preventable.YES
+            or (child.anticipation is not None and child.anticipation.answer.preventable),
             nearness=nearness_of(child.near) if child.verdict is Verdict.PASS else 0.0,
         )
 
@@ -73,7 +74,7 @@ def worths(children: Iterable[tuple[Told, bool]]) -> list[float]:
     found = []
     for told, other_avoids in children:
         if not told.story:
-            found.append(NEAR_MISS * told.nearness)
+            found.append(NEAR_MISS * told.nearness**2)
             continue
         worth = NEW if told.avoidable or other_avoids else NEW_UNAVOIDED
         found.append(worth * (AGAIN if told.story in stories else 1.0))
