@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foresee_dsl.campaign.allocation.choice import Sampler, Tried, Way, spread
+from foresee_dsl.campaign.allocation.choice import Tried, Way, Ways, halved, ranked, spread
 from foresee_dsl.campaign.allocation.rounds import ROUNDS, Round
 from foresee_dsl.campaign.allocation.worth import AGAIN, NEW, NEW_UNAVOIDED, Told, worths
 from foresee_dsl.campaign.execution.pool import RunOptions
@@ -142,12 +142,13 @@ def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() ->
 
 def test_children_go_where_those_before_failed() -> None:
     steer, line = Way(("steer",)), Way(("line",))
-    tried = [Tried(f"clip{k}", way, float(k == 3 and way == line)) for k in range(8) for way in (steer, line) * 3]
-    ways = {f"clip{k}": (steer, line) for k in range(8)}
-    sampler = Sampler(tried, np.random.default_rng(0))
-    chosen = [sampler.choose(ways) for _ in range(8)]
-    assert sum(one is not None and one[0] == "clip3" for one in chosen) > 4
-    assert sampler.choose({"clip0": ()}) is None
+    clips = [f"clip{k}" for k in range(8)]
+    tried = [Tried(clip, way, float(clip == "clip3" and way == line)) for clip in clips for way in (steer, line)]
+    assert ranked(clips, tried) == ["clip3", *(clip for clip in clips if clip != "clip3")]
+    assert [halved(8, number) for number in range(1, 6)] == [8, 4, 2, 1, 1]
+    ways = Ways(tried * 3, np.random.default_rng(0))
+    assert ways.choose("new", (steer, line)) == line
+    assert {ways.choose("new", (steer, line)) for _ in range(40)} == {steer, line}, "what a clip had often waits"
 
 
 def test_children_are_spread_over_the_rounds() -> None:

@@ -1,19 +1,19 @@
-"""Who gets the next children: Thompson sampling over clips, and over the operators and ways to draw a child."""
+"""Who gets the next children: clips by successive halving, and their ways to draw a child by Thompson sampling."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import numpy as np
 from numpy.random import Generator
 
-CLIP_WEIGHT = 2.0
-"""So many children's worth of the mean over all clips is what a clip is taken for before it has children of its own."""
 WAY_WEIGHT = 8.0
-"""Likewise of a way to draw children."""
+"""So many children's worth of the mean is what a way is taken for before it has children of its own."""
+CERTAINTY = 8.0
+"""Each child counts as so many where a way's worth is drawn. Ours: drawn from single children, ways that never found
+anything are tried about as often as the best; in replays (docs/method.md) that cost one finding in thirty."""
 
 
 class Way(NamedTuple):
@@ -31,79 +31,45 @@ class Tried(NamedTuple):
     worth: float
 
 
-@dataclass
-class _Posterior:
-    """A mean of worths, drawn at random by how many there are (a beta distribution)."""
-
-    prior: float
-    weight: float
-    count: float = 0.0
-    total: float = 0.0
-
-    def add(self, worth: float) -> None:
-        self.count += 1
-        self.total += worth
-
-    @property
-    def shape(self) -> tuple[float, float]:
-        return (
-            self.prior * self.weight + self.total,
-            (1 - self.prior) * self.weight + self.count - self.total,
-        )
-
-    @property
-    def mean(self) -> float:
-        return (self.prior * self.weight + self.total) / (self.weight + self.count)
+def ranked(clips: Sequence[str], tried: Iterable[Tried]) -> list[str]:
+    """Return clips by what their children were worth on average, best first; equal ones in the order given."""
+    own: defaultdict[str, list[float]] = defaultdict(list)
+    for one in tried:
+        own[one.clip].append(one.worth)
+    return sorted(clips, key=lambda clip: -sum(own[clip]) / max(len(own[clip]), 1))
 
 
-@dataclass
-class Sampler:
-    """What is known of clips and ways, from all children so far.
+def halved(count: int, number: int) -> int:
+    """Return how many of so many clips are left in a round: all in the first, then half, a quarter, and so on."""
+    return max(1, math.ceil(count / (1 << (number - 1))))
 
-    Children that were chosen in this round count as if they were worth what is expected of them.
-    """
 
-    tried: Sequence[Tried]
-    rng: Generator
-    _clips: dict[str, _Posterior] = field(default_factory=dict)
-    _ways: dict[Way, _Posterior] = field(default_factory=dict)
+class Ways:
+    """What is known of the ways to draw a child, over all clips, and how often each clip had each."""
 
-    def __post_init__(self) -> None:
-        worth = [one.worth for one in self.tried]
+    def __init__(self, tried: Sequence[Tried], rng: Generator) -> None:
+        """Learn from all children so far."""
+        self._rng = rng
         # Neither 0 nor 1, between which a beta distribution has its mean.
-        self.mean = (sum(worth) + 0.1) / (len(worth) + 1)
-        for one in self.tried:
-            self._clip(one.clip).add(one.worth)
-            self._way(one.way).add(one.worth)
+        self._mean = (sum(one.worth for one in tried) + 0.1) / (len(tried) + 1)
+        self._worth: defaultdict[Way, list[float]] = defaultdict(list)
+        self._had: Counter[tuple[str, Way]] = Counter()
+        for one in tried:
+            self._worth[one.way].append(one.worth)
+            self._had[one.clip, one.way] += 1
 
-    def choose(self, open_ways: Mapping[str, Iterable[Way]]) -> tuple[str, Way] | None:
-        """Return a clip and one of its ways; None where no clip has one. The order of the clips decides ties."""
-        clips = [(clip, tuple(ways)) for clip, ways in open_ways.items()]
-        clips = [(clip, ways) for clip, ways in clips if ways]
-        if not clips:
-            return None
-        ways = sorted({way for _, own in clips for way in own})
-        clip_draws = self._drawn([self._clip(clip) for clip, _ in clips])
-        way_draws = dict(zip(ways, self._drawn([self._way(way) for way in ways]), strict=True))
-        scores = [
-            (draw * way_draws[way], -k, way) for k, ((_, own), draw) in enumerate(zip(clips, clip_draws, strict=True))
-            for way in own
-        ]  # fmt: skip
-        _, at, way = max(scores)
-        clip = clips[-at][0]
-        for posterior in (self._clip(clip), self._way(way)):
-            posterior.add(posterior.mean)
-        return clip, way
+    def choose(self, clip: str, ways: Sequence[Way]) -> Way:
+        """Return one of a clip's ways, and remember that it had it."""
+        scores = [self._drawn(way) / (1 + self._had[clip, way]) for way in ways]
+        best = ways[scores.index(max(scores))]
+        self._had[clip, best] += 1
+        return best
 
-    def _clip(self, clip: str) -> _Posterior:
-        return self._clips.setdefault(clip, _Posterior(self.mean, CLIP_WEIGHT))
-
-    def _way(self, way: Way) -> _Posterior:
-        return self._ways.setdefault(way, _Posterior(self.mean, WAY_WEIGHT))
-
-    def _drawn(self, posteriors: list[_Posterior]) -> list[float]:
-        shapes = np.array([posterior.shape for posterior in posteriors])
-        return [float(value) for value in self.rng.beta(shapes[:, 0], shapes[:, 1])]
+    def _drawn(self, way: Way) -> float:
+        worth = self._worth[way]
+        good = self._mean * WAY_WEIGHT + sum(worth)
+        bad = (1 - self._mean) * WAY_WEIGHT + len(worth) - sum(worth)
+        return float(self._rng.beta(good * CERTAINTY, bad * CERTAINTY))
 
 
 def spread(children: int, rounds: int) -> tuple[int, ...]:
@@ -114,7 +80,4 @@ def spread(children: int, rounds: int) -> tuple[int, ...]:
 
 def counts(names: Iterable[str]) -> dict[str, int]:
     """Return how often each name occurs, the most frequent first, then by name."""
-    found: defaultdict[str, int] = defaultdict(int)
-    for name in names:
-        found[name] += 1
-    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+    return dict(sorted(Counter(names).items(), key=lambda item: (-item[1], item[0])))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from foresee_dsl.campaign.allocation.choice import Sampler, Tried, Way, counts, spread
+from foresee_dsl.campaign.allocation.choice import Tried, Way, Ways, counts, halved, ranked, spread
 from foresee_dsl.campaign.allocation.worth import Told, avoided, worths
 from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, ReferenceRun, decode
@@ -56,6 +56,8 @@ class Steps(Protocol):
 
 ROUNDS = 4
 """Rounds of a campaign. Ours: with four children a clip each round has about as many as there are clips."""
+MOST = 2
+"""So many times `children` is what one clip gets in one round, at most, with each seed."""
 NEAR_AT_MOST = 2
 """Children that are drawn near one child, at most."""
 _NEVER = sys.maxsize
@@ -180,7 +182,8 @@ class Rounds:
         seed = self._stages.settings.seed
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, self.number])))
         self.number += 1
-        _give_out(units, Sampler(before.tried, rng), count, before.nearness, most=self._stages.settings.children)
+        most = MOST * self._stages.settings.children
+        _give_out(units, before, Ways(before.tried, rng), count, self.number, most=most)
         asking = [unit for unit in units if unit.wanted]
         nodes = tuple(self._stages.further(unit.clip, unit.step, _asked(unit, self.number)) for unit in asking)
         self.nodes += nodes
@@ -279,22 +282,28 @@ def awaited_by(node: Node) -> int:
     return in_round + 1 if node.step.kind in ("seed", "forecast", "clip", "mutants", "child") else _NEVER
 
 
-def _give_out(
-    units: list[_Unit], sampler: Sampler, count: int, nearness: Mapping[Node, float], *, most: int
-) -> None:  # fmt: skip
-    """Let so many children be chosen, of one clip at most `most`."""
+def _give_out(units: list[_Unit], before: _Before, ways: Ways, count: int, number: int, *, most: int) -> None:
+    """Let so many children be chosen, of one clip at most `most` with each seed.
+
+    The clips that are left in this round get them in turn; where they have no more, those that are left out follow.
+    """
     by_clip: defaultdict[str, list[_Unit]] = defaultdict(list)
     for unit in units:
         by_clip[unit.step.draft.pin].append(unit)
-    given: Counter[str] = Counter()
-    for _ in range(count):
-        ways = {clip: _open_ways(own, nearness) for clip, own in by_clip.items() if given[clip] < most * len(own)}
-        chosen = sampler.choose(ways)
-        if chosen is None:
+    order = ranked(list(by_clip), before.tried)
+    left, given = halved(len(order), number), Counter[str]()
+    while given.total() < count:
+        some = False
+        for clip in order[:left]:
+            open_ways = _open_ways(by_clip[clip], before.nearness)
+            if not open_ways or given[clip] >= most * len(by_clip[clip]) or given.total() == count:
+                continue
+            _want(by_clip[clip], ways.choose(clip, open_ways), before.nearness)
+            given[clip] += 1
+            some = True
+        if not some and left == len(order):
             return
-        clip, way = chosen
-        given[clip] += 1
-        _want(by_clip[clip], way, nearness)
+        left = left if some else min(2 * left, len(order))
 
 
 def _open_ways(units: list[_Unit], nearness: Mapping[Node, float]) -> tuple[Way, ...]:
