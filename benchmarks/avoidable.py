@@ -5,7 +5,8 @@
 
 Every combination of driver, ranker, preset and seed is a campaign of its own over the same test cases, in a process of
 its own, with its own store; what a store holds already is not run again, so a command that was stopped goes on.
-With `--pairs careful:avoidable foresee:focused` only those combinations. The test case is the unit of the intervals
+With `--pairs careful:avoidable foresee:focused foresee:focused:adaptive` only those combinations; the third word is how
+children are allocated. The test case is the unit of the intervals
 (bootstrap of the ratio of sums). The table is printed, and written to FOLDER/avoidable.md and FOLDER/avoidable.json.
 """
 
@@ -30,7 +31,7 @@ from foresee_dsl.campaign.execution.engine import run_campaign
 from foresee_dsl.campaign.execution.pool import RunOptions
 from foresee_dsl.campaign.records import ChildOutcome
 from foresee_dsl.campaign.results import CampaignResult
-from foresee_dsl.campaign.settings import CampaignSettings
+from foresee_dsl.campaign.settings import Allocation, CampaignSettings
 from foresee_dsl.campaign.storage.store import Store
 from foresee_dsl.derive.preventability import Preventable
 from training.selforacle.evaluate import HALVES, chosen_cases
@@ -44,16 +45,19 @@ REFERENCES = ("idm", "frenetix", "pdm", "pdm+ideal")
 
 @dataclass(frozen=True)
 class Search:
-    """One way of searching: the driver under test, the ranker, the preset."""
+    """One way of searching: the driver under test, the ranker, the preset, how children are allocated."""
 
     driver: str
     ranker: str
     preset: str
+    allocation: Allocation = "even"
 
     @property
     def name(self) -> str:
         """What its folders are called."""
-        return f"{self.driver}_{self.ranker}_{self.preset}"
+        return "_".join(
+            (self.driver, self.ranker, self.preset, *((self.allocation,) if self.allocation != "even" else ()))
+        )
 
 
 @dataclass
@@ -106,7 +110,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rankers", nargs="+", default=["foresee", "careful"])
     parser.add_argument("--presets", nargs="+", default=["focused", "avoidable"])
-    parser.add_argument("--pairs", nargs="+", help="RANKER:PRESET, instead of all combinations")
+    parser.add_argument("--pairs", nargs="+", help="RANKER:PRESET[:ALLOCATION], instead of all combinations")
     parser.add_argument("--drivers", nargs="+", default=["pdm"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--half", choices=list(HALVES), help="only test cases whose name's hash is even, or odd")
@@ -148,7 +152,7 @@ def _campaign(task: Task) -> dict[str, Counts]:
     """Run a campaign over the test cases of a task, and return what it found in each."""
     search, folder = task.search, task.out / f"{task.search.name}_{task.seed}"
     settings = CampaignSettings(driver=search.driver, ranker=search.ranker, preset=search.preset, seed=task.seed,
-                                against=task.against, **task.more)  # fmt: skip
+                                allocation=search.allocation, against=task.against, **task.more)  # fmt: skip
     cases = chosen_cases(task.half)[:: task.every]
     folder.mkdir(parents=True, exist_ok=True)
     with Store(folder / "store") as store:
@@ -260,7 +264,8 @@ def _markdown(
         def sum_of(name: str, total: Any = total, interval: Any = interval) -> str:  # noqa: ANN401  JSON
             return f"{total[name]:.0f} [{interval[name][0]:.0f}, {interval[name][1]:.0f}]"
 
-        cells = [search.driver, search.ranker, search.preset, f"{total['clips']:.0f}", sum_of("failures"),
+        preset = search.preset if search.allocation == "even" else f"{search.preset}, {search.allocation}"
+        cells = [search.driver, search.ranker, preset, f"{total['clips']:.0f}", sum_of("failures"),
                  _bracketed(ratio["failures_per_clip"], 3), sum_of("findings"), sum_of("avoided"),
                  sum_of("avoided_findings"), sum_of("preventable"), sum_of("anticipated"),
                  f"{sum_of('avoidable_findings')}, {_bracketed(ratio['findings_avoidable'], 2)} of all",
