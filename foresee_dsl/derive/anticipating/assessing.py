@@ -13,7 +13,7 @@ from foresee_dsl.derive.anticipating.answer import Answer, Anticipation
 from foresee_dsl.derive.anticipating.foresight import onset, who_go_first
 from foresee_dsl.derive.anticipating.manoeuvre import Manoeuvre
 from foresee_dsl.derive.anticipating.screening import Screened, Screening, sideways
-from foresee_dsl.derive.anticipating.settings import LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
+from foresee_dsl.derive.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
 from foresee_dsl.derive.anticipating.way import Way
 from foresee_dsl.derive.preventability import contact, strays
 from foresee_dsl.derive.preventability.replay import Replay
@@ -56,10 +56,24 @@ def assess_bundle(bundle: SumoBundle, result: RunResult) -> Anticipation:
     return _Assessment(bundle, result, failed).answer()
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Confirmed:
+    """A run in the real simulation."""
+
     result: RunResult
-    least_m: float | None
+
+    @property
+    def least_m(self) -> float | None:
+        """The least distance to anybody, m."""
+        near = self.result.near_misses.distance_m
+        return near.value if near is not None else None
+
+    @property
+    def clear(self) -> bool:
+        """Whether it ended without a contact, on the road, and not by a hair's breadth."""
+        if self.result.verdict not in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK):
+            return False
+        return self.least_m is None or self.least_m >= CLEAR_M
 
 
 class _Assessment:
@@ -81,45 +95,47 @@ class _Assessment:
         return replace(self._answered(), runs=self._runs)
 
     def _answered(self) -> Anticipation:
-        stood = self._stood()
-        if stood:
-            return stood
+        seen_s = self._seen_s()
+        standing = self._stands(seen_s)
+        if standing and not self._moved():
+            return Anticipation(Answer.NO, standing, seen_s=seen_s)
         again = self._run(Replay(self._trace, None, self._whole.scene), self._whole)
         if why := strays(again.result, self._result):
-            return Anticipation(Answer.UNDECIDED, why)
-        seen_s = self._seen_s()
+            return Anticipation(Answer.UNDECIDED, why, seen_s=seen_s)
         begins_s = None if seen_s is None else round(seen_s + REACTION_S, 6)
-        if begins_s is not None and begins_s < self._result.time_s:
+        if standing:
+            self._tried.append(standing)
+        elif begins_s is not None and begins_s < self._result.time_s:
             screening = Screening(self._trace, self._way, self._whole)
             for attempt in (self._by_braking, self._by_evading):
                 found = attempt(screening, begins_s)
                 if found is not None:
                     return replace(found, seen_s=seen_s)
         found = self._by_driving_ahead(seen_s)
+        if found is None and standing:
+            found = Anticipation(Answer.NO, "; ".join(self._tried))
         return replace(found or self._not(seen_s, begins_s), seen_s=seen_s)
 
-    def _stood(self) -> Anticipation | None:
-        """Who stands, and stood for as long as anything could be done about it, prevents nothing."""
+    def _moved(self) -> bool:
+        return bool((self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS).any())
+
+    def _stands(self, seen_s: float | None) -> str:
+        """Say for how long the ego had stood, where that is since before anything could be done; "" else."""
         if self._failed.ego_mps >= STUCK_SPEED_MPS:
-            return None
-        speeds = self._trace.states[:, 0, SPEED]
-        moving = np.flatnonzero(speeds >= STUCK_SPEED_MPS)
+            return ""
+        moving = np.flatnonzero(self._trace.states[:, 0, SPEED] >= STUCK_SPEED_MPS)
         since_s = (int(moving[-1]) + 1) * STEP_S if len(moving) else 0.0
-        seen_s = self._seen_s()
-        stands_s = self._result.time_s - since_s
         if since_s > 0.0 and seen_s is not None and since_s > seen_s + REACTION_S:
-            return None  # it still drove when it could have acted
-        how = f"for {stands_s:.1f} s" if since_s > 0.0 else "from the first frame on"
-        return Anticipation(Answer.NO, f"the ego stood {how}: {self._failed.struck}", seen_s=seen_s)
+            return ""  # it still drove when it could have acted
+        how = f"for {self._result.time_s - since_s:.1f} s" if since_s > 0.0 else "from the first frame on"
+        return f"the ego stood {how}: {self._failed.struck}"
 
     def _seen_s(self) -> float | None:
         return onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole), self._first)
 
     def _run(self, driver: Driver, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> _Confirmed:
         self._runs += 1
-        result = run(bundle or self._bundle, driver, sensors=sensors)
-        near = result.near_misses.distance_m
-        return _Confirmed(result, near.value if near is not None else None)
+        return _Confirmed(run(bundle or self._bundle, driver, sensors=sensors))
 
     def _confirm(self, screened: Screened) -> _Confirmed:
         return self._run(Manoeuvre(self._trace, self._way, screened.plan))
@@ -128,7 +144,7 @@ class _Assessment:
         screened = screening.braking(begins_s)
         confirmed = self._confirm(screened)
         hardest = screening.hardest(begins_s)
-        if not _clear(confirmed.result) and screened.plan != hardest.plan:
+        if not confirmed.clear and screened.plan != hardest.plan:
             screened, confirmed = hardest, self._confirm(hardest)
         plan = screened.plan
         strength = f"braking with up to {plan.braking_mps2:.1f} m/s^2 from {begins_s:.2f} s on"
@@ -136,8 +152,8 @@ class _Assessment:
         if stood_s is not None:
             why = f"{strength} brings the ego to a stand {stood_s:.1f} s before {self._failed.with_} walks into it"
             return Anticipation(Answer.BRAKING, why, begins_s=begins_s, braking_mps2=plan.braking_mps2, least_m=0.0)
-        if not _clear(confirmed.result):
-            self._tried.append(f"{strength} {self._ended(confirmed.result)}")
+        if not confirmed.clear:
+            self._tried.append(f"{strength} {self._ended(confirmed)}")
             return None
         spare = screening.latest_s(begins_s) - begins_s if screened.least_m >= MARGIN_M else 0.0
         early = f" ({self._result.time_s - begins_s:.1f} s before the contact"
@@ -162,12 +178,12 @@ class _Assessment:
             confirmed, plan = self._confirm(screened), screened.plan
             mild = f", braking with {plan.braking_mps2:.1f} m/s^2," if plan.braking_mps2 else ""
             what = f"evading {sideways(plan.sideways_m)}{mild} from {begins_s:.2f} s on"
-            if _clear(confirmed.result):
+            if confirmed.clear:
                 return Anticipation(
                     Answer.EVADING, f"{what} {self._leaves(confirmed)}", begins_s=begins_s,
                     braking_mps2=plan.braking_mps2 or None, sideways_m=plan.sideways_m, least_m=confirmed.least_m,
                 )  # fmt: skip
-            self._tried.append(f"{what} {self._ended(confirmed.result)}")
+            self._tried.append(f"{what} {self._ended(confirmed)}")
         return None
 
     def _by_driving_ahead(self, seen_s: float | None) -> Anticipation | None:
@@ -179,13 +195,13 @@ class _Assessment:
         confirmed = self._run(driver, sensors=CLEAR_SIGHT)
         slower, at_s = self._slower(confirmed.result, seen_s)
         what = f"driving ahead of time{_done(driver, slower, at_s)},"
-        if _clear(confirmed.result) and slower < SLOWER_MPS and driver.braked_s is None:
+        if confirmed.clear and slower < SLOWER_MPS and driver.braked_s is None:
             why = "a drive that is nearly the same passes, as others react to it otherwise: chance decides"
             return Anticipation(Answer.UNDECIDED, why, least_m=confirmed.least_m)
-        if _clear(confirmed.result):
+        if confirmed.clear:
             return Anticipation(Answer.AHEAD, f"{what} {self._leaves(confirmed)}", begins_s=free_s,
                                 slower_mps=round(slower, 6), least_m=confirmed.least_m)  # fmt: skip
-        self._tried.append(f"{what} {self._ended(confirmed.result)}")
+        self._tried.append(f"{what} {self._ended(confirmed)}")
         return None
 
     def _slower(self, result: RunResult, seen_s: float | None) -> tuple[float, float]:
@@ -223,10 +239,12 @@ class _Assessment:
         near = confirmed.least_m
         return "avoids it" if near is None else f"avoids it, {near:.1f} m at the nearest"
 
-    def _ended(self, result: RunResult) -> str:
-        left = contact(result)
+    def _ended(self, confirmed: _Confirmed) -> str:
+        left = contact(confirmed.result)
         if left is None:
-            return f"ends otherwise: {result.reason}"
+            near = confirmed.least_m
+            grazes = near is not None and near < CLEAR_M
+            return f"comes within {near:.2f} m" if grazes else f"ends otherwise: {confirmed.result.reason}"
         stands = ", the ego standing" if left.ego_mps < STUCK_SPEED_MPS else ""
         return f"leaves {left.relative_mps:.1f} m/s ({left.struck}{stands})"
 
@@ -242,8 +260,3 @@ def _done(driver: Ahead, slower_mps: float, at_s: float) -> str:
         else ""
     )
     return f"{because}{slower}{braked}"
-
-
-def _clear(result: RunResult) -> bool:
-    """Whether a confirming run ended without a contact, on the road."""
-    return result.verdict in (Verdict.PASS, Verdict.TIMEOUT, Verdict.STUCK)

@@ -6,6 +6,8 @@ heading, lateral motion) and leaves the values to its user; the values here are 
 
 from __future__ import annotations
 
+import math
+
 COMFORTABLE_MPS2 = 3.4
 """Comfortable braking of most drivers on wet roads too: AASHTO, A Policy on Geometric Design of Highways and Streets,
 stopping sight distance. It is tried first; also the braking that others may be expected to use where they must wait."""
@@ -24,9 +26,10 @@ EXPECTED_REACTION_S = 0.75
 (Transportation Human Factors, 2000), 0.70 to 0.75 s; the same as R157's delay, without its evaluation time."""
 
 LATERAL_MPS2 = 3.0
-"""The largest lateral acceleration of evading: UN R79, 5.6.2.1.3 (cars, ACSF category B1)."""
+"""The largest lateral acceleration of evading: as UN R79 allows steering assistance in cars (category B1); its text was
+not at hand."""
 LATERAL_JERK_MPS3 = 5.0
-"""The largest lateral jerk of evading: UN R79, 5.6.2.1.3."""
+"""The largest lateral jerk of evading: likewise; R79 takes the mean over half a second, this every moment."""
 SIDESTEPS_M = (0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 3.5)
 """How far sideways is tried, either way, m. Ours: from a swerve within the lane to a lane's width."""
 
@@ -36,7 +39,7 @@ FORESEES_S = 1.45
 WALKER_HASTENS_MPS = 0.5
 """A walker may become so much faster, or slower. Ours: two thirds of the way from walking to running (`WALKING_MPS`,
 `RUNNING_MPS`)."""
-CROSSES_RAD = 0.79
+CROSSES_RAD = math.radians(45)
 """A vehicle whose heading differs more than this from the ego's crosses or oncomes, and is expected to wait where it
 can do so with comfortable braking. Ours: 45 degrees, as `MERGES_RAD` of R157's model."""
 GAP_S = 0.5
@@ -74,7 +77,7 @@ HARDEST_MPS2 = 7.0
 """What the driver counts on when it chooses a speed that suits what is hidden. Ours: R157's 0.774 g less a tenth, for
 the build-up."""
 
-TURNING_RAD = 0.35
+TURNING_RAD = math.radians(20)
 """Who turns by more than this within the time ahead looks over its shoulder: who comes from behind beside it counts.
 Ours: 20 degrees, as `CROSSING_RAD` of the near misses."""
 
@@ -85,6 +88,8 @@ MARGIN_M = 0.3
 """Least distance to everybody that the pre-screening asks of braking. Ours: a step of a fast car's sideways error."""
 MARGIN_ASIDE_M = 0.5
 """Least distance to everybody that it asks of evading. Ours."""
+CLEAR_M = 0.1
+"""A confirming run that comes nearer than this to anybody prevents nothing: chance decides. Ours."""
 LOOKS_ON_S = 3.0
 """So long after the failure's contact a confirming run goes on. Ours: who stops from 50 km/h comfortably has stood
 for a while, and the other has gone by."""
