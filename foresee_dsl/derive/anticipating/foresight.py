@@ -3,8 +3,8 @@
 Of each other actor in sight the motions are predicted that IEEE 2846 calls reasonably foreseeable, within the bounds
 of `settings`: a walker goes on where it is going, a little faster or slower; a vehicle goes on as it moves now, and
 one that cuts in stays on the ego's line; one that crosses or oncomes, and does not go first, is expected to wait as
-long as it can still do so with comfortable braking. There is a conflict where one of them comes to the ego's way when
-the ego does.
+long as it can still do so with comfortable braking, and is not nearer than R157's 2 s. There is a conflict where one
+of them comes to the ego's way when the ego does.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from foresee_dsl.derive.anticipating.settings import (
     CROSSES_RAD,
     FORESEES_S,
     FORGETS_S,
+    GAP_ACCEPTED_S,
     GAP_S,
     STANDS_MPS,
     TURNING_RAD,
     WALKER_HASTENS_MPS,
 )
 from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability.risk import MERGES_RAD, MOVED_M, WANDER_M, in_view
+from foresee_dsl.derive.preventability.risk import CRITICAL_TTC_S, MERGES_RAD, MOVED_M, WANDER_M, in_view
 from foresee_dsl.drivers.protocol import Mission
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import box_overlap
@@ -106,8 +107,8 @@ class Conflict:
 
 
 def horizon_s(speed_mps: float) -> float:
-    """Return how far ahead others are predicted: until the ego would stand after comfortable braking."""
-    return FORESEES_S + speed_mps / COMFORTABLE_MPS2
+    """Return how far ahead others are predicted: until the ego stands after comfortable braking, or has crossed."""
+    return max(FORESEES_S + speed_mps / COMFORTABLE_MPS2, GAP_ACCEPTED_S)
 
 
 def ego_boxes(ego: Ego, time_s: FloatArray) -> FloatArray:
@@ -149,7 +150,7 @@ def _conflict(ego: Ego, mine: FloatArray, other: Other, time_s: FloatArray) -> C
         return None
     crosses = other.kind != "pedestrian" and turned < math.cos(CROSSES_RAD)
     may_wait = crosses and len(first) < len(hits) and not _goes_first(ego, other)
-    return Conflict(min(first), not may_wait)
+    return Conflict(min(first), not may_wait or min(first) <= CRITICAL_TTC_S)
 
 
 def _motions(me: FloatArray, other: Other, time_s: FloatArray, turned: float) -> list[FloatArray]:
@@ -176,8 +177,8 @@ def _moved(other: Other, time_s: FloatArray, brakes_mps2: float, speed_mps: floa
     boxes = np.empty((len(time_s), 5))
     boxes[:, 0], boxes[:, 1] = other.x + chord * np.cos(course), other.y + chord * np.sin(course)
     boxes[:, 2] = other.heading_rad + turned
-    # What stands does not sway: beside it there is room as soon as the bodies do not touch.
-    sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > STANDS_MPS else 2 * WANDER_M
+    # What stands does not sway: beside it there is room as soon as the bodies nearly miss each other.
+    sways = 0.0 if other.kind == "pedestrian" or other.speed_mps > STANDS_MPS else 1.5 * WANDER_M
     boxes[:, 3:] = (max(other.length_m - sways, 0.1), max(other.width_m - sways, 0.1))
     return boxes
 

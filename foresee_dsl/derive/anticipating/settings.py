@@ -36,6 +36,9 @@ SIDESTEPS_M = (0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 3.5)
 FORESEES_S = 1.45
 """To the time that comfortable braking takes, this is added for how far ahead others are predicted: R157's evaluation
 (0.4 s) and delay (0.75 s), and half of the build-up."""
+GAP_ACCEPTED_S = 4.1
+"""Others are predicted so far ahead at least: Highway Capacity Manual, base critical headway of left turns from a major
+street. Measured: without it, one who had stopped for the first oncoming car set off in front of the second."""
 WALKER_HASTENS_MPS = 0.5
 """A walker may become so much faster, or slower. Ours: two thirds of the way from walking to running (`WALKING_MPS`,
 `RUNNING_MPS`)."""
