@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.derive.anticipating.foresight import Ego, Other, conflicts, crossings_of, who_go_first
 from foresee_dsl.derive.anticipating.hazards import Hazard, hazards
 from foresee_dsl.derive.anticipating.manoeuvre import HARDEST, steered
@@ -49,6 +50,7 @@ class Ahead(Replay):
     """Drives a recorded run's way as somebody would who anticipates.
 
     Attributes:
+        from_s: until then the ego follows the clip's recorded states, whatever it is told.
         braked_s: when it first braked for somebody who came into its way, s; None where it did not.
         braked_mps2: how hard it did at most.
     """
@@ -56,11 +58,12 @@ class Ahead(Replay):
     name = "anticipating"
     version = "1"
 
-    def __init__(self, trace: Trace, way: Way, from_s: float) -> None:
-        """`from_s`: until then the ego follows the clip's recorded states, whatever it is told."""
-        super().__init__(trace, None)
+    def __init__(self, trace: Trace, way: Way, scene: Scene) -> None:
+        super().__init__(trace, None, scene)
+        recorded = scene.ego.recorded
+        self.from_s = recorded[-1].time_s if recorded else 0.0
         self._path, self._way = way, way
-        self._free_from = round(from_s / STEP_S)
+        self._free_from = round(self.from_s / STEP_S)
         self._info = trace.actors[0]
         self._before: dict[int, SeenActor] = {}
         # By track: when it was first in conflict, when it last was, and from when on the driver acts.
@@ -88,6 +91,8 @@ class Ahead(Replay):
         """Answer with the recorded states until it is free, then as it judges."""
         if self._bicycle is None:
             raise RuntimeError("stepped before reset")
+        if self._ground is not None:
+            self._ground.hold(self._bicycle, self._state)
         others = self._others(observation)
         if self._frame % _DECIDES_EVERY == 0:
             self._decide(observation, others)

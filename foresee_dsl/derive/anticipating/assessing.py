@@ -138,7 +138,7 @@ class _Assessment:
         return _Confirmed(run(bundle or self._bundle, driver, sensors=sensors))
 
     def _confirm(self, screened: Screened) -> _Confirmed:
-        return self._run(Manoeuvre(self._trace, self._way, screened.plan))
+        return self._run(Manoeuvre(self._trace, self._way, screened.plan, self._whole.scene))
 
     def _by_braking(self, screening: Screening, begins_s: float) -> Anticipation | None:
         screened = screening.braking(begins_s)
@@ -189,9 +189,7 @@ class _Assessment:
     def _by_driving_ahead(self, seen_s: float | None) -> Anticipation | None:
         if self._runs >= MOST_RUNS:
             return None
-        recorded = self._whole.scene.ego.recorded
-        free_s = recorded[-1].time_s if recorded else 0.0
-        driver = Ahead(self._trace, self._way, free_s)
+        driver = Ahead(self._trace, self._way, self._whole.scene)
         confirmed = self._run(driver, sensors=CLEAR_SIGHT)
         slower, at_s = self._slower(confirmed.result, seen_s)
         what = f"driving ahead of time{_done(driver, slower, at_s)},"
@@ -199,7 +197,7 @@ class _Assessment:
             why = "a drive that is nearly the same passes, as others react to it otherwise: chance decides"
             return Anticipation(Answer.UNDECIDED, why, least_m=confirmed.least_m)
         if confirmed.clear:
-            return Anticipation(Answer.AHEAD, f"{what} {self._leaves(confirmed)}", begins_s=free_s,
+            return Anticipation(Answer.AHEAD, f"{what} {self._leaves(confirmed)}", begins_s=driver.from_s,
                                 slower_mps=round(slower, 6), least_m=confirmed.least_m)  # fmt: skip
         self._tried.append(f"{what} {self._ended(confirmed)}")
         return None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from foresee_dsl.compile.bundle import Scene
 from foresee_dsl.derive.anticipating.settings import (
     BUILDS_UP_S,
     COMFORTABLE_MPS2,
@@ -79,8 +80,8 @@ class Manoeuvre(Replay):
     name = "anticipating"
     version = "1"
 
-    def __init__(self, trace: Trace, way: Way, plan: Plan) -> None:
-        super().__init__(trace, plan.begins_s)
+    def __init__(self, trace: Trace, way: Way, plan: Plan, scene: Scene | None = None) -> None:
+        super().__init__(trace, plan.begins_s, scene)
         self._path, self._way, self._plan = way, way, plan
 
     def _brake(self, bicycle: Bicycle) -> Control:
