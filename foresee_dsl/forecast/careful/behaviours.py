@@ -126,6 +126,10 @@ class Candidate:
     at_s: float | None = None
     for_s: float | None = None
 
+    def is_like(self, other: Candidate) -> bool:
+        """Say whether another one is of the same actor and kind."""
+        return self.actor == other.actor and self.kind is other.kind
+
     @property
     def sentence(self) -> str:
         """What the actor does, in words."""
