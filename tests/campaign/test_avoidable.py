@@ -1,0 +1,42 @@
+"""A small real campaign with the ranker `careful` and the preset `avoidable`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from benchmarks.avoidable import counted
+from foresee_dsl.campaign.execution.engine import run_campaign
+from foresee_dsl.campaign.results import CampaignResult
+from foresee_dsl.campaign.storage.store import Store
+from foresee_dsl.derive.avoidable import NAMES
+from foresee_dsl.language.project.loading import load_test_cases
+from tests.support.small_campaign import SETTINGS, TEXT
+
+SEARCH = replace(SETTINGS, ranker="careful", preset="avoidable", children=3, against=("pdm",))
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> CampaignResult:
+    folder = tmp_path_factory.mktemp("avoidable")
+    (folder / "crosser.foresee").write_text(TEXT, encoding="utf-8")
+    cases = load_test_cases([f"{folder / 'crosser.foresee'}::after"])
+    with Store(folder / "store") as store:
+        return run_campaign(cases, SEARCH, out=folder / "out", store=store)
+
+
+def test_a_failure_that_another_driver_avoids_is_found(found: CampaignResult) -> None:
+    assert not found.broken
+    children = [child for clip in found.clips for child in clip.children]
+    assert children
+    assert {name for child in children for name in child.operators} <= set(NAMES.values())
+    assert any(child.avoided for child in children)
+
+
+def test_the_benchmark_counts_it(found: CampaignResult) -> None:
+    counts = list(counted(found).values())
+    assert len(counts) == 1
+    assert counts[0].failures == found.total.failed >= counts[0].avoided > 0
+    assert counts[0].findings == len(found.findings) >= counts[0].avoidable_findings > 0
+    assert counts[0].simulated_s == pytest.approx(found.total.simulated_s)
