@@ -28,6 +28,7 @@ from foresee_dsl.drivers.registry import load_driver
 from foresee_dsl.errors import DriverError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.runner import run
+from foresee_dsl.study.halves import Half, of_half
 
 # The plug-in is found by way of the path: other tests list what is installed, so it is there for these tests alone.
 sys.path.append(str(plug_in_path.PLUG_IN))
@@ -214,7 +215,7 @@ def test_medians_leave_out_what_is_unknown_and_count_what_is_never_found() -> No
 
 def test_halves_are_apart_and_small_samples_have_all_families(bundled: list[TestCase]) -> None:
     names = [name(case) for case in bundled]
-    even = {name(case) for case in library("even")}
+    even = {name(case) for case in of_half(bundled, Half.EVEN)}
     assert len(names) == len(set(names)) and even < set(names) and 40 < len(even) < len(names) - 40
     assert len({case.family for case in bundled[:10]}) == len({case.family for case in bundled})
 

@@ -28,7 +28,8 @@ def main(words: Sequence[str] | None = None) -> int:
     from foresee_faults.catalogue import KINDS  # type: ignore[import-not-found, unused-ignore]
 
     from benchmarks.faults.benchmark import Plan, all_kinds, measure
-    from benchmarks.faults.table import as_json, as_markdown
+    from benchmarks.faults.table import Benchmark, as_json, as_markdown
+    from foresee_dsl.study.halves import Half
 
     args = _parser().parse_args(words)
     if args.list:
@@ -40,7 +41,7 @@ def main(words: Sequence[str] | None = None) -> int:
         faults=faults,
         strengths=tuple(sorted(float(text) for text in args.strengths.split(","))),
         approaches=tuple(APPROACHES[each] for each in _chosen(args.approaches.split(","))),
-        half=args.half,
+        half=Half(args.half),
         cases=args.cases,
         simulated_s=args.seconds_simulated,
         judges=tuple(each for each in args.judges.split(",") if each not in ("", "none")),
@@ -49,12 +50,14 @@ def main(words: Sequence[str] | None = None) -> int:
         bisects=not args.all_strengths,
         ends_s=time.time() + 60 * args.minutes,
     )
-    found = measure(plan, lambda line: print(line, file=sys.stderr, flush=True))  # noqa: T201
-    text = as_markdown(found)
-    args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "faults.md").write_text(text, encoding="utf-8")
-    (args.out / "faults.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
-    sys.stdout.write(text)
+
+    def write(found: Benchmark) -> None:
+        args.out.mkdir(parents=True, exist_ok=True)
+        (args.out / "faults.md").write_text(as_markdown(found), encoding="utf-8")
+        (args.out / "faults.json").write_text(json.dumps(as_json(found), indent=1) + "\n", encoding="utf-8")
+
+    found = measure(plan, lambda line: print(line, file=sys.stderr, flush=True), write)  # noqa: T201
+    sys.stdout.write(as_markdown(found))
     return 0
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import math
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -18,12 +20,13 @@ from benchmarks.faults.approaches import Approach
 from benchmarks.faults.evidence import Evidence
 from benchmarks.faults.measures import detects, weakest
 from benchmarks.faults.plug_in_path import add_plug_in, address, healthy
-from benchmarks.faults.sampling import Half, library, name
+from benchmarks.faults.sampling import library, name
 from benchmarks.faults.searching import Search, searched
 from benchmarks.faults.table import Benchmark
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
+from foresee_dsl.study.halves import Half
 
 _ATTEMPTS = 5
 """Ours: how often processes may die. A library that crashes in one of some thousand runs must not cost the others."""
@@ -72,61 +75,88 @@ class _Chain:
     cases: tuple[str, ...]
 
 
-def measure(plan: Plan, say: Say) -> Benchmark:
-    """Measure everything; what was searched before is read from the folder."""
-    started, skipped = time.monotonic(), []
-    usable = []
-    for approach in plan.approaches:
-        if approach.missing:
-            skipped.append(f"the approach {approach.name}: {approach.missing}")
-            say(skipped[-1])
-        else:
-            usable.append(approach)
+@dataclass(frozen=True)
+class _Searched:
+    """The weakest strength that is found, infinite: none, and the evidence of all that were tried."""
+
+    fault: str
+    approach: str
+    threshold: float
+    evidences: tuple[Evidence, ...]
+
+
+def measure(plan: Plan, say: Say, write: Callable[[Benchmark], None]) -> Benchmark:
+    """Measure everything; what was searched before is read from the folder. `write` gets the tables of the faults that
+    are done, after each of them."""
+    started = time.monotonic()
+    usable = tuple(approach for approach in plan.approaches if not approach.missing)
+    skipped = [f"the approach {one.name}: {one.missing}" for one in plan.approaches if one.missing]
     cases = _cases_of(plan, say)
-    for fault in plan.faults:
-        if not cases[fault]:
-            skipped.append(f"the fault {fault}: it changes nothing in any test case")
-            say(skipped[-1])
-    faults = tuple(fault for fault in plan.faults if cases[fault])
-    # A fault with all approaches before the next one: where time runs out, what was measured can be compared.
+    skipped += [f"the fault {fault}: it changes nothing in any test case" for fault in plan.faults if not cases[fault]]
+    for line in skipped:
+        say(line)
+    # A fault with all approaches before the next one, and unlike ones first: where time runs out, what was measured can
+    # be compared.
+    faults = sorted((fault for fault in plan.faults if cases[fault]), key=_mixed)
     chains = [_Chain(plan, fault, approach, cases[fault]) for fault in faults for approach in usable]
-    thresholds, compared, core_s = {}, [], 0.0
+    done: dict[str, list[_Searched]] = defaultdict(list)
     late: set[str] = set()
-    broken: dict[str, str] = {}
     for number, (chain, found) in enumerate(_spread(plan.jobs, _search, chains), start=1):
-        if isinstance(found, str):
-            broken[chain.fault] = f"the fault {chain.fault}: its search by {chain.approach.name} broke, {found}"
-            say(broken[chain.fault])
-            continue
         if found is None:
             late.add(chain.fault)
-            continue
-        threshold, evidences = found
-        thresholds[chain.fault, chain.approach.name] = threshold
-        compared += [one for one in evidences if one.strength == plan.reference]
-        core_s += sum(one.wall_s for one in evidences)
-        tried = ", ".join(f"{one.strength:g}" for one in evidences)
-        say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {threshold:g} on "
-            f"(tried {tried}; {time.monotonic() - started:.0f} s)")  # fmt: skip
+        elif isinstance(found, str):
+            skipped.append(f"the fault {chain.fault}: its search by {chain.approach.name} broke, {found}")
+            say(skipped[-1])
+        else:
+            done[chain.fault].append(found)
+            tried = ", ".join(f"{one.strength:g}" for one in found.evidences)
+            say(f"{number}/{len(chains)} {chain.fault} by {chain.approach.name}: found from {found.threshold:g} on "
+                f"(tried {tried}; {time.monotonic() - started:.0f} s)")  # fmt: skip
+            if len(done[chain.fault]) == len(usable):
+                write(_benchmark(plan, usable, cases, done, skipped))
     if late:
         skipped.append(f"{len(late)} of {len(faults)} faults, as time ran out: {', '.join(sorted(late))}")
-    skipped += broken.values()
-    faults = tuple(fault for fault in faults if fault not in late and fault not in broken)
-    compared = [one for one in compared if one.fault in faults]
-    order = {approach.name: k for k, approach in enumerate(usable)}
-    compared.sort(key=lambda one: (faults.index(one.fault), order[one.approach]))
-    return Benchmark(tuple(order), faults, plan.strengths, plan.reference, plan.simulated_s, thresholds,
-                     tuple(compared), tuple(skipped), {fault: len(cases[fault]) for fault in faults}, plan.half,
-                     core_s)  # fmt: skip
+    result = _benchmark(plan, usable, cases, done, skipped)
+    write(result)
+    return result
+
+
+def _benchmark(
+    plan: Plan,
+    usable: Sequence[Approach],
+    cases: Mapping[str, tuple[str, ...]],
+    done: Mapping[str, Sequence[_Searched]],
+    skipped: Sequence[str],
+) -> Benchmark:
+    """Return the figures of the faults in which all approaches have searched."""
+    order = [approach.name for approach in usable]
+    faults = tuple(fault for fault in plan.faults if len(done.get(fault, ())) == len(order) > 0)
+    found = [one for fault in faults for one in sorted(done[fault], key=lambda one: order.index(one.approach))]
+    return Benchmark(
+        approaches=tuple(order),
+        faults=faults,
+        strengths=plan.strengths,
+        reference=plan.reference,
+        simulated_s=plan.simulated_s,
+        thresholds={(one.fault, one.approach): one.threshold for one in found},
+        compared=tuple(each for one in found for each in one.evidences if each.strength == plan.reference),
+        skipped=tuple(skipped),
+        cases={fault: len(cases[fault]) for fault in faults},
+        half=plan.half.value,
+        wall_s=sum(each.wall_s for one in found for each in one.evidences),
+    )
+
+
+def _mixed(fault: str) -> str:
+    return hashlib.sha256(fault.encode()).hexdigest()
 
 
 class _LateError(Exception):
     """Time has run out."""
 
 
-def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]] | str | None:
-    """Return the weakest strength that is found, and the evidence of the strengths that were tried; in words why there
-    is none; None: time has run out."""
+def _search(chain: _Chain) -> _Searched | str | None:
+    """Search at one strength after the other; return in words why that broke, None where time has run out."""
     plan, known = chain.plan, _library(chain.plan.half)
     cases = [known[each] for each in chain.cases]
     tried: dict[float, Evidence] = {}
@@ -148,7 +178,8 @@ def _search(chain: _Chain) -> tuple[float, tuple[Evidence, ...]] | str | None:
         return None
     except Exception as err:  # one search that breaks must not cost the others
         return f"{type(err).__name__}: {err}"
-    return threshold, tuple(tried[strength] for strength in sorted(tried))
+    evidences = tuple(tried[strength] for strength in sorted(tried))
+    return _Searched(chain.fault, chain.approach.name, threshold, evidences)
 
 
 def _cases_of(plan: Plan, say: Say) -> dict[str, tuple[str, ...]]:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Literal
 
 from foresee_dsl.files import data_folder
 from foresee_dsl.language.project.document import TestCase
-from training.selforacle.evaluate import chosen_cases
+from foresee_dsl.language.project.loading import load_test_cases
+from foresee_dsl.study.halves import Half, of_half
 
-Half = Literal["even", "odd", "all"]
 
-
-def library(half: Half = "all") -> list[TestCase]:
+def library(half: Half = Half.ALL) -> list[TestCase]:
     """Return the bundled test cases of one half, or all, in an order whose beginnings are stratified samples."""
-    return stratified(chosen_cases(None if half == "all" else half))
+    places = sorted(str(place) for place in data_folder("scenarios").glob("scenario*"))
+    return stratified(of_half(load_test_cases(places), half))
 
 
 def name(case: TestCase) -> str:
