@@ -9,6 +9,9 @@ OUT ?= out
 JOBS ?= $(shell $(PYTHON) -c 'import os; print(os.cpu_count() or 1)')
 ARGS ?=
 
+# Some containers set it; without bytecode every start of the tool compiles eighty modules.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help campaign study test lint types imports unit bench faults docs format doctor clean
 

@@ -152,6 +152,9 @@ def main() -> None:
     """Run the command line; the exit code says how it went, and no user's mistake ends in a traceback."""
     # Most of a short command is importing, which makes many objects and no garbage: a tenth of its time is saved.
     gc.set_threshold(100_000)
+    # Pydantic 2.14 would look through all that is installed for plug-ins of its own: a fiftieth of a check's work. Who
+    # has one sets the variable to nothing.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     guard_streams()
     try:
         app()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections import Counter
@@ -85,7 +86,9 @@ def write_together(out: Path, write: Callable[[Path], None]) -> tuple[Path, ...]
         names = sorted(file.name for file in fresh.iterdir())
         for name in names:
             (fresh / name).replace(out / name)
-    except BaseException:
+    except BaseException as error:
+        if error.args and isinstance(error, ForeseeError):  # the folder is gone by the time that somebody reads this
+            error.args = (str(error.args[0]).replace(f"{fresh}{os.sep}", ""), *error.args[1:])
         shutil.rmtree(fresh, ignore_errors=True)
         for folder in made:
             if not any(folder.iterdir()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -50,6 +51,12 @@ def test_a_map_becomes_a_network_and_a_scenario_that_runs(tmp_path: Path) -> Non
         ),
         ("walk.xodr", lambda text: text.replace('"driving"', '"sidewalk"'), "no lanes for cars|refused"),
         ("map.xml", lambda text: text, r"must end in \.xodr"),
+        # netconvert writes lanes as wide as the map says
+        (
+            "wide.xodr",
+            lambda text: re.sub(r'<width sOffset="0" a="[^"]*"', '<width sOffset="0" a="1e300"', text),
+            r"^wide\.xodr is no sound OpenDRIVE map: lane .* has no shape, length, speed or width that can be meant",
+        ),
     ],
 )
 def test_bad_maps_are_refused_and_nothing_written(tmp_path: Path, name: str, change: object, words: str) -> None:

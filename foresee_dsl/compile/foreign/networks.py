@@ -150,6 +150,10 @@ def _convert_map(path: Path, out: Path) -> None:
         folder = Path(name)
         notes += _build(root, folder)
         net = parse_net(folder / "map.net.xml")
+    try:
+        _check_sound(topology_of(net))
+    except ValueError as err:
+        raise CompileError(f"{path} is no sound OpenDRIVE map: {err}") from err
     close_parking(net)
     repair_overlaps(net)
     repair_geometry(net)
