@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -78,8 +79,10 @@ def written(out: Path) -> dict[str, Any]:
     return {"json": {**data, "wall_s": 0}, "files": files}
 
 
-def test_cycles_go_on_from_the_worst_drive_and_a_failure_ends_its_seed(done: tuple[FuzzResult, Path]) -> None:
-    result, _ = done
+def test_cycles_go_on_from_the_worst_drive_and_a_failure_ends_its_seed(
+    done: tuple[FuzzResult, Path], root: Path
+) -> None:
+    result, out = done
     assert [seed.verdict for seed in result.seeds] == [Verdict.PASS] * 2
     assert result.failures > 0, "choose another seed: the test needs a failure"
     for seed in result.seeds:
@@ -96,6 +99,8 @@ def test_cycles_go_on_from_the_worst_drive_and_a_failure_ends_its_seed(done: tup
                 more = set(child.outcome.lines.split("\n")) - set(chosen.outcome.lines.split("\n"))
                 assert more, f"{child.name} changes nothing of {chosen.name}"
     assert result.by_cycle[0].seeds == 2
+    schema = json.loads((root / "docs" / "schemas" / "fuzz-1.json").read_text())
+    jsonschema.validate(json.loads((out / "fuzz.json").read_text()), schema)
     assert sum(one.failures for one in result.by_cycle) == result.failures
 
 
