@@ -93,6 +93,10 @@ def test_a_failing_child_says_it_in_its_file_and_is_still_reproduced(scenarios: 
         found.append(outcome)
         assert outcome.preventable is not None
         assert written.origin.preventable == outcome.preventable.origin
+        assert outcome.anticipation is not None
+        assert written.origin.anticipating == outcome.anticipation.answer.origin
+        counted = CampaignResult(CampaignSettings(), (), (clip("a", outcome),), 1.0).anticipated()
+        assert counted[outcome.anticipation.answer] == sum(counted.values()) == 1
         assert print_model(with_other_answer(written)) != outcome.text
         at.write_text(outcome.text)
         failing.append(at)
