@@ -162,6 +162,7 @@ def study(
         return
     from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.settings import Limits
+    from foresee_dsl.study.statistics.effects import lacks_statsmodels
 
     options = RunOptions(
         jobs=jobs,
@@ -170,15 +171,19 @@ def study(
         retry=retry,
         executor=executor_of(executor, scheduler),
     )
-    ran = _run(names, settings, groups, folder, store or folder.store, options, quiet=quiet)
     screen = console(error=True)
-    if shard:
-        screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
-    elif not ran.interrupted:
-        _report(folder, chosen, page, json=json, names=names)
-    else:
-        screen.print("The same command continues from there.")
+    if lacking := lacks_statsmodels():
+        screen.print(lacking, markup=False, soft_wrap=True)
+    ran = _run(names, settings, groups, folder, store or folder.store, options, quiet=quiet)
+    if ran.interrupted:
+        screen.print(f"The same command continues from there; `foresee study report {out}` shows what there is.")
         raise typer.Exit(FAILED)
+    if lacking:
+        screen.print(lacking, markup=False, soft_wrap=True)
+    elif shard:
+        screen.print(f"Part {shard} is in the store; join the parts with `foresee store merge`, then ask again.")
+    else:
+        _report(folder, chosen, page, json=json, names=names)
     if ran.broken:
         raise typer.Exit(FAILED)
 
@@ -194,9 +199,7 @@ def _run(
     from foresee_dsl.errors import InputError
     from foresee_dsl.report.live import progress
     from foresee_dsl.study.running import possible, run_study
-    from foresee_dsl.study.statistics.effects import need_statsmodels
 
-    need_statsmodels()
     if mistakes := placement_mistakes([case for group in cases.values() for case in group]):
         raise InputError(mistakes)
     settings, notes = possible(settings)

@@ -54,14 +54,14 @@ def d_size(value: float) -> str:
     return "undefined" if math.isnan(value) else SIZES[bisect.bisect_right(_D_FROM, abs(value))]
 
 
-def need_statsmodels() -> None:
-    """Check that the package is there that corrects p values, before anything runs.
-
-    Raises:
-        ForeseeError: it is not installed.
-    """
-    if find_spec("statsmodels") is None:
-        raise ForeseeError("a study needs statsmodels: pip install 'foresee-dsl[study]' installs it")
+def lacks_statsmodels() -> str:
+    """Return what to do where the package is not installed that corrects p values; "" where it is."""
+    if find_spec("statsmodels") is not None:
+        return ""
+    return (
+        "no tables: they need statsmodels. After `pip install 'foresee-dsl[study]'`, `foresee study report` makes them "
+        "of what was run"
+    )
 
 
 def holm(values: Sequence[float]) -> tuple[float, ...]:
@@ -72,7 +72,8 @@ def holm(values: Sequence[float]) -> tuple[float, ...]:
     """
     if not values:
         return ()
-    need_statsmodels()
+    if lacking := lacks_statsmodels():
+        raise ForeseeError(lacking)
     from statsmodels.stats.multitest import multipletests
 
     return tuple(float(p) for p in multipletests(values, method="holm")[1])
