@@ -23,6 +23,10 @@ class Way(NamedTuple):
     near: bool = False
 
 
+FOUND = Way(("searched",))
+"""The children of the preset's search, one after the other."""
+
+
 class Tried(NamedTuple):
     """A child of an earlier round: its clip, how it was drawn, and what it was worth."""
 
@@ -60,7 +64,8 @@ class Ways:
 
     def choose(self, clip: str, ways: Sequence[Way]) -> Way:
         """Return one of a clip's ways, and remember that it had it."""
-        scores = [self._drawn(way) / (1 + self._had[clip, way]) for way in ways]
+        # What a search found differs from child to child already.
+        scores = [self._drawn(way) / (1 if way == FOUND else 1 + self._had[clip, way]) for way in ways]
         best = ways[scores.index(max(scores))]
         self._had[clip, best] += 1
         return best

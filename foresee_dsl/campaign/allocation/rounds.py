@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from foresee_dsl.campaign.allocation.choice import Tried, Way, Ways, counts, halved, ranked, spread
+from foresee_dsl.campaign.allocation.choice import FOUND, Tried, Way, Ways, counts, halved, ranked, spread
 from foresee_dsl.campaign.allocation.worth import Told, avoided, worths
 from foresee_dsl.campaign.node import Node
 from foresee_dsl.campaign.records import ChildOutcome, Mutants, ReferenceRun, decode
@@ -129,13 +129,16 @@ class _Unit:
     wanted: list[Wanted] = field(default_factory=list)
 
     def way(self, plan: int, *, near: bool = False) -> Way:
-        return Way(("searched",) if plan == SEARCHED else tuple(name for name, _ in self.plans[plan]), near)
+        if plan == SEARCHED:
+            return FOUND._replace(near=near)
+        return Way(tuple(name for name, _ in self.plans[plan]), near)
 
     @property
     def open_plans(self) -> list[int]:
-        """The plans that have more children."""
-        more = [SEARCHED] if self.turns[SEARCHED] < self.searched else []
-        return [*more, *(plan for plan in range(len(self.plans)) if plan not in self.dry)]
+        """The plans that have more children: the preset's search first, and the others when it has no more."""
+        if self.turns[SEARCHED] < self.searched:
+            return [SEARCHED]
+        return [plan for plan in range(len(self.plans)) if plan not in self.dry]
 
 
 class Rounds:
