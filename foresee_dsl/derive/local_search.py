@@ -17,6 +17,10 @@ Gap = Callable[[tuple[Change, ...]], tuple[float, float]]
 """How near the roll-out of changes comes to the recorded ego."""
 NEAR_OF = 32
 """So many draws of an operator are compared with the change that is given."""
+SHARES = (1.0, 0.9, 0.8)
+"""A change that no operator makes is near one of this share of its strength. Ours."""
+SHIFTS_S = (0.0, -0.4, -0.2, 0.2, 0.4)
+"""And near one that begins so much later. Ours: what a driver's reaction times differ by."""
 NEAREST = 8
 """The nearest of these are near it. Ours: a quarter, so that a number moves by an eighth of its range at most, on
 average."""
@@ -34,21 +38,41 @@ def near_changes(
 ) -> tuple[tuple[str, ...], tuple[Change, ...]] | None:
     """Draw changes near given ones; None where there are none that were not `seen`.
 
-    Of as many draws as the preset asks for, those whose roll-out comes nearest to the ego are taken.
+    Of as many draws as the preset asks for, those whose roll-out comes nearest to the ego are taken. What no operator
+    of the plan makes becomes weaker, or begins earlier or later.
 
     Returns:
         The names of the operators that make them, and the changes.
     """
     parts = [_alternatives(operator, target, given, situation, preset, rng) for operator, target in plan]
     names = tuple(operator.name for (operator, _), ways in zip(plan, parts, strict=True) if ways[0])
+    made = {(change.actor, change.property) for ways in parts for change in ways[0]}
+    parts += [[(c,), *_weaker_or_moved(c)] for c in given if (c.actor, c.property) not in made]
     found: dict[tuple[Change, ...], None] = {}
     for _ in range(2 * max(preset.draws, NEAREST)):
         changes = tuple(change for ways in parts for change in ways[int(rng.integers(len(ways)))])
-        if changes != given and changes not in seen:
+        if changes and changes != given and changes not in seen:
             found.setdefault(changes)
         if len(found) >= preset.draws:
             break
     return (names, min(found, key=gap)) if found else None
+
+
+def _weaker_or_moved(change: Change) -> list[tuple[Change, ...]]:
+    """Return changes near one that no operator makes: never stronger than it, as its search bounds what people do."""
+    if not isinstance(change.now, Quantity) or not isinstance(change.was, Quantity):
+        return []
+    now, was, found = change.now, change.was, []
+    for share in SHARES:
+        value = Quantity.of(was.si + share * (now.si - was.si), was.dimension, 2)
+        for shift_s in SHIFTS_S if isinstance(change.start, Quantity) else (0.0,):
+            start = change.start
+            if isinstance(start, Quantity) and shift_s:
+                if start.si + shift_s < 0:
+                    continue
+                start = Quantity.of(start.si + shift_s, "time", 2)
+            found.append(change.model_copy(update={"now": value if share < 1 else now, "start": start}))
+    return [(one,) for one in dict.fromkeys(found) if one != change]
 
 
 def _alternatives(

@@ -160,7 +160,10 @@ class Mutator:
         plan = made_by if draw.plan == SEARCHED else self._plans[draw.plan]
         rng = self._rng(draw, seed, *_entropy(near))
         gap = partial(_gap_m, self._situation)
-        return near_changes(self._situation, self._preset, plan, near.changes, rng, seen=seen, gap=gap)
+        drawn = near_changes(self._situation, self._preset, plan, near.changes, rng, seen=seen, gap=gap)
+        if drawn is None or draw.plan != SEARCHED or near.origin is None:
+            return drawn
+        return near.origin.operator, drawn[1]
 
     def _rng(self, draw: Draw, seed: int, *more: int) -> np.random.Generator:
         entropy = [seed, self._pinned, draw.number(len(self._plans)), *more]

@@ -98,6 +98,16 @@ def test_a_child_near_another_changes_the_same_by_a_little():
                 assert abs(was.now.si - now.now.si) <= (FOCUSED.timing.high - FOCUSED.timing.low) / 2
 
 
+def test_what_no_operator_makes_becomes_weaker_or_moves():
+    brakes = Change(actor="runner", property="brakes", was=q("0 m/s^2"), now=q("6 m/s^2"), start=q("1 s"))
+    rng = np.random.default_rng(0)
+    names, found = near_changes(None, FOCUSED, (), (brakes,), rng, seen=(), gap=lambda _: (0.0, 0.0))
+    assert names == () and found != (brakes,)
+    assert 4.8 <= found[0].now.si <= 6 and abs(found[0].start.si - 1) < 0.41
+    ignores = Change(actor="runner", property="ignores", was="none", now="signals")
+    assert near_changes(None, FOCUSED, (), (ignores,), rng, seen=(), gap=lambda _: (0.0, 0.0)) is None
+
+
 def test_an_operator_may_say_itself_what_is_near():
     class Own:
         name = "own"
