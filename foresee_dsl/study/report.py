@@ -57,7 +57,8 @@ def write_report(folder: StudyFolder, half: Half | None = None, page: Path | Non
     """
     results = Results.of(folder, half)
     if not any(measured.cases for measured in results.campaigns):
-        raise ForeseeError(f"the study in {folder.at} has no test case of the {results.half} half: name another --half")
+        where = "" if results.half is Half.ALL else f" of the {results.half} half: name another --half"
+        raise ForeseeError(f"the study in {folder.at} has run no test case{where}")
     asked = folder.read().asked or TABLES  # where none was answered to the end, all that there is
     tables = {name: found for name in TABLES if name in asked and (found := tables_of(name, results))}
     for found in tables.values():

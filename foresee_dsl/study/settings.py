@@ -107,6 +107,7 @@ class Wanted:
             seed=self.seed,
             handover_s=handover_of(load_driver(self.driver), max(half_s - DRIVES_S, 0.0)),
             against=self._references,
+            allocation="even",  # the clips of fewer risky points are then a part of those of more
         )
 
     @property
