@@ -67,6 +67,12 @@ class Evidence:
         """Return the failures among them."""
         return tuple(run.failure for run in self.within(simulated_s) if run.failure is not None)
 
+    def of_children(self, simulated_s: float) -> tuple[Failure, ...]:
+        """Return the failures of children among them: the healthy driver passes all test cases, so that a test case
+        which fails is always the fault's."""
+        runs = self.within(simulated_s)
+        return tuple(run.failure for run in runs if run.failure is not None and run.kind == "child")
+
 
 def save(evidence: Evidence, file: Path, key: str) -> None:
     """Write it, whole or not at all."""

@@ -33,9 +33,11 @@ class Score:
     """How well one search did.
 
     Attributes:
-        failing, the_faults: failing runs, and those of them that the healthy driver passes.
-        findings, true_findings: the same after equal stories were put together; a finding is the fault's where at least
-            half of its failures are.
+        failing, the_faults: failing children, and those of them that the healthy driver passes; of test cases where
+            these alone were driven.
+        findings, right_findings: the same after equal stories were put together; a finding is the fault's where at
+            least half of its failures are.
+        true_findings: the fault's findings, test cases included.
         recall: share of the fault's findings of all approaches that this one found; None where nobody found any.
         first_s: simulated seconds until the end of the first failure that is the fault's; infinite: none.
         said, said_right: failing runs that any verdict calls avoidable, and those of them that are the fault's.
@@ -47,6 +49,7 @@ class Score:
     said: int
     said_right: int
     findings: int
+    right_findings: int
     true_findings: int
     recall: float | None
     first_s: float
@@ -66,7 +69,7 @@ class Score:
     @property
     def precision_of_findings(self) -> float | None:
         """The share of the findings that is the fault's."""
-        return self.true_findings / self.findings if self.findings else None
+        return self.right_findings / self.findings if self.findings else None
 
 
 def detects(evidence: Evidence, simulated_s: float) -> bool:
@@ -87,8 +90,10 @@ def scores(evidences: Iterable[Evidence], simulated_s: float) -> dict[str, Score
 
 
 def _score(evidence: Evidence, known: frozenset[tuple[str, ...]], simulated_s: float) -> Score:
-    failures, own = evidence.failures(simulated_s), true_findings(evidence, simulated_s)
-    spent_s, first_s = 0.0, math.inf
+    own = true_findings(evidence, simulated_s)
+    plain = all(run.kind == "seed" for run in evidence.runs)
+    failures = evidence.failures(simulated_s) if plain else evidence.of_children(simulated_s)
+    shares, spent_s, first_s = _shares(failures), 0.0, math.inf
     for run in evidence.within(simulated_s):
         spent_s += run.simulated_s
         if run.failure is not None and run.failure.is_the_faults:
@@ -98,7 +103,8 @@ def _score(evidence: Evidence, known: frozenset[tuple[str, ...]], simulated_s: f
         the_faults=sum(failure.is_the_faults for failure in failures),
         said=sum(bool(failure.verdicts.get(ANY)) for failure in failures),
         said_right=sum(failure.is_the_faults for failure in failures if failure.verdicts.get(ANY)),
-        findings=len(_shares(failures)),
+        findings=len(shares),
+        right_findings=sum(share >= 1 / 2 for share in shares.values()),
         true_findings=len(own),
         recall=len(own & known) / len(known) if known else None,
         first_s=first_s,

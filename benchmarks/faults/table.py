@@ -41,9 +41,7 @@ class Benchmark:
     @property
     def verdicts(self) -> dict[str, Confusion]:
         """Return how good each verdict is, over the failures of all campaigns at the reference strength."""
-        return confusions(
-            failure for one in self.compared if one.approach != "plain" for failure in one.failures(self.simulated_s)
-        )
+        return confusions(failure for one in self.compared for failure in one.of_children(self.simulated_s))
 
 
 def as_markdown(found: Benchmark) -> str:
@@ -83,12 +81,12 @@ def as_json(found: Benchmark) -> dict[str, Any]:
 
 
 def _head(found: Benchmark) -> list[str]:
-    counts = sorted(found.cases.values())
-    of = f"{counts[0]} to {counts[-1]}" if counts else "no"
+    counts = sorted(set(found.cases.values()))
+    of = " to ".join(dict.fromkeys(str(count) for count in (*counts[:1], *counts[-1:]))) or "no"
     return [
         "# Seeded faults",
         "",
-        f"{len(found.faults)} faults, {of} test cases each ({found.half} half), strengths "
+        f"Faults: {len(found.faults)}; test cases of each: {of} ({found.half} half), strengths "
         f"{', '.join(f'{s:g}' for s in found.strengths)}; every search simulates {found.simulated_s:g} s. "
         f"{found.wall_s / 3600:.1f} core hours.",
         *(f"\nLeft out: {line}." for line in found.skipped),
@@ -141,7 +139,12 @@ def _verdicts(found: Benchmark) -> list[str]:
 
 
 def _faults(found: Benchmark) -> list[str]:
-    lines = ["## Faults", "", "Threshold; at the reference strength the fault's failures of all failures.", ""]
+    lines = [
+        "## Faults",
+        "",
+        "Threshold; at the middle strength the fault's failing children of all (of plain: test cases).",
+        "",
+    ]
     rows = []
     for fault in found.faults:
         own = found.scores_of(fault)
