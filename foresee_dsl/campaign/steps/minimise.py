@@ -11,10 +11,12 @@ from foresee_dsl.campaign.records import ChildOutcome, Minimised, MutantDraft, R
 from foresee_dsl.campaign.steps.child import ChildStep, run_child
 from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
+from foresee_dsl.compile import compile_test_case
+from foresee_dsl.derive import anticipating
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import Judge
-from foresee_dsl.derive.preventability import assess
+from foresee_dsl.derive.preventability import assess_bundle
 from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -142,11 +144,12 @@ def judge_of(driver: str, seed: int) -> Judge:
     def sign(case: TestCase, result: RunResult) -> tuple[str, ...]:
         return result.verdict.value, result.with_, tell(result.trace, case).contact.value
 
-    return Judge(
-        drive=lambda case: run_test_case(case, driver, seed),
-        sign=sign,
-        avoided=lambda case, result: assess(case, result).verdict.value,
-    )
+    def avoided(case: TestCase, result: RunResult) -> str:
+        bundle = compile_test_case(case)
+        ahead = anticipating.assess_bundle(bundle, result)
+        return f"{assess_bundle(bundle, result).verdict.value}, {ahead.answer.value}"
+
+    return Judge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
 
 
 def _run(subject: Subject, clip: Clip, mutant: Mutant, driver: str, seed: int) -> tuple[ChildOutcome, RunResult]:

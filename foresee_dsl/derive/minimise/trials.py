@@ -24,7 +24,7 @@ class Judge:
     Attributes:
         drive: runs a test case.
         sign: what two runs have in common that show the same failure: verdict, actor, class of contact.
-        avoided: the answer to whether a careful driver would have avoided a failure.
+        avoided: the answers to whether the careful drivers would have avoided a failure.
     """
 
     drive: Callable[[TestCase], RunResult]
