@@ -106,7 +106,7 @@ class CarefulSettings:
     ahead_m: float = 15.0
     onset_s: float = 4.0
     onsets: int = 6
-    draws: int = 6
+    draws: int = 10
     reach_m: float = 30.0
 
 

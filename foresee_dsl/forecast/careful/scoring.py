@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from foresee_dsl.forecast.careful.behaviours import Behaviours, Candidate, CarefulSettings, Kind
 from foresee_dsl.forecast.careful.recorded import Recorded
-from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.arrays import BoolArray, FloatArray, Records
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.what_if import Ending, Style, WhatIf, roll_out
 from foresee_dsl.simulate.trace import STEP_S
@@ -38,11 +38,17 @@ NEAR_M = 0.25
 """A roll-out that misses by this much counts about a third. Ours: what the roll-out is off by after some seconds."""
 STANDS_MPS = 0.5
 """An ego slower than this at the contact stands: then nobody could have avoided it."""
+SUDDEN, SUDDEN_S = 0.5, 0.7
+"""What counts somebody who is in the way of a driver that just stops: so much when there is no time, a third of it
+after that time. Ours: `pdm` hits with its side who steps into its way within a second."""
 _HITS = 0.3
 """What a miss of no width counts, against a contact. Ours."""
 LEAST_SHARE = 0.2
 """What is left of the score where no careful driver of ours avoids it. Ours: in a trial other drivers avoid those too,
 but fewer."""
+IN_LINE_RAD, IN_LINE_M = math.radians(25), 1.2
+"""An actor is in the ego's line whose heading differs by less, and whose middle is less beside it. Ours: half a car's
+width and a little. None of 30 that braked ahead of `pdm` there, and did not hit a driver that reacts, was hit."""
 SHARES = (0.1, 0.3, 0.3, 0.2, 0.1)
 """How much `BLIND` and each of `DRIVES` counts. Ours: what hits a prompt driver fails in the simulation; of what hits
 only one that is late or does not react, one in twenty does."""
@@ -67,10 +73,14 @@ class Scored:
     contact_s: float
     braking_s: float | None
     gap_m: float
+    reacts: bool = True
+    """Whether it hits a driver that reacts."""
 
     def sentence(self, begins_s: float) -> str:
         """Say what happens, with times of the run that the window begins in at that time."""
         ends = f"contact at {begins_s + self.contact_s:.1f} s" if self.gap_m == 0 else f"{self.gap_m:.1f} m are left"
+        if self.gap_m == 0 and not self.reacts:
+            return f"{self.candidate.sentence}: {ends} unless the driver reacts"
         if self.braking_s is not None:
             return f"{self.candidate.sentence}: {ends}, avoidable by braking from {begins_s + self.braking_s:.1f} s"
         return f"{self.candidate.sentence}: {ends}, {_ways(self.avoidable)}"
@@ -97,7 +107,12 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     touches = np.isfinite(drives["contact"])
     fair = drives["struck"] & (drives["ego"] >= STANDS_MPS)
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
+    # Who comes into the ego's way at the last moment leaves little time, though a roll-out may just stop.
+    left_s = drives[:, :1]["contact"] - (drives["brakes"] - [s.delay for s in (BLIND, *DRIVES)])
+    sudden = np.where(touches[:, :1] & np.isfinite(left_s), SUDDEN * np.exp(-np.maximum(left_s, 0.0) / SUDDEN_S), 0.0)
+    hits = np.maximum(hits, sudden * fair[:, :1])
     hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
+    hits[_ahead_in_line(run, candidates, drives[:, 0]), 0] = 0.0
     avoided = ~np.isfinite(careful["contact"])
     hit = hits @ np.array(SHARES)
     avoidable = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
@@ -116,12 +131,27 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     ]
 
 
+def _ahead_in_line(run: Recorded, candidates: Sequence[Candidate], blind: Records) -> BoolArray:
+    """Say of which candidates the actor is ahead in the ego's own line where the driver that does not react is nearest
+    to it: whoever drives at all keeps a distance there."""
+    found = np.zeros(len(candidates), dtype=np.bool_)
+    for k, candidate in enumerate(candidates):
+        what = candidate.what
+        frame = min(what.first + round(float(blind[k]["at"]) / STEP_S), run.tracks.shape[1] - 1)
+        x, y, heading, _ = run.tracks[0, frame]
+        dx, dy, turned = (run.tracks[what.actor, frame, :3] - (x, y, heading)).tolist()
+        beside = dy * math.cos(heading) - dx * math.sin(heading)
+        found[k] = math.cos(turned) > math.cos(IN_LINE_RAD) and abs(beside) < IN_LINE_M
+    return found
+
+
 def _one(
     candidate: Candidate, score: float, hit: float, avoidable: float, drives: Records, brakes: bool, early: Records
 ) -> Scored:
     nearest = drives[int(np.argmin(drives["gap"]))]
     braking_s = float(early["brakes"]) if brakes and math.isfinite(early["brakes"]) else None
-    return Scored(candidate, score, hit, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]))
+    return Scored(candidate, score, hit, avoidable, float(nearest["at"]), braking_s, float(nearest["gap"]),
+                  bool(np.isfinite(drives[1:]["contact"]).any()))  # fmt: skip
 
 
 def search(
