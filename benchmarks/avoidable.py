@@ -6,8 +6,8 @@
 Every combination of driver, ranker, preset and seed is a campaign of its own over the same test cases, in a process of
 its own, with its own store; what a store holds already is not run again, so a command that was stopped goes on.
 With `--pairs careful:avoidable foresee:focused foresee:focused:adaptive` only those combinations; the third word is how
-children are allocated. The test case is the unit of the intervals
-(bootstrap of the ratio of sums). The table is printed, and written to FOLDER/avoidable.md and FOLDER/avoidable.json.
+children are allocated. The test case is the unit of the intervals (bootstrap of the ratio of sums). The table is
+printed at the end, and written to FOLDER/avoidable.md and FOLDER/avoidable.json after each campaign.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import json
 import sys
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, fields
 from multiprocessing import get_context
 from pathlib import Path
@@ -127,7 +127,7 @@ def main() -> None:
     searches = [Search(driver, *pair) for driver in options.drivers for pair in pairs]
     references = tuple(options.against.split(",")) if options.against else REFERENCES
     more = {"risky_points": options.risky_points, "children": options.children}
-    pairs_of_seeds = [(search, seed) for search in searches for seed in options.seeds]
+    pairs_of_seeds = [(search, seed) for seed in options.seeds for search in searches]
     at_once = max(1, min(options.jobs, len(pairs_of_seeds)))
     tasks = [
         Task(search, seed, options.half, options.every, tuple(r for r in references if r != search.driver),
@@ -136,16 +136,21 @@ def main() -> None:
     ]  # fmt: skip
     found: dict[Search, dict[str, Counts]] = {search: defaultdict(Counts) for search in searches}
     with ProcessPoolExecutor(at_once, mp_context=get_context("spawn")) as pool:
-        for task, counts in zip(tasks, pool.map(_campaign, tasks), strict=True):
-            for case, more_of_it in counts.items():
-                found[task.search][case].add(more_of_it)
+        running = {pool.submit(_campaign, task): task for task in tasks}
+        for done in as_completed(running):
+            for case, more_of_it in done.result().items():
+                found[running[done].search][case].add(more_of_it)
+            _write({search: counts for search, counts in found.items() if counts}, options.seeds, options.out)
+    sys.stdout.write((options.out / "avoidable.md").read_text(encoding="utf-8"))
+
+
+def _write(found: Mapping[Search, Mapping[str, Counts]], seeds: Sequence[int], out: Path) -> None:
+    """Write the table of what there is so far."""
     cases = max(map(len, found.values()))
     tables = {search: _summary(counts) for search, counts in found.items()}
-    text = _markdown(tables, found, cases, options.seeds)
-    sys.stdout.write(text)
-    (options.out / "avoidable.md").write_text(text, encoding="utf-8")
-    rows = [asdict(search) | {"figures": tables[search]} for search in searches]
-    (options.out / "avoidable.json").write_text(json.dumps({"cases": cases, "rows": rows}, indent=1) + "\n")
+    (out / "avoidable.md").write_text(_markdown(tables, found, cases, seeds), encoding="utf-8")
+    rows = [asdict(search) | {"figures": table} for search, table in tables.items()]
+    (out / "avoidable.json").write_text(json.dumps({"cases": cases, "rows": rows}, indent=1) + "\n")
 
 
 def _campaign(task: Task) -> dict[str, Counts]:

@@ -108,8 +108,11 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     fair = drives["struck"] & (drives["ego"] >= STANDS_MPS)
     hits = np.where(touches, 1.0, _HITS * np.exp(-drives["gap"] / NEAR_M)) * fair
     # Who comes into the ego's way at the last moment leaves little time, though a roll-out may just stop.
-    left_s = drives[:, :1]["contact"] - (drives["brakes"] - [s.delay for s in (BLIND, *DRIVES)])
-    sudden = np.where(touches[:, :1] & np.isfinite(left_s), SUDDEN * np.exp(-np.maximum(left_s, 0.0) / SUDDEN_S), 0.0)
+    threatened_s = drives["brakes"] - np.array([style.delay for style in (BLIND, *DRIVES)])
+    met_s = np.where(touches[:, :1], drives[:, :1]["contact"], -1.0)
+    known = touches[:, :1] & np.isfinite(threatened_s)
+    left_s = np.maximum(met_s - np.where(known, threatened_s, 0.0), 0.0)
+    sudden = np.where(known, SUDDEN * np.exp(-left_s / SUDDEN_S), 0.0)
     hits = np.maximum(hits, sudden * fair[:, :1])
     hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
     hits[_ahead_in_line(run, candidates, drives[:, 0]), 0] = 0.0
