@@ -14,14 +14,14 @@ from foresee_dsl.derive.avoidable import NAMES
 from foresee_dsl.language.project.loading import load_test_cases
 from tests.support.small_campaign import SETTINGS, TEXT
 
-SEARCH = replace(SETTINGS, ranker="careful", preset="avoidable", children=3, against=("pdm",))
+SEARCH = replace(SETTINGS, ranker="careful", preset="avoidable", children=4, against=("pdm",))
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> CampaignResult:
     folder = tmp_path_factory.mktemp("avoidable")
     (folder / "crosser.foresee").write_text(TEXT, encoding="utf-8")
-    cases = load_test_cases([f"{folder / 'crosser.foresee'}::after"])
+    cases = load_test_cases([f"{folder / 'crosser.foresee'}::last"])
     with Store(folder / "store") as store:
         return run_campaign(cases, SEARCH, out=folder / "out", store=store)
 
