@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import scipy.stats
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.study.statistics import NotTested, Pair, compare
@@ -110,6 +110,7 @@ def test_many_values_are_tested_by_the_normal_approximation() -> None:
     assert rank_sum(first, second).p == pytest.approx(scipy.stats.mannwhitneyu(first, second).pvalue)
 
 
+@settings(max_examples=50, deadline=None)
 @given(COUNTS, COUNTS)
 def test_exchanging_the_samples_changes_only_the_sign(first: list[int], second: list[int]) -> None:
     size = min(len(first), len(second))
@@ -121,6 +122,7 @@ def test_exchanging_the_samples_changes_only_the_sign(first: list[int], second: 
     assert (math.isnan(d) and math.isnan(back)) or d == pytest.approx(-back)
 
 
+@settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(-5, 5), min_size=6, max_size=10))
 def test_sign_flips_count_all_of_them(differences: list[int]) -> None:
     every = np.array(np.meshgrid(*[(-1, 1)] * len(differences))).reshape(len(differences), -1)
@@ -128,6 +130,7 @@ def test_sign_flips_count_all_of_them(differences: list[int]) -> None:
     assert sign_flips(differences).p == pytest.approx(float((sums >= abs(sum(differences))).mean()))
 
 
+@settings(max_examples=15, deadline=None)  # statsmodels 0.15 collects garbage in each call
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
 def test_holm_never_lowers_a_p_value_and_keeps_their_order(values: list[float]) -> None:
     corrected = holm(values)
@@ -136,6 +139,7 @@ def test_holm_never_lowers_a_p_value_and_keeps_their_order(values: list[float]) 
     assert in_order == sorted(in_order)
 
 
+@settings(max_examples=25, deadline=None)
 @given(COUNTS, COUNTS)
 def test_repetitions_of_a_test_case_are_drawn_together(first: list[int], second: list[int]) -> None:
     pairs = [Pair(f"c{k}", 0, a, b) for k, (a, b) in enumerate(zip(first, second, strict=False))]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from foresee_dsl.errors import ForeseeError
@@ -211,6 +211,7 @@ def test_a_table_is_shown_alike_in_all_forms() -> None:
     assert r"\textsc{p|d\_m}" in latex and r"$\Sigma$ & - & 7 & 5 \%" in latex
 
 
+@settings(max_examples=50, deadline=None)
 @given(st.lists(st.one_of(st.none(), st.integers(-9, 9), st.floats(-1e6, 1e6)), min_size=1, max_size=4))
 def test_csv_has_what_markdown_has(values: list[float | None]) -> None:
     table = Table("t", "T", tuple(Column(f"c{k}") for k in range(len(values))), (Row("r", tuple(values)),))
