@@ -143,7 +143,11 @@ def test_a_failure_is_worth_most_when_it_is_new_and_could_have_been_avoided() ->
 def test_children_go_where_those_before_failed() -> None:
     steer, line = Way(("steer",)), Way(("line",))
     clips = [f"clip{k}" for k in range(8)]
-    tried = [Tried(clip, way, float(clip == "clip3" and way == line)) for clip in clips for way in (steer, line)]
+    tried = [
+        Tried(clip, way, float(clip == "clip3" and way == line), clip == "clip3")
+        for clip in clips
+        for way in (steer, line)
+    ]
     assert ranked(clips, tried) == ["clip3", *(clip for clip in clips if clip != "clip3")]
     assert [halved(8, number) for number in range(1, 6)] == [8, 4, 2, 1, 1]
     ways = Ways(tried * 3, np.random.default_rng(0))

@@ -28,11 +28,15 @@ FOUND = Way(("searched",))
 
 
 class Tried(NamedTuple):
-    """A child of an earlier round: its clip, how it was drawn, and what it was worth."""
+    """A child of an earlier round: its clip, how it was drawn, what it was worth, and whether it failed.
+
+    A near miss says something of its clip, and nothing of the way: what is drawn near a near miss is one again.
+    """
 
     clip: str
     way: Way
     worth: float
+    fails: bool
 
 
 def ranked(clips: Sequence[str], tried: Iterable[Tried]) -> list[str]:
@@ -49,17 +53,17 @@ def halved(count: int, number: int) -> int:
 
 
 class Ways:
-    """What is known of the ways to draw a child, over all clips, and how often each clip had each."""
+    """What failures say of the ways to draw a child, over all clips, and how often each clip had each."""
 
     def __init__(self, tried: Sequence[Tried], rng: Generator) -> None:
         """Learn from all children so far."""
         self._rng = rng
         # Neither 0 nor 1, between which a beta distribution has its mean.
-        self._mean = (sum(one.worth for one in tried) + 0.1) / (len(tried) + 1)
+        self._mean = (sum(one.worth for one in tried if one.fails) + 0.1) / (len(tried) + 1)
         self._worth: defaultdict[Way, list[float]] = defaultdict(list)
         self._had: Counter[tuple[str, Way]] = Counter()
         for one in tried:
-            self._worth[one.way].append(one.worth)
+            self._worth[one.way].append(one.worth if one.fails else 0.0)
             self._had[one.clip, one.way] += 1
 
     def choose(self, clip: str, ways: Sequence[Way]) -> Way:
