@@ -78,8 +78,10 @@ class Scored:
 
     def sentence(self, begins_s: float) -> str:
         """Say what happens, with times of the run that the window begins in at that time."""
-        ends = f"contact at {begins_s + self.contact_s:.1f} s" if self.gap_m == 0 else f"{self.gap_m:.1f} m are left"
-        if self.gap_m == 0 and not self.reacts:
+        if self.gap_m > 0:
+            return f"{self.candidate.sentence}: {self.gap_m:.1f} m are left at {begins_s + self.contact_s:.1f} s"
+        ends = f"contact at {begins_s + self.contact_s:.1f} s"
+        if not self.reacts:
             return f"{self.candidate.sentence}: {ends} unless the driver reacts"
         if self.braking_s is not None:
             return f"{self.candidate.sentence}: {ends}, avoidable by braking from {begins_s + self.braking_s:.1f} s"
