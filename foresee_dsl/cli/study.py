@@ -14,6 +14,7 @@ from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.campaign_options import CPUS, Jobs, executor_of, notes_on, shard_of
 from foresee_dsl.cli.options.case_selection import OnlyOption
 from foresee_dsl.cli.options.common import FAILED, AllowOutsideOption, JsonOption, console, print_json
+from foresee_dsl.cli.options.study_options import cases_of, half_named, names_in, numbers_in, town_cases
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from foresee_dsl.campaign.execution.pool import RunOptions
-    from foresee_dsl.language.project.document import TestCase
     from foresee_dsl.study.folder import StudyFolder, Took
     from foresee_dsl.study.halves import Half
     from foresee_dsl.study.running import Cases, StudyRun
@@ -125,21 +125,21 @@ def study(
     from foresee_dsl.study.questions import QUESTIONS
     from foresee_dsl.study.settings import BUNDLED, DRIVERS, RANKERS, StudySettings
 
-    chosen = _half(half)
+    chosen = half_named(half)
     if question == REPORT:
         if len(paths or ()) > 1:
             raise typer.BadParameter("report takes one study's folder", param_hint="PATH")
         _report(StudyFolder(Path(paths[0]) if paths else out), chosen, page, json=json)
         return
-    names = tuple(QUESTIONS) if question == ALL else _names(question)
+    names = tuple(QUESTIONS) if question == ALL else names_in(question)
     if not names or not set(names) <= set(QUESTIONS):
         known = ", ".join((*QUESTIONS, ALL, REPORT))
         raise typer.BadParameter(f"{question!r} is not one of: {known}", param_hint="QUESTION")
-    searched, searches = _numbers(exhaustive, 2, "--exhaustive")
-    fuzz_repetitions, cycles, mutations = _numbers(fuzzing, 3, "--fuzzing")
+    searched, searches = numbers_in(exhaustive, 2, "--exhaustive")
+    fuzz_repetitions, cycles, mutations = numbers_in(fuzzing, 3, "--fuzzing")
     settings = StudySettings(
-        drivers=_names(drivers) or DRIVERS,
-        rankers=_names(rankers) or RANKERS,
+        drivers=names_in(drivers) or DRIVERS,
+        rankers=names_in(rankers) or RANKERS,
         half=chosen or StudySettings.half,
         first=cases,
         repetitions=repetitions,
@@ -148,14 +148,14 @@ def study(
         seed=seed,
         preset=preset,
         children=children,
-        against=None if against is None else tuple(name for name in _names(against) if name != NOBODY),
+        against=None if against is None else tuple(name for name in names_in(against) if name != NOBODY),
         fuzz_repetitions=fuzz_repetitions,
         fuzz_cycles=cycles,
         fuzz_mutations=mutations,
         towns=tuple(town.name for town in towns or ()),
     )
-    groups = {BUNDLED: _loaded(paths, settings, only, allow_outside=allow_outside)}
-    groups |= {town.name: _town(town, settings, allow_outside=allow_outside) for town in towns or ()}
+    groups = {BUNDLED: cases_of(paths, settings, only, allow_outside=allow_outside)}
+    groups |= {town.name: town_cases(town, settings, allow_outside=allow_outside) for town in towns or ()}
     folder = StudyFolder(out)
     if plan:
         _plan(names, settings, groups, store or folder.store, json=json, jobs=jobs)
@@ -283,45 +283,3 @@ def _print_took(screen: Console, folder: StudyFolder, asked: dict[str, Took]) ->
 
     for name, took in asked.items():
         screen.print(f"{name}: {duration(took.wall_s)} with {took.jobs} workers (in {folder.at})", markup=False)
-
-
-def _names(text: str | None) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
-
-
-def _half(text: str | None) -> Half | None:
-    from foresee_dsl.study.halves import Half
-
-    if text is None:
-        return None
-    try:
-        return Half(text)
-    except ValueError as err:
-        raise typer.BadParameter(f"{text!r} is not one of: even, odd, all", param_hint="--half") from err
-
-
-def _numbers(text: str, count: int, option: str) -> list[int]:
-    parts = [part.strip() for part in text.split(",")]
-    if len(parts) != count or not all(part.isascii() and part.isdigit() for part in parts):
-        raise typer.BadParameter(f"{text!r}: write {count} whole numbers with commas", param_hint=option)
-    return [int(part) for part in parts]
-
-
-def _loaded(
-    paths: list[str] | None, settings: StudySettings, only: list[str] | None, *, allow_outside: bool
-) -> tuple[TestCase, ...]:
-    """Return the test cases of a study: of its half, so many at most."""
-    from foresee_dsl.cli.options.case_selection import selected
-    from foresee_dsl.files import data_folder
-    from foresee_dsl.language.project.loading import load_test_cases
-    from foresee_dsl.study.halves import of_half, sample
-
-    found = load_test_cases(paths or [str(data_folder("scenarios"))], allow_outside=allow_outside)
-    return sample(selected(of_half(found, settings.half), None, only), settings.first)
-
-
-def _town(folder: Path, settings: StudySettings, *, allow_outside: bool) -> tuple[TestCase, ...]:
-    """Return a town's test cases, all of both halves: no setting was chosen on them."""
-    from foresee_dsl.language.project.loading import load_test_cases
-
-    return tuple(load_test_cases([folder], allow_outside=allow_outside)[: settings.first])

@@ -35,29 +35,25 @@ class Planned:
 def plan_study(names: Sequence[str], settings: StudySettings, cases: Cases, store: Store | None) -> tuple[Planned, ...]:
     """Return what each question would run; what an earlier one runs already is not counted again."""
     seen: set[str] = set()
+    planned: set[Wanted] = set()
     plans = []
     for name in names:
         counts: Counter[str] = Counter()
         seconds = 0.0
         wanted, _ = watched(wanted_by([name], settings))
-        for one in wanted:
-            campaign = one.campaign()
-            stages = Stages(cases[one.group], campaign, store, Path())
+        for one in (w for w in wanted if w not in planned):
+            planned.add(one)
+            stages = Stages(cases[one.group], one.campaign(), store, Path())
             each_s = store.mean_wall_s(one.driver) if store is not None else {}
             for node, row in stages.walk():
-                if node.step.key in seen:
-                    continue
-                seen.add(node.step.key)
-                if row is not None:
-                    counts["done"] += node.step.drives
-                    continue
-                counts["to run"] += node.step.drives
-                clips, children = _following(node, one)
-                counts["more"] += clips + children
-                seconds += node.step.drives * each_s.get(node.step.kind, node.step.usual_s)
-                seconds += clips * each_s.get("clip", _CLIP_S) + children * each_s.get("child", _CHILD_S)
-                if node.step.kind == "seed":  # its forecast is another one's for each ranker
-                    seen.discard(node.step.key)
+                if row is None:  # what follows from a run may be another campaign's as well, but not from its forecast
+                    clips, children = _following(node, one)
+                    counts["more"] += clips + children
+                    seconds += clips * each_s.get("clip", _CLIP_S) + children * each_s.get("child", _CHILD_S)
+                if node.step.drives and node.step.key not in seen:
+                    seen.add(node.step.key)
+                    counts["done" if row is not None else "to run"] += 1
+                    seconds += 0.0 if row is not None else each_s.get(node.step.kind, node.step.usual_s)
         if name == "rq4":
             fuzzing = _fuzzing(settings, len(cases[BUNDLED]))
             counts["more"] += fuzzing
