@@ -117,7 +117,9 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     sudden = np.where(known, SUDDEN * np.exp(-left_s / SUDDEN_S), 0.0)
     hits = np.maximum(hits, sudden * fair[:, :1])
     hits[(touches & (drives["ego"] < STANDS_MPS))[:, 1:].any(axis=1)] = 0.0
-    hits[_ahead_in_line(run, candidates, drives[:, 0]), 0] = 0.0
+    in_line = _ahead_in_line(run, candidates, drives[:, 0])
+    hits[in_line] *= touches[in_line]
+    hits[in_line, 0] = 0.0
     avoided = ~np.isfinite(careful["contact"])
     hit = hits @ np.array(SHARES)
     avoidable = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
