@@ -172,7 +172,7 @@ class _Run:
     def _begin_rounds(self) -> None:
         """Begin each round for which all results are there."""
         for rounds in self._stages.rounds:
-            while not self._stop() and not self._stopped_early and not self._awaits(rounds):
+            while not (rounds.finished or self._stop() or self._stopped_early or self._awaits(rounds)):
                 begun = len(rounds.begun)
                 nodes = rounds.next()
                 for new in rounds.begun[begun:]:
