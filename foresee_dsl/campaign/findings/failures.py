@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from foresee_dsl.compile import compile_test_case
 from foresee_dsl.derive import anticipating
 from foresee_dsl.derive.anticipating import Anticipation
-from foresee_dsl.derive.preventability import Preventability, assess_bundle
+from foresee_dsl.derive.preventability import Preventability, Replayed, assess_bundle
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import RunResult
 from foresee_dsl.story import Story, tell
@@ -35,6 +35,9 @@ def explained(case: TestCase, result: RunResult) -> Explained:
     if not result.verdict.is_failure:
         return NOTHING
     bundle = compile_test_case(case)
+    replayed = Replayed(bundle, result)
     return Explained(
-        assess_bundle(bundle, result), anticipating.assess_bundle(bundle, result), tell(result.trace, case, bundle)
+        assess_bundle(bundle, result, replayed),
+        anticipating.assess_bundle(bundle, result, replayed),
+        tell(result.trace, case, bundle),
     )

@@ -16,7 +16,7 @@ from foresee_dsl.derive import anticipating
 from foresee_dsl.derive.minimise.candidate import Subject
 from foresee_dsl.derive.minimise.minimise import RUNS, CannotMinimiseError, minimise
 from foresee_dsl.derive.minimise.trials import Judge
-from foresee_dsl.derive.preventability import assess_bundle
+from foresee_dsl.derive.preventability import Replayed, assess_bundle
 from foresee_dsl.language.model import Actor, Clip, Mutant
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.document import TestCase
@@ -146,8 +146,9 @@ def judge_of(driver: str, seed: int) -> Judge:
 
     def avoided(case: TestCase, result: RunResult) -> str:
         bundle = compile_test_case(case)
-        ahead = anticipating.assess_bundle(bundle, result)
-        return f"{assess_bundle(bundle, result).verdict.value}, {ahead.answer.value}"
+        replayed = Replayed(bundle, result)
+        ahead = anticipating.assess_bundle(bundle, result, replayed)
+        return f"{assess_bundle(bundle, result, replayed).verdict.value}, {ahead.answer.value}"
 
     return Judge(drive=lambda case: run_test_case(case, driver, seed), sign=sign, avoided=avoided)
 

@@ -15,8 +15,7 @@ from foresee_dsl.derive.anticipating.manoeuvre import Manoeuvre
 from foresee_dsl.derive.anticipating.screening import Screened, Screening, sideways
 from foresee_dsl.derive.anticipating.settings import CLEAR_M, LOOKS_ON_S, MARGIN_M, MOST_RUNS, STOOD_S
 from foresee_dsl.derive.anticipating.way import Way
-from foresee_dsl.derive.preventability import contact, strays
-from foresee_dsl.derive.preventability.replay import Replay
+from foresee_dsl.derive.preventability import Replayed, contact
 from foresee_dsl.derive.preventability.risk import DELAY_S, EVALUATION_S, sight_of
 from foresee_dsl.drivers.protocol import Driver
 from foresee_dsl.language.project.document import TestCase
@@ -47,13 +46,13 @@ def assess(child: TestCase, result: RunResult) -> Anticipation:
     return assess_bundle(compile_test_case(child), result)
 
 
-def assess_bundle(bundle: SumoBundle, result: RunResult) -> Anticipation:
+def assess_bundle(bundle: SumoBundle, result: RunResult, replayed: Replayed | None = None) -> Anticipation:
     """Do the same for a test case that is compiled."""
     failed = contact(result)
     if failed is None:
         what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
         return Anticipation(Answer.UNDECIDED, f"{what}: the model only knows how to keep clear of others")
-    return _Assessment(bundle, result, failed).answer()
+    return _Assessment(bundle, result, failed, replayed or Replayed(bundle, result)).answer()
 
 
 @dataclass(frozen=True)
@@ -79,11 +78,11 @@ class _Confirmed:
 class _Assessment:
     """One failure, and the runs that were spent on it."""
 
-    def __init__(self, bundle: SumoBundle, result: RunResult, failed: Impact) -> None:
+    def __init__(self, bundle: SumoBundle, result: RunResult, failed: Impact, replayed: Replayed) -> None:
         self._result, self._failed, self._trace = result, failed, result.trace
         end_s = min(bundle.scene.end_s, result.time_s + LOOKS_ON_S)
         self._bundle = replace(bundle, scene=replace(bundle.scene, end_s=end_s))
-        self._whole = bundle
+        self._whole, self._replayed = bundle, replayed
         self._way = Way(result.trace, bundle.scene.ego.line)
         self._other = result.trace.index(failed.with_)
         self._first = who_go_first(mission_of(bundle))
@@ -99,8 +98,8 @@ class _Assessment:
         standing = self._stands(seen_s)
         if standing and not self._moved():
             return Anticipation(Answer.NO, standing, seen_s=seen_s)
-        again = self._run(Replay(self._trace, None, self._whole.scene), self._whole)
-        if why := strays(again.result, self._result):
+        self._runs += 1
+        if why := self._replayed.astray:
             return Anticipation(Answer.UNDECIDED, why, seen_s=seen_s)
         begins_s = None if seen_s is None else round(seen_s + REACTION_S, 6)
         if standing:
@@ -133,9 +132,9 @@ class _Assessment:
     def _seen_s(self) -> float | None:
         return onset(self._trace, self._way, self._other, sight_of(self._trace, self._whole), self._first)
 
-    def _run(self, driver: Driver, bundle: SumoBundle | None = None, sensors: SensorSettings = STANDARD) -> _Confirmed:
+    def _run(self, driver: Driver, sensors: SensorSettings = STANDARD) -> _Confirmed:
         self._runs += 1
-        return _Confirmed(run(bundle or self._bundle, driver, sensors=sensors))
+        return _Confirmed(run(self._bundle, driver, sensors=sensors))
 
     def _confirm(self, screened: Screened) -> _Confirmed:
         return self._run(Manoeuvre(self._trace, self._way, screened.plan, self._whole.scene))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import Literal, Self, assert_never
 
 from foresee_dsl.compile import compile_test_case
@@ -82,31 +83,44 @@ def assess(child: TestCase, result: RunResult) -> Preventability:
     return assess_bundle(compile_test_case(child), result)
 
 
-def assess_bundle(bundle: SumoBundle, result: RunResult) -> Preventability:
+class Replayed:
+    """The failure driven again without braking, once for both careful drivers, when one of them asks."""
+
+    def __init__(self, bundle: SumoBundle, result: RunResult) -> None:
+        self._bundle, self._result = bundle, result
+
+    @cached_property
+    def astray(self) -> str:
+        """How it differs from the failure; "" where it does not."""
+        again = run(self._bundle, Replay(self._result.trace, None, self._bundle.scene))
+        return _strays(again, self._result)
+
+
+def assess_bundle(bundle: SumoBundle, result: RunResult, replayed: Replayed | None = None) -> Preventability:
     """Do the same for a test case that is compiled."""
     failed = contact(result)
     if failed is None:
         what = "it got stuck" if result.verdict is Verdict.STUCK else "it left the road, and hit nobody"
         return Preventability(Preventable.UNKNOWN, f"{what}: the model only says when to brake for others")
-    return replace(_judged(bundle, result, failed), struck=failed.struck, impact_mps=failed.relative_mps)
+    judged = _judged(bundle, result, failed, replayed or Replayed(bundle, result))
+    return replace(judged, struck=failed.struck, impact_mps=failed.relative_mps)
 
 
-def _judged(bundle: SumoBundle, result: RunResult, failed: Impact) -> Preventability:
+def _judged(bundle: SumoBundle, result: RunResult, failed: Impact, replayed: Replayed) -> Preventability:
     if failed.ego_mps < STUCK_SPEED_MPS:
         return Preventability(Preventable.UNKNOWN, f"the ego stood: {failed.struck}")
     seen = perceive(result.trace, result.trace.index(failed.with_), sight_of(result.trace, bundle))
     if seen is None:
         where = " in the rear" if failed.side == "rear" else ""
         return Preventability(Preventable.UNKNOWN, f"no risk in front to brake for: {failed.struck}{where}")
-    astray = strays(run(bundle, Replay(result.trace, None, bundle.scene)), result)
-    if astray:
-        return Preventability(Preventable.UNKNOWN, astray)
+    if replayed.astray:
+        return Preventability(Preventable.UNKNOWN, replayed.astray)
     if seen.brakes_s >= result.time_s:
         return _too_late(seen, result.time_s)
     return _after_braking(seen, failed, run(bundle, Replay(result.trace, seen.brakes_s, bundle.scene)))
 
 
-def strays(replay: RunResult, result: RunResult) -> str:
+def _strays(replay: RunResult, result: RunResult) -> str:
     """Say how the replay without braking differs from the failure; "" where it does not."""
     again = "the replay without braking is not the failure: "
     if (replay.verdict, replay.with_) != (result.verdict, result.with_):
