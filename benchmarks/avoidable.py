@@ -196,9 +196,7 @@ def counted(result: CampaignResult) -> dict[str, Counts]:
 
 
 def _anticipated(child: ChildOutcome) -> bool:
-    """Say whether the driver who anticipates prevents it, where campaigns ask that."""
-    found = getattr(child, "anticipation", None)
-    return found is not None and found.answer.preventable
+    return child.anticipation is not None and child.anticipation.answer.preventable
 
 
 def _summary(counts: Mapping[str, Counts]) -> dict[str, Any]:
