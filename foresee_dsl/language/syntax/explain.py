@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -209,7 +209,7 @@ class Refusal:
             return "FS008", f"'{shown}' cannot stand alone in {place}", help
         meant = closest(self.word, words) if self._is_word() else None
         if homes and self.word not in words and (meant is None or meant.rstrip("s") != self.word):
-            return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {' or '.join(homes)}"
+            return "FS008", f"'{shown}' cannot stand in {place}", f"it belongs in {_either(homes)}"
         if meant is not None:
             return "FS004", f"unknown statement '{shown}'", f"did you mean '{meant}'?"
         if self._is_word() and words:
@@ -324,6 +324,10 @@ def _actions() -> frozenset[str]:
 def _keywords() -> frozenset[str]:
     """Every fixed word of the grammar."""
     return frozenset(_words(terminal.name for terminal in statement_parser().terminals))
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 @cache
