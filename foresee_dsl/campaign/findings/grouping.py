@@ -86,13 +86,13 @@ class Finding:
 
     @property
     def preventability(self) -> Preventability | None:
-        """The representative's."""
-        return self.representative.preventability
+        """The answer of R157's driver about what is shown, as `references` are."""
+        return (self.minimised and self.minimised.child.preventability) or self.representative.preventability
 
     @property
     def anticipation(self) -> Anticipation | None:
-        """The representative's."""
-        return self.representative.anticipation
+        """That of the anticipating driver."""
+        return (self.minimised and self.minimised.child.anticipation) or self.representative.anticipation
 
     @property
     def count(self) -> int:
