@@ -24,23 +24,23 @@ from foresee_dsl.cli.options.output import for_tools
 from foresee_dsl.cli.options.plain_output import guard_streams
 
 COMMANDS = (
-    ("Write", "init", "init.init"),
-    ("Write", "check", "check.check"),
-    ("Write", "explain", "check.explain"),
-    ("Write", "fmt", "formatting.fmt"),
-    ("Write", "draw", "draw.draw"),
-    ("Write", "sample", "author.sample"),
-    ("Write", "compile", "author.compile_"),
-    ("Write", "expand", "author.expand"),
-    ("Write", "diff", "compare.diff"),
-    ("Write", "textconv", "compare.textconv"),
-    ("Write", "git-diff", "compare.git_diff"),
+    ("Write", "init", "writing.init.init"),
+    ("Write", "check", "writing.check.check"),
+    ("Write", "explain", "writing.check.explain"),
+    ("Write", "fmt", "writing.formatting.fmt"),
+    ("Write", "draw", "writing.draw.draw"),
+    ("Write", "sample", "writing.author.sample"),
+    ("Write", "compile", "writing.author.compile_"),
+    ("Write", "expand", "writing.author.expand"),
+    ("Write", "diff", "writing.compare.diff"),
+    ("Write", "textconv", "writing.compare.textconv"),
+    ("Write", "git-diff", "writing.compare.git_diff"),
     ("Run and derive", "run", "runs.run"),
     ("Run and derive", "show", "show.show"),
     ("Run and derive", "forecast", "runs.forecast"),
     ("Run and derive", "clip", "runs.clip"),
     ("Run and derive", "mutate", "runs.mutate"),
-    ("Run and derive", "repin", "compare.repin"),
+    ("Run and derive", "repin", "writing.compare.repin"),
     ("Run and derive", "minimise", "minimise.minimise"),
     ("Campaign", "assess", "campaigns.assess"),
     ("Campaign", "campaign", "campaigns.campaign"),
@@ -82,7 +82,7 @@ class _Commands(TyperGroup):
             return None
         if self.commands[cmd_name] is None:
             panel, function = self._table[cmd_name]
-            module, _, attribute = function.partition(".")
+            module, _, attribute = function.rpartition(".")
             call = getattr(import_module(f"foresee_dsl.cli.{module}"), attribute)
             grouped = isinstance(call, typer.Typer)
             self.commands[cmd_name] = _group(call, panel) if grouped else _alone(call, cmd_name, panel)

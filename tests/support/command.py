@@ -86,7 +86,7 @@ def _serve() -> None:
     from foresee_dsl.cli import COMMANDS
 
     answers = os.fdopen(os.dup(1), "w")
-    for name in {*LOADED, *(f"foresee_dsl.cli.{command.partition('.')[0]}" for _, _, command in COMMANDS)}:
+    for name in {*LOADED, *(f"foresee_dsl.cli.{command.rpartition('.')[0]}" for _, _, command in COMMANDS)}:
         import_module(name)
     gc.freeze()
     for line in sys.stdin:

@@ -1,0 +1,1 @@
+"""Commands for what is written: beginning, checking, formatting, drawing, comparing."""
