@@ -61,7 +61,7 @@ def test_installed_rankers_are_found_by_name():
 
 
 @pytest.mark.parametrize(
-    ("name", "hint"), [("forsee", "did you mean 'foresee'?"), ("zzz", "installed: exhaustive, foresee")]
+    ("name", "hint"), [("forsee", "did you mean 'foresee'?"), ("zzz", "installed: careful, exhaustive, foresee")]
 )
 def test_an_unknown_ranker_is_said_with_close_names(name, hint):
     with pytest.raises(ForeseeError, match="unknown ranker") as caught:

@@ -17,6 +17,7 @@ class TurnsTo(Item):
     """
 
     pattern = "{junction} turns to {stage} [{light}]"
+    never_bare = ("door", "limit", "then", "wait")
     words = "turns (action): a signal shows a stage, then its programme goes on | king_oak turns to ew_go amber"
 
     junction: v.JunctionId
