@@ -28,6 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 LONG = (
     "test_fortnight.py",
+    "test_miniature.py",
     "test_wheel.py",
     "test_readme.py",
     "test_ci.py",
