@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +18,7 @@ from foresee_dsl.cli.options.campaign_options import (
     Flags,
     Jobs,
     Paths,
+    Request,
     executor_of,
     notes_on,
     of_other_versions,
@@ -36,12 +37,19 @@ from foresee_dsl.cli.options.common import (
     print_json,
 )
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.profiling import profiling
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from foresee_dsl.campaign.execution.engine import Listener
+    from foresee_dsl.campaign.execution.pool import RunOptions
     from foresee_dsl.campaign.plan import CampaignPlan
+    from foresee_dsl.campaign.profiling.profile import Profile
     from foresee_dsl.campaign.results import CampaignResult
+    from foresee_dsl.campaign.storage.store import Store
+    from foresee_dsl.language.project.document import TestCase
+    from foresee_dsl.report.live import JsonLog
 
 
 @with_flags
@@ -74,6 +82,7 @@ def campaign(
     format_: FormatOption = ReportFormat.text,
     junit: JunitOption = None,
     json: JsonOption = False,
+    profile: common.ProfileOption = False,
 ) -> None:
     """Run everything: test cases, forecasts, clips, mutants; keep what fails, and report.
 
@@ -84,11 +93,12 @@ def campaign(
     foresee campaign scenarios/scenario7.foresee::r02
     foresee campaign nightly.foresee --jobs 8[/dim]
     """
+    profiler = ctx.with_resource(profiling(campaign=True)) if profile else None
     from contextlib import ExitStack
-    from dataclasses import asdict
+    from functools import partial
 
-    from foresee_dsl.campaign.execution.engine import run_campaign
     from foresee_dsl.campaign.execution.pool import RunOptions
+    from foresee_dsl.campaign.profiling.stored import Stored
     from foresee_dsl.campaign.settings import Limits
     from foresee_dsl.campaign.storage.store import Store
     from foresee_dsl.compile import placement_mistakes
@@ -100,40 +110,43 @@ def campaign(
         raise typer.BadParameter(f"{report} must end in .svg, .html or .txt", param_hint="--report")
     request = requested(ctx, paths, flags, budget)
     stop, first_failure = StopSignal(), FirstFailure()
+    run_by = executor_of(executor, scheduler, dashboard)
     options = RunOptions(
         jobs=flags.jobs,
         limits=Limits(deadline, memory, None if request.budget_min is None else request.budget_min * 60, step_deadline),
         shard=shard_of(flags.shard),
         retry=retry,
-        executor=executor_of(executor, scheduler, dashboard),
+        executor=run_by if profiler is None else profiler.executor(run_by),
         stop=(lambda: stop() or first_failure.name != "") if fail_fast else stop,
     )
     cases = selected(load_test_cases(request.paths, allow_outside=flags.allow_outside), flags.first, flags.only)
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)  # before there is a store
+    if profiler is not None:
+        profiler.ready()
     with ExitStack() as stack:
         store = stack.enter_context(Store(flags.store_folder))
         listeners, log = progress(stack, console(error=True), quiet=quiet, log=log_json, settings=request.settings[0])
-        listeners.append(first_failure)
+        stored = Stored()
+        listeners += [first_failure, stored]
         stack.enter_context(stop.listening())
-        results = []
-        for settings in request.settings:
-            if log is not None:
-                log.write("begin", test_cases=len(cases), settings=asdict(settings), jobs=flags.jobs,
-                          store=str(store.folder))  # fmt: skip
-            folder = request.folder(settings, flags.out)
-            result = run_campaign(cases, settings, out=folder, store=store, listeners=listeners, options=options)
-            results.append((folder, result))
-            if log is not None:
-                log.write("end", interrupted=result.interrupted, broken=len(result.broken),
-                          wall_s=round(result.wall_s, 2))  # fmt: skip
-            if result.interrupted:
-                break
+        results = _run_all(cases, request, flags, store, options, listeners, log)
         notes = notes_on(store)
     form = ReportFormat.json if json else format_
-    _report(results, report, form, junit, raw=raw)
+    spent = (
+        None
+        if profiler is None
+        else partial(
+            profiler.profile, [s.driver for s in request.settings], workers=flags.jobs, not_measured=stored.count
+        )
+    )
+    _report(results, report, form, junit, raw=raw, profile=spent)
     screen = console(error=form is not ReportFormat.text)
     _pages([folder for folder, _ in results], flags.out, screen)
+    if spent is not None:
+        from foresee_dsl.report.profile import print_profile
+
+        print_profile(screen, spent())
     for note in notes:
         screen.print(note, markup=False)
     if results[-1][1].interrupted:
@@ -147,19 +160,63 @@ def campaign(
         raise typer.Exit(FAILED)
 
 
+def _run_all(
+    cases: Sequence[TestCase],
+    request: Request,
+    flags: Flags,
+    store: Store,
+    options: RunOptions,
+    listeners: Sequence[Listener],
+    log: JsonLog | None,
+) -> list[tuple[Path, CampaignResult]]:
+    """Run a campaign for each driver and ranker; return what each found, with its folder."""
+    from dataclasses import asdict
+
+    from foresee_dsl.campaign.execution.engine import run_campaign
+
+    results = []
+    for settings in request.settings:
+        if log is not None:
+            log.write("begin", test_cases=len(cases), settings=asdict(settings), jobs=flags.jobs,
+                      store=str(store.folder))  # fmt: skip
+        folder = request.folder(settings, flags.out)
+        result = run_campaign(cases, settings, out=folder, store=store, listeners=listeners, options=options)
+        results.append((folder, result))
+        if log is not None:
+            log.write("end", interrupted=result.interrupted, broken=len(result.broken),
+                      wall_s=round(result.wall_s, 2))  # fmt: skip
+        if result.interrupted:
+            break
+    return results
+
+
 def _report(
-    results: list[tuple[Path, CampaignResult]], file: Path | None, form: ReportFormat, junit: Path | None, *, raw: bool
+    results: list[tuple[Path, CampaignResult]],
+    file: Path | None,
+    form: ReportFormat,
+    junit: Path | None,
+    *,
+    raw: bool,
+    profile: Callable[[], Profile] | None,
 ) -> None:
-    """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file."""
+    """Give what each campaign found, with its folder, in the form asked for, and save people's report in a file.
+
+    `profile`: returns where the time went until now, if that was asked for; data has it.
+    """
     from dataclasses import replace
 
     from foresee_dsl.campaign.folder import as_text, campaign_document
+    from foresee_dsl.documents import plain
     from foresee_dsl.report.builds.case_results import CaseResult, of_campaign
     from foresee_dsl.report.campaign import print_campaign, save_campaign
 
     def people(screen: Console) -> None:
         for folder, result in results:
             print_campaign(screen, result, folder, raw=raw)
+
+    def data() -> str:
+        more = {"profile": plain(profile())} if profile is not None else {}
+        return as_text({**campaign_document(results[0][1]), **more}) if len(results) == 1 else _several(results, more)
 
     def found() -> list[CaseResult]:
         if len(results) == 1:
@@ -173,7 +230,7 @@ def _report(
     report_results(
         form,
         results=found,
-        data=lambda: as_text(campaign_document(results[0][1])) if len(results) == 1 else _several(results),
+        data=data,
         people=people,
         junit=junit,
         properties=[("driver", result.settings.driver) for _, result in results],
@@ -183,11 +240,11 @@ def _report(
             save_campaign(file, result, folder)
 
 
-def _several(results: list[tuple[Path, CampaignResult]]) -> str:
+def _several(results: list[tuple[Path, CampaignResult]], more: Mapping[str, Any]) -> str:
     from foresee_dsl.campaign.folder import campaign_document
 
     campaigns = [{**campaign_document(result), "folder": str(folder)} for folder, result in results]
-    return json_document({"campaigns": campaigns}, "campaigns")
+    return json_document({"campaigns": campaigns, **more}, "campaigns")
 
 
 def _pages(folders: list[Path], out: Path, screen: Console) -> None:

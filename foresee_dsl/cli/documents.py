@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NotRequired
 
 from pydantic import TypeAdapter
 
 from foresee_dsl.campaign.assessment import Assessment
 from foresee_dsl.campaign.findings.grouping import Finding
 from foresee_dsl.campaign.plan import CampaignPlan
+from foresee_dsl.campaign.profiling.profile import Profile
 from foresee_dsl.campaign.records import Minimised
 from foresee_dsl.campaign.regression.comparison import Comparison
 from foresee_dsl.campaign.regression.expectations import Status
@@ -43,6 +44,8 @@ from foresee_dsl.simulate.results.verdict import DriverNotes, ExpectationResult,
 from foresee_dsl.study.planning import Planned
 from foresee_dsl.study.tables.table import Table
 
+_PROFILE = {"profile": NotRequired[shape(Profile)]}
+"""With `--profile` alone."""
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _RUN = {
     "test_case": str, "driver": str, "seed": int, "verdict": Verdict, "time_s": float, "with": str, "reason": str,
@@ -63,8 +66,8 @@ _PLAN = {"driver": str, "ranker": str, **shape(CampaignPlan).__annotations__}
 
 DOCUMENTS: Mapping[str, Any] = MappingProxyType({
     "assess": Assessment,
-    "campaign": CampaignResult,
-    "campaigns": {"campaigns": [_CAMPAIGN]},
+    "campaign": {**shape(CampaignResult).__annotations__, **_PROFILE},
+    "campaigns": {"campaigns": [_CAMPAIGN], **_PROFILE},
     "check": {"ok": bool, "files": int, "test_cases": int, "diagnostics": list[Diagnostic]},
     "clip": {"clip": str, "fidelity_m": float, "fidelity_ego_m": float, **shape(RiskyPoint).__annotations__},
     "compare": Comparison,
@@ -90,8 +93,8 @@ DOCUMENTS: Mapping[str, Any] = MappingProxyType({
         "finding": Finding, "asked": str, "others": [_MUTATION], "withstood": list[str],
         "files": {"as_found": str, "to_look_at": str}, "commands": list[str],
     },
-    "run": _RUN,
-    "runs": {"runs": [_RUN]},
+    "run": {**_RUN, **_PROFILE},
+    "runs": {"runs": [_RUN], **_PROFILE},
     "sample": {
         "file": str, "scenario": str, "cases": [_CASE], "distinct": int,
         "parameters": [_REACH], "pairs": {"reached": int, "of": int},

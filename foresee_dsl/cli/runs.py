@@ -12,6 +12,7 @@ from foresee_dsl.cli.completion import case_addresses
 from foresee_dsl.cli.options import common
 from foresee_dsl.cli.options.case_selection import FailFastOption, FirstOption, OnlyOption, selected
 from foresee_dsl.cli.options.output import FormatOption, JunitOption, ReportFormat, report_results
+from foresee_dsl.cli.options.profiling import profiling
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,6 +28,7 @@ After = Annotated[float, typer.Option(min=0.5, max=60, help="Seconds after it.")
 
 
 def run(
+    ctx: typer.Context,
     paths: Annotated[
         list[str],
         typer.Argument(
@@ -55,6 +57,7 @@ def run(
     exit_zero: common.ExitZeroOption = False,
     json: common.JsonOption = False,
     allow_outside: common.AllowOutsideOption = False,
+    profile: common.ProfileOption = False,
 ) -> None:
     """Drive through a test case, or through all cases of a file, and say how each ended.
 
@@ -63,6 +66,7 @@ def run(
     [dim]foresee run scenarios/scenario7.foresee::r01 --out runs
     foresee run scenarios/scenario7.foresee --fail-fast[/dim]
     """
+    profiler = ctx.with_resource(profiling(runs=debug)) if profile else None
     from foresee_dsl.campaign.execution.runs import run_cases, run_here
     from foresee_dsl.compile import placement_mistakes
     from foresee_dsl.drivers.deadlines import Deadlines
@@ -77,10 +81,12 @@ def run(
     if mistakes := placement_mistakes(cases):
         raise InputError(mistakes)
     deadlines = Deadlines(step_deadline, deadline)
+    if profiler is not None:
+        profiler.ready()
     runs = (
         (run_here(case, driver, seed=seed) for case in cases)
         if debug
-        else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines)
+        else run_cases(cases, driver, seed=seed, jobs=jobs, deadlines=deadlines, profiler=profiler)
     )
     done = []
     for one in runs:
@@ -92,16 +98,26 @@ def run(
     single = len(paths) == len(cases) == 1
     traces = _saved(done, out)
     found = [of_case_run(one, driver, seed, traces.get(one.case.id)) for one in done]
+    spent = profiler.profile([driver], workers=1 if debug else min(jobs, len(cases))) if profiler is not None else None
 
     def people(screen: Console) -> None:
         if single:
             print_case_run(screen, done[0], traces.get(done[0].case.id))
         else:
             print_case_runs(screen, done, len(cases), traces)
+        if spent is not None:
+            from foresee_dsl.report.profile import print_profile
+
+            print_profile(screen, spent)
 
     def data() -> str:
         every = _documents(done, driver, seed, traces)
-        return common.json_document(every[0]) if single else common.json_document({"runs": every}, "runs")
+        more = {"profile": spent} if spent is not None else {}
+        return (
+            common.json_document({**every[0], **more})
+            if single
+            else common.json_document({"runs": every, **more}, "runs")
+        )
 
     report_results(
         ReportFormat.json if json else format_,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from foresee_dsl.campaign.driving import longest_s, run_test_case, sensors_of
 from foresee_dsl.campaign.execution.pool import Broken, Task, WorkerPool
@@ -13,6 +14,9 @@ from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, RunResult, Verdict
 from foresee_dsl.simulate.triggers.unfired import unfired
+
+if TYPE_CHECKING:
+    from foresee_dsl.campaign.profiling.tasks import Profiler
 
 
 @dataclass(frozen=True)
@@ -42,18 +46,30 @@ class CaseRun:
 
 
 def run_cases(
-    cases: Sequence[TestCase], driver: str, *, seed: int = 0, jobs: int = 1, deadlines: Deadlines
+    cases: Sequence[TestCase],
+    driver: str,
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    deadlines: Deadlines,
+    profiler: Profiler | None = None,
 ) -> Iterator[CaseRun]:
-    """Run test cases; yield each as soon as it is done."""
+    """Run test cases; yield each as soon as it is done. `profiler`: measures where the time goes."""
     # A single run needs no fork server, whose start would take as long as the run.
     with WorkerPool(min(jobs, len(cases)), deaths=1, once=len(cases) == 1) as pool:
         tasks = {case.id: case for case in cases}
-        pool.add(
+        todo = (
             Task(case.id, partial(_run_case, driver=driver, seed=seed, deadlines=deadlines),
                  replace(case, document=None), deadlines.for_run_s(longest_s(case)))
             for case in cases
         )  # fmt: skip
-        for task, outcome in pool.results():
+        if profiler is None:
+            pool.add(todo)
+            results = pool.results()
+        else:
+            pool.add(map(profiler.task, todo))
+            results = ((task, profiler.taken(outcome)) for task, outcome in profiler.received(pool.results()))
+        for task, outcome in results:
             yield case_run(tasks[task.name], outcome)
 
 

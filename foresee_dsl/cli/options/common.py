@@ -48,6 +48,9 @@ AddressArgument = Annotated[
 AllowOutsideOption = Annotated[
     bool, typer.Option("--allow-outside", help="Files may use files outside the project folder.")
 ]
+ProfileOption = Annotated[
+    bool, typer.Option("--profile", help="Also report where the time went: the driver, SUMO, or a part of the tool.")
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of all random choices.")]
 ExitZeroOption = Annotated[
     bool, typer.Option("--exit-zero", help="Exit code 0 also when failures are found; errors keep theirs.")

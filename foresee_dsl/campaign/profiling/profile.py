@@ -1,0 +1,119 @@
+"""Where a command's time went, as a record: what `--profile` prints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from foresee_dsl.campaign.profiling.clock import Measurement, Part, Spent
+
+_NS = 1e-9
+
+
+@dataclass(frozen=True)
+class PartTime:
+    """What one part of the tool took, without what other parts took for it.
+
+    Attributes:
+        title: what the part does. cpu_s: of this program, its workers and drivers' programs. wall_s: added up over
+            processes. ms_per_simulated_s: wall time for each simulated second. share_of_runs: of the wall time from the
+            first frames of all runs to their last; None of what is done before and after. share: of all wall time.
+    """
+
+    part: Part
+    title: str
+    cpu_s: float
+    wall_s: float
+    ms_per_simulated_s: float | None
+    share_of_runs: float | None
+    share: float
+
+    shown = "part title cpu_s:6 wall_s:6 ms_per_simulated_s:6 share_of_runs:4 share:4"
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Where the time of a command went.
+
+    Attributes:
+        drivers: those under test. parts: those that took time, in the order of `Part`.
+        runs, simulated_s, decisions: what was measured; a run's first decision is not counted.
+        driver_share: the driver's decisions in the time from the first frames of all runs to their last; None without a
+            decision. decision_ms: what one takes. begin_s: what a driver's reset and first decision take.
+        workers: processes that ran test cases. waited_s: for how long they had nothing to do, added up.
+        wall_s: the whole command's. not_measured: results that were in the store already.
+    """
+
+    drivers: tuple[str, ...]
+    parts: tuple[PartTime, ...]
+    runs: int
+    simulated_s: float
+    decisions: int
+    driver_share: float | None
+    decision_ms: float | None
+    begin_s: float
+    workers: int
+    waited_s: float
+    wall_s: float
+    not_measured: int = 0
+
+    shown = (
+        "drivers parts runs simulated_s:2 decisions driver_share:4 decision_ms:6 begin_s:6 workers waited_s:3 wall_s:3 "
+        "not_measured"
+    )
+
+    @classmethod
+    def of(
+        cls,
+        drivers: tuple[str, ...],
+        own: Measurement,
+        tasks: Measurement,
+        *,
+        workers: int = 1,
+        worked_s: float = 0.0,
+        not_measured: int = 0,
+    ) -> Self:
+        """Make it of what the command's own process measured, and what its tasks took.
+
+        `worked_s`: for how long there were workers.
+        """
+        both = own + tasks
+        spent = {part: _worked(part, took) for part, took in both.spent.items() if part is not Part.IDLE}
+        working_ns = sum(took.wall_ns for took in spent.values())
+        simulating_ns = sum(took.wall_ns for part, took in spent.items() if part.simulates)
+        decided_ns = spent.get(Part.DRIVER, Spent()).wall_ns
+        begin_ns = spent.get(Part.DRIVER_BEGINS, Spent()).wall_ns
+        busy_s = sum(took.wall_ns for part, took in tasks.spent.items() if part is not Part.IDLE) * _NS
+        return cls(
+            drivers=drivers,
+            parts=tuple(
+                _part_time(part, took, both.simulated_s, simulating_ns, working_ns) for part, took in spent.items()
+            ),
+            runs=both.runs,
+            simulated_s=both.simulated_s,
+            decisions=both.decisions,
+            driver_share=decided_ns / simulating_ns if both.decisions else None,
+            decision_ms=decided_ns / both.decisions * 1e-6 if both.decisions else None,
+            begin_s=begin_ns / both.runs * _NS if both.runs else 0.0,
+            workers=workers,
+            waited_s=max(workers * worked_s - busy_s, 0.0),
+            wall_s=sum(took.wall_ns for took in own.spent.values()) * _NS,
+            not_measured=not_measured,
+        )
+
+
+def _worked(part: Part, took: Spent) -> Spent:
+    """Return what a part took; while tasks are handed out and results received, only CPU time is no waiting."""
+    return Spent(took.cpu_ns, took.cpu_ns) if part is Part.HANDING else took
+
+
+def _part_time(part: Part, took: Spent, simulated_s: float, simulating_ns: int, working_ns: int) -> PartTime:
+    return PartTime(
+        part,
+        part.title,
+        took.cpu_ns * _NS,
+        took.wall_ns * _NS,
+        took.wall_ns * 1e-6 / simulated_s if simulated_s else None,
+        took.wall_ns / simulating_ns if part.simulates else None,
+        took.wall_ns / working_ns if working_ns else 0.0,
+    )

@@ -1,0 +1,180 @@
+"""Tasks that are measured where they run, and what all of them took together."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from inspect import isgenerator
+from pathlib import Path
+from typing import Any, TypeVar
+
+from foresee_dsl.campaign.execution.pool import Executor, RunOptions, Task, Update
+from foresee_dsl.campaign.execution.pool import Part as TaskPart
+from foresee_dsl.campaign.profiling import seams
+from foresee_dsl.campaign.profiling.clock import Clock, Measurement, Part
+from foresee_dsl.campaign.profiling.profile import Profile
+from foresee_dsl.campaign.profiling.seams import Seam
+
+T = TypeVar("T")
+
+
+class Profiler:
+    """Measures a command: this process, and the tasks that it hands to others."""
+
+    def __init__(self) -> None:
+        """Begin: all until now was start-up."""
+        self._own = self._tasks = Measurement()
+        self._worked_s = 0.0
+        self._clock = Clock(Part.REST)
+        self._clock.add(Part.START, cpu_ns=time.process_time_ns(), wall_ns=_age_ns())
+
+    @contextmanager
+    def command(self, functions: Sequence[Seam], *, runs: bool = False) -> Iterator[None]:
+        """Measure within it what this process does: beside `functions` it imports; `runs`: it simulates runs itself."""
+        self._clock.enter(Part.START)
+        with seams.installed(self._clock, functions, runs=runs):
+            yield
+
+    def ready(self) -> None:
+        """Note that start-up is over."""
+        self._clock.enter(Part.REST)
+
+    def task(self, task: Task, functions: Sequence[Seam] = seams.RUNS) -> Task:
+        """Return a task that is measured where it runs."""
+        return replace(task, function=_Measured(task.function, tuple(functions)))
+
+    def taken(self, outcome: object) -> Any:  # noqa: ANN401 - what the task gave
+        """Return what a task of `task` gave, and note what it took."""
+        if isinstance(outcome, _WithMeasurement):
+            self.add(outcome.measurement)
+            return outcome.value
+        return outcome
+
+    def add(self, found: Measurement) -> None:
+        """Add what a task took."""
+        self._tasks += found
+
+    def received(self, updates: Iterable[T]) -> Iterator[T]:
+        """Yield what workers give; meanwhile this process hands out tasks, and waits."""
+        began_s, ahead = time.monotonic(), iter(updates)
+        try:
+            while True:
+                before = self._clock.enter(Part.HANDING)
+                try:
+                    found = next(ahead)
+                except StopIteration:
+                    return
+                finally:
+                    self._clock.enter(before)
+                yield found
+        finally:
+            self._worked_s += time.monotonic() - began_s
+
+    def executor(self, make: Callable[[RunOptions], Executor]) -> Callable[[RunOptions], Executor]:
+        """Return what makes an executor whose tasks are measured."""
+        return lambda options: _MeasuringExecutor(self, make(options))
+
+    def profile(self, drivers: Iterable[str], *, workers: int = 1, not_measured: int = 0) -> Profile:
+        """Return where the time went until now; arguments as of `Profile`."""
+        self._own += self._clock.take()
+        return Profile.of(
+            tuple(dict.fromkeys(drivers)),
+            self._own,
+            self._tasks,
+            workers=workers,
+            worked_s=self._worked_s,
+            not_measured=not_measured,
+        )
+
+
+class _MeasuringExecutor(Executor):
+    """An executor whose tasks are measured; what they give is that of the executor inside."""
+
+    def __init__(self, profiler: Profiler, inner: Executor) -> None:
+        super().__init__()
+        self._profiler, self._inner = profiler, inner
+
+    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+        self._inner.add((self._profiler.task(task, seams.STEPS) for task in tasks), priority)
+
+    def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
+        for update in self._profiler.received(self._inner.updates(stop)):
+            if isinstance(update.value, TaskPart) and isinstance(update.value.value, Measurement):
+                self._profiler.add(update.value.value)
+            else:
+                yield update
+
+    def close(self) -> None:
+        self._inner.close()
+
+
+@dataclass(frozen=True)
+class _WithMeasurement:
+    """What a task gave, and what it took."""
+
+    value: Any
+    measurement: Measurement
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A task's function, measured: one that gives parts gives a `Measurement` as its last; another's value comes in a
+    `_WithMeasurement`."""
+
+    function: Callable[[Any], Any]
+    functions: tuple[Seam, ...]
+
+    def __call__(self, argument: object) -> Any:  # noqa: ANN401 - what the function gives
+        clock = _clock_here(self.functions)
+        before = clock.enter(Part.REST)
+        try:
+            outcome = self.function(argument)
+        finally:
+            clock.enter(before)
+        return _parts(outcome, clock) if isgenerator(outcome) else _WithMeasurement(outcome, clock.take())
+
+
+def _parts(parts: Iterator[Any], clock: Clock) -> Iterator[Any]:
+    while True:
+        before = clock.enter(Part.REST)
+        try:
+            found = next(parts)
+        except StopIteration:
+            break
+        finally:
+            clock.enter(before)
+        # Until the next is asked for, this one is packed and sent.
+        before = clock.enter(Part.STORE)
+        yield found
+        clock.enter(before)
+    yield clock.take()
+
+
+_CLOCKS: dict[int, Clock] = {}
+"""This process's clock, by its number: a fork has one of its own."""
+
+
+def _clock_here(functions: tuple[Seam, ...]) -> Clock:
+    """Return this process's clock; when it is asked for first, all until now was start-up."""
+    clock = _CLOCKS.get(os.getpid())
+    if clock is None:
+        cpu_ns = time.process_time_ns()
+        age_ns = max(_age_ns(), cpu_ns)
+        clock = _CLOCKS[os.getpid()] = Clock(Part.START)
+        clock.add(Part.START, cpu_ns=cpu_ns, wall_ns=age_ns)
+        seams.install(clock, functions)
+        clock.enter(Part.IDLE)
+    return clock
+
+
+def _age_ns() -> int:
+    """Return how long ago this process was started, to 10 ms; its CPU time where the system does not tell."""
+    try:
+        fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+        began_s = int(fields[19]) / os.sysconf("SC_CLK_TCK")
+        return max(round((time.clock_gettime(time.CLOCK_BOOTTIME) - began_s) * 1e9), 0)
+    except (OSError, IndexError, ValueError, AttributeError):
+        return time.process_time_ns()
