@@ -6,7 +6,7 @@ is exact (separating axes); boxes that only touch count as overlapping.
 
 from __future__ import annotations
 
-from math import cos, hypot, sin
+from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -267,30 +267,6 @@ def corner_points(box: Box) -> list[tuple[float, float]]:
 def overlaps(a: Box, b: Box) -> bool:
     """Say whether two boxes share a point; False where a value is NaN."""
     return bool(overlaps_of(np.array([a], dtype=np.float64), np.array([b], dtype=np.float64))[0])
-
-
-def box_distance(a: Box, b: Box) -> float:
-    """Return the smallest distance (m) between two boxes, 0 when they overlap, NaN where a value is NaN.
-
-    Python's `hypot` and the square root that `gaps` takes differ in the last bit, and conditions of scenarios are
-    decided by this one.
-    """
-    if overlaps(a, b):
-        return 0.0
-    return min(_corners_to_box(a, b), _corners_to_box(b, a))
-
-
-def _corners_to_box(of: Box, to: Box) -> float:
-    c, s = cos(to.heading), sin(to.heading)
-    half_length, half_width = to.length / 2, to.width / 2
-    nearest = float("inf")
-    for px, py in corner_points(of):
-        dx, dy = px - to.x, py - to.y
-        d = hypot(max(abs(dx * c + dy * s) - half_length, 0.0), max(abs(dy * c - dx * s) - half_width, 0.0))
-        # `not >=` keeps a NaN.
-        if not d >= nearest:
-            nearest = d
-    return nearest
 
 
 def box_distances(ego: FloatArray | Box, others: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from foresee_dsl.compile import compile_test_case
-from foresee_dsl.kernels.boxes import box_distance
+from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.report.show.panels import Role, Strip
 from foresee_dsl.report.strip import make_strip, strip_svg, svg_of

@@ -12,7 +12,6 @@ from shapely.geometry import Polygon
 
 from foresee_dsl.kernels.boxes import (
     Box,
-    box_distance,
     box_distances,
     box_overlap,
     corner_points,
@@ -21,6 +20,7 @@ from foresee_dsl.kernels.boxes import (
     overlaps,
     pairwise_box_distance,
 )
+from foresee_dsl.kernels.conditions import box_distance
 
 boxes = st.builds(Box, st.floats(-8, 8), st.floats(-8, 8), st.floats(-7, 7), st.floats(0.3, 12), st.floats(0.3, 3))
 

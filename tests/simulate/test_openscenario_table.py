@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from foresee_dsl.campaign.driving import run_test_case
-from foresee_dsl.kernels.boxes import Box, box_distance
+from foresee_dsl.kernels.boxes import Box
+from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language.printer import print_model
 from foresee_dsl.language.project.loading import load_test_case
 from foresee_dsl.simulate.trace import ACCELERATION, SPEED, Event, Trace, X, Y

@@ -131,6 +131,8 @@ def test_a_replay_is_the_run(driven: tuple[TestCase, RunResult]) -> None:
     for frame in range(result.trace.frames):
         replay.go_to(frame)
         for index, watch in enumerate(watches):
+            said = watch.look()
+            assert watch.held() is (None if said is None else said.held)
             if watch.holds():
                 first.setdefault(index, replay.time_s)
     fired = {e.detail["index"]: e.time_s for e in reversed(result.trace.events) if e.what == "trigger"}

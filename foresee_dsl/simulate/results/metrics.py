@@ -7,17 +7,22 @@ Engineering, 2023), section on TTC. Infinity means "never".
 from __future__ import annotations
 
 from functools import cache
-from math import cos, hypot, inf, isnan, nan, sin, sqrt
-from typing import TYPE_CHECKING
+from math import cos, hypot, inf, nan, sin, sqrt
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
+import numpy as np
 import shapely
 
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Box, Mover, corner_points
+from foresee_dsl.kernels.conditions import time_to_touch
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     from foresee_dsl.compile.roads.network import RoadNetwork
+    from foresee_dsl.compile.roads.polyline import Points
 
 SLOWEST_MPS = 1.0
 """`eta` counts with at least this speed (the language's definition), so that a standing vehicle has a finite one."""
@@ -29,9 +34,6 @@ CREEPS_MPS = 0.5
 """The mean speed with which a vehicle that waits inside a junction came to its place. Ours: it only decides the order
 of those that wait there, by how far they are inside."""
 
-STILL_MPS = 1e-9
-"""A closing speed under this is rounding: at the largest distances of a town it would take a century to meet."""
-
 
 def ttc(a: Mover, b: Mover) -> float:
     """Return the time (s) until two footprints touch when both keep heading and speed.
@@ -42,25 +44,8 @@ def ttc(a: Mover, b: Mover) -> float:
     Returns:
         0 when they overlap now, infinity when they never will, NaN where a value is NaN.
     """
-    dx, dy = b.x - a.x, b.y - a.y
-    (ax, ay), (bx, by) = a.velocity, b.velocity
-    vx, vy = bx - ax, by - ay
-    ca, sa, cb, sb = cos(a.heading), sin(a.heading), cos(b.heading), sin(b.heading)
-    c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
-    along_a, across_a = a.length + c * b.length + s * b.width, a.width + s * b.length + c * b.width
-    along_b, across_b = b.length + c * a.length + s * a.width, b.width + s * a.length + c * a.width
-    begin, end = 0.0, inf
-    for nx, ny, reach in ((ca, sa, along_a), (-sa, ca, across_a), (cb, sb, along_b), (-sb, cb, across_b)):
-        apart, speed = dx * nx + dy * ny, vx * nx + vy * ny
-        if isnan(apart) or isnan(speed):
-            return nan
-        if abs(speed) < STILL_MPS:
-            if abs(apart) > reach / 2:
-                return inf
-            continue
-        first, last = sorted(((-reach / 2 - apart) / speed, (reach / 2 - apart) / speed))
-        begin, end = max(begin, first), min(end, last)
-    return begin if begin <= end else inf
+    both = np.array((a, b), dtype=np.float64)
+    return float(time_to_touch(both, both[:, 4:], 0, 1))
 
 
 def eta(distance_m: float, speed_mps: float) -> float:
@@ -86,19 +71,33 @@ def since_entry_s(inside_m: float, speed_mps: float, acceleration_mps2: float) -
     return speed_mps / acceleration_mps2 + crept_m / CREEPS_MPS
 
 
+class Outline(NamedTuple):
+    """The area of a junction; empty for a junction without one (the end of a road).
+
+    Attributes:
+        area: prepared for many questions. bounds: [4] west, south, east, north, m.
+        borders: [M, 4] the ends of its sides, m; none where lines are a part of it.
+    """
+
+    area: BaseGeometry
+    borders: FloatArray
+    bounds: FloatArray
+
+
 class Outlines:
-    """The outlines of a network's junctions."""
+    """The outlines of a network's junctions. They do not know the network, so that both can be forgotten."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        self._network = network
-        self._of = cache(self._make)
+        self._junctions, self._rings = network.junctions, network.rings
+        self.of = cache(self._make)
+        """Returns the `Outline` of a junction."""
 
     def distance(self, box: Box, junction: str) -> float:
         """Return how far a footprint is from a junction, m: 0 where some part of it is inside.
 
-        NaN for a junction without an area (the end of a road).
+        NaN for a junction without an area.
         """
-        area, _ = self._of(junction)
+        area = self.of(junction).area
         if area.is_empty:
             return nan
         return float(shapely.distance(area, shapely.Polygon(corner_points(box))))
@@ -107,19 +106,42 @@ class Outlines:
         """Return how far a footprint is from the nearest junction, m; infinite where there is none."""
         best = inf
         reach = hypot(box.length, box.width) / 2
-        for junction in self._network.junctions:
-            area, (left, bottom, right, top) = self._of(junction)
+        for junction in self._junctions:
+            area, _, bounds = self.of(junction)
+            left, bottom, right, top = bounds.tolist()
             away = hypot(max(left - box.x, 0.0, box.x - right), max(bottom - box.y, 0.0, box.y - top)) - reach
             if not area.is_empty and away < best:
                 best = min(best, self.distance(box, junction))
         return best
 
-    def _make(self, junction: str) -> tuple[BaseGeometry, tuple[float, float, float, float]]:
-        points = self._network.outline(junction)
-        shape = shapely.make_valid(shapely.Polygon(points)) if len(points) >= 3 else shapely.Polygon()
-        area = shape if shape.area > 0 else shapely.Polygon()
-        shapely.prepare(area)
-        return area, area.bounds
+    def _make(self, junction: str) -> Outline:
+        ring = self._rings.get(junction)
+        return outline_of(ring.polygon if ring is not None else self._junctions[junction].polygon)
+
+
+def outline_of(points: Points) -> Outline:
+    """Return the area within an outline; SUMO's may touch themselves, or have no area."""
+    shape = shapely.make_valid(shapely.Polygon(points)) if len(points) >= 3 else shapely.Polygon()
+    area = shape if shape.area > 0 else shapely.Polygon()
+    shapely.prepare(area)
+    parts = shapely.get_parts(shapely.get_parts(area))
+    sides = [np.empty((0, 4))]
+    if (shapely.get_dimensions(parts) == 2).all():
+        rings = map(shapely.get_coordinates, shapely.get_rings(parts))
+        sides += [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings]
+    return Outline(area, np.concatenate(sides), np.array(area.bounds))
+
+
+_OUTLINES: WeakKeyDictionary[RoadNetwork, Outlines] = WeakKeyDictionary()
+"""The children of a clip drive on the same network."""
+
+
+def outlines_of(network: RoadNetwork) -> Outlines:
+    """Return the outlines of a network's junctions; remembered."""
+    known = _OUTLINES.get(network)
+    if known is None:
+        known = _OUTLINES[network] = Outlines(network)
+    return known
 
 
 def point_distance(box: Box, x: float, y: float) -> float:

@@ -6,7 +6,18 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from foresee_dsl.language.model import Both, Condition, Either, Expect, Not, Sustained
+from foresee_dsl.language.model import (
+    Both,
+    Condition,
+    Either,
+    Expect,
+    InSight,
+    Not,
+    Predicate,
+    Sees,
+    Shows,
+    Sustained,
+)
 from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.printer import written as text_of
 from foresee_dsl.language.traversal import si_of
@@ -15,6 +26,7 @@ from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, every, some
 from foresee_dsl.simulate.triggers.record import Run, Runs
+from foresee_dsl.simulate.triggers.truths import truth_of
 
 Note = Callable[[int, Run | None], None]
 """Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
@@ -32,6 +44,8 @@ class Watch:
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
         self._last: tuple[int, Outcome | None] | None = None
+        self._truth = truth_of(condition, conditions)
+        self._held: tuple[int, bool | None] = (-1, None)
 
     def look(self) -> Outcome | None:
         """Return whether the condition holds at this frame and by how much; None where it cannot be evaluated."""
@@ -45,6 +59,16 @@ class Watch:
         """Whether the condition holds at this frame; without an outcome it does not."""
         outcome = self.look()
         return outcome is not None and outcome.held
+
+    def held(self) -> bool | None:
+        """Whether the condition holds at this frame, without its margin; None where it cannot be evaluated."""
+        if self._truth is None:
+            outcome = self.look()
+            return None if outcome is None else bool(outcome.held)
+        frame = self._conditions.frame
+        if self._held[0] != frame:
+            self._held = frame, self._truth()
+        return self._held[1]
 
     @property
     def runs(self) -> Runs:
@@ -143,11 +167,19 @@ class _Watched:
         self._expect = expect
         self._watch = Watch(expect.condition, conditions)
         self._so_far: Outcome | None = None
-        self._until = math.inf if expect.within is None else si_of(expect.within)
+        self._until = math.inf if expect.within is None else si_of(expect.within) + 1e-9
+        is_fact = isinstance(expect.condition, Predicate | Sees | InSight | Shows)
+        self._fact = truth_of(expect.condition, conditions) if is_fact else None
+        self._was: bool | None = None
 
     def look(self, time_s: float) -> None:
-        if time_s > self._until + 1e-9:
+        if time_s > self._until:
             return
+        if self._fact is not None:
+            held = self._fact()
+            if held is None or held is self._was:
+                return  # joined once more, the same outcome without a margin changes nothing
+            self._was = held
         outcome = self._watch.look()
         if outcome is None:
             return

@@ -17,15 +17,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol, assert_never
 
+import numpy as np
+
 from foresee_dsl.compile.bundle import Signal
-from foresee_dsl.kernels.boxes import box_distance, overlaps
+from foresee_dsl.kernels.boxes import overlaps
+from foresee_dsl.kernels.conditions import gap, time_to_touch
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import quantity_of, si_of, word_of
 from foresee_dsl.simulate.actors.guided_vehicles import GuidedVehicle
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation
 from foresee_dsl.simulate.actors.states import Actor
-from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, Outlines, eta, point_distance, ttc
+from foresee_dsl.simulate.results.metrics import SLOWEST_MPS, eta, outlines_of, point_distance
 from foresee_dsl.simulate.triggers.ways import Ways
 
 _Between = Literal["eta", "distance", "ttc", "headway", "lateral", "overlap", "relative_speed"]
@@ -74,8 +77,12 @@ class Conditions:
     """Evaluates conditions at the frame that a simulation is at; `condition_history` follows them over time."""
 
     def __init__(self, simulation: Simulation, signals: Mapping[str, Signal]) -> None:
-        self._simulation, self._signals = simulation, signals
-        self._outlines = Outlines(simulation.network)
+        self.simulation, self._signals = simulation, signals
+        self.outlines = outlines_of(simulation.network)
+        self.states = simulation.state_table.states
+        self.sizes = np.array([(actor.length, actor.width) for actor in simulation.actors]).reshape(-1, 2)
+        """[A, 7] the states of all actors, and [A, 2] their lengths and widths, m, for kernels."""
+        self.rows = {actor.id: row for row, actor in enumerate(simulation.actors)}
         self.ways = Ways(simulation)
         self.eyes: Eyes | None = None
         """The ego's sensors; set before the first frame."""
@@ -86,12 +93,12 @@ class Conditions:
     @property
     def frame(self) -> int:
         """The frame that the simulation is at."""
-        return self._simulation.frame
+        return self.simulation.frame
 
     @property
     def time_s(self) -> float:
         """Its time."""
-        return self._simulation.time_s
+        return self.simulation.time_s
 
     def outcome(self, condition: m.Condition) -> Outcome | None:
         """Return whether a condition without parts holds now and by how much; None where it cannot be evaluated."""
@@ -118,7 +125,7 @@ class Conditions:
     def value(self, measure: m.Measure) -> float:
         """Return a measure's value now, NaN where there is none."""
         if measure.what == "time":
-            return self._simulation.time_s
+            return self.simulation.time_s
         actor = self._actor(measure.actor)
         if actor is None:
             return math.nan
@@ -137,8 +144,8 @@ class Conditions:
 
     def _to(self, what: _Between, actor: Actor, name: str) -> float:
         """Return what is measured from an actor to another, or to a junction; NaN where that is not there."""
-        if what == "eta" or (what == "distance" and self._is_junction(name)):
-            left_m = self._simulation.progress.to_junction(actor, name, self._simulation.frame)
+        if what == "eta" or (what == "distance" and self.is_junction(name)):
+            left_m = self.simulation.progress.to_junction(actor, name, self.simulation.frame)
             if what == "distance":
                 return left_m
             return math.inf if math.isnan(left_m) else eta(left_m, actor.speed)
@@ -147,11 +154,11 @@ class Conditions:
             return math.nan
         match what:
             case "distance":
-                value = box_distance(actor.box, other.box)
+                value = self._gap(actor, other)
             case "ttc":
-                value = ttc(actor.mover, other.mover)
+                value = float(time_to_touch(self.states, self.sizes, self.rows[actor.id], self.rows[other.id]))
             case "headway":
-                value = box_distance(actor.box, other.box) / max(actor.speed, SLOWEST_MPS)
+                value = self._gap(actor, other) / max(actor.speed, SLOWEST_MPS)
             case "lateral":
                 value = self.ways.lateral_m(actor, other)
             case "overlap":
@@ -164,16 +171,23 @@ class Conditions:
 
     def arrived(self, name: str) -> bool:
         """Whether an actor has reached its goal: the ego's point, a path's end, the end of a route."""
-        actor = self._simulation.by_id.get(name)
+        actor = self.simulation.by_id.get(name)
         if actor is None:
             return False
-        if actor is self._simulation.ego:
-            return self._simulation.progress.of(actor, self._simulation.frame)[0] >= self._simulation.scene.goal_s
+        if actor is self.simulation.ego:
+            return self.simulation.progress.of(actor, self.simulation.frame)[0] >= self.simulation.scene.goal_s
         if isinstance(actor, PathActor):
             return actor.follower.arrived
         if isinstance(actor, GuidedVehicle) and actor.arrived:
             return True
         return not actor.present
+
+    def collides(self, name: str) -> bool:
+        """Whether an actor touches another."""
+        if name == "ego" and self.ego_hit is not None:
+            return self.ego_hit
+        actor = self._actor(name)
+        return actor is not None and any(overlaps(actor.box, other.box) for other in self.simulation.others(actor))
 
     # --- conditions without parts ------------------------------------------------------------------------------------
 
@@ -187,22 +201,17 @@ class Conditions:
         return _judged(comparison, slack >= 0 if comparison.op[-1] == "=" else slack > 0, slack, comparison.right)
 
     def _predicate(self, predicate: m.Predicate) -> Outcome:
-        if predicate.what == "arrived":
-            return Outcome(self.arrived(predicate.actor), decides=predicate)
-        if predicate.actor == "ego" and self.ego_hit is not None:
-            return Outcome(self.ego_hit, decides=predicate)
-        actor = self._actor(predicate.actor)
-        hit = actor is not None and any(overlaps(actor.box, other.box) for other in self._simulation.others(actor))
-        return Outcome(hit, decides=predicate)
+        held = self.arrived if predicate.what == "arrived" else self.collides
+        return Outcome(held(predicate.actor), decides=predicate)
 
     def _in_junction(self, condition: m.InJunction) -> Outcome | None:
         actor = self._actor(condition.actor)
         if actor is None:
             return None
         if condition.junction is None:
-            away = self._outlines.nearest(actor.box)
+            away = self.outlines.nearest(actor.box)
         else:
-            away = self._outlines.distance(actor.box, word_of(condition.junction))
+            away = self.outlines.distance(actor.box, word_of(condition.junction))
         if math.isnan(away):
             return None
         if away > 0:
@@ -246,14 +255,14 @@ class Conditions:
         of = condition.of
         if isinstance(of, m.Named):
             name = word_of(of.name)
-            if self._is_junction(name):
-                return self._outlines.distance(actor.box, name)
+            if self.is_junction(name):
+                return self.outlines.distance(actor.box, name)
             other = self._actor(name)
-            return math.nan if other is None else box_distance(actor.box, other.box)
+            return math.nan if other is None else self._gap(actor, other)
         if isinstance(of, m.OfActor):
             pose = self.ways.place(of)
             return math.nan if pose is None else point_distance(actor.box, pose[0], pose[1])
-        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, m.Point) else self._simulation.scene.places[of]
+        x, y = (si_of(of.x), si_of(of.y)) if isinstance(of, m.Point) else self.simulation.scene.places[of]
         return point_distance(actor.box, x, y)
 
     def _shows(self, condition: m.Shows) -> Outcome | None:
@@ -262,32 +271,35 @@ class Conditions:
         if signal is None:
             return None
         if condition.actor is None:
-            stage, _ = self._simulation.world.signals.stage(signal.tls)
+            stage, _ = self.simulation.world.signals.stage(signal.tls)
             return Outcome(signal.stages[stage] == state, decides=condition)
         actor = self._actor(condition.actor)
         link = None if actor is None else self._link(actor, junction, signal.tls)
         if link is None:
             return None
-        return Outcome(self._simulation.world.signals.colour(*link) == state, decides=condition)
+        return Outcome(self.simulation.world.signals.colour(*link) == state, decides=condition)
 
     def _link(self, actor: Actor, junction: str, tls: str) -> tuple[str, int] | None:
         """Return which signal, and which of its links, an actor has to look at until it has left a junction."""
         if isinstance(actor, PathActor):
             stops = actor.placed.walk_stops
             return next(((name, link) for _, leaves, name, link in stops if name == tls and leaves > actor.along), None)
-        for passage, _ in self._simulation.progress.ahead(actor, self._simulation.frame, math.inf):
+        for passage, _ in self.simulation.progress.ahead(actor, self.simulation.frame, math.inf):
             movement = passage.movement
             if passage.junction == junction:
                 return (movement.tls, movement.link) if movement.tls is not None and movement.link >= 0 else None
         return None
 
+    def _gap(self, actor: Actor, other: Actor) -> float:
+        return float(gap(self.states, self.sizes, self.rows[actor.id], self.rows[other.id]))
+
     def _actor(self, name: str | None) -> Actor | None:
-        actor = self._simulation.by_id.get(name or "")
+        actor = self.simulation.by_id.get(name or "")
         return actor if actor is not None and actor.present else None
 
-    def _is_junction(self, name: str) -> bool:
+    def is_junction(self, name: str) -> bool:
         """Whether a name is a junction's; an actor of the same name comes first."""
-        return name not in self._simulation.by_id and self._simulation.network.is_junction(name)
+        return name not in self.simulation.by_id and self.simulation.network.is_junction(name)
 
 
 def _judged(condition: m.Condition, held: bool, slack: float, bound: m.AnyValue) -> Outcome:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from foresee_dsl.kernels.boxes import box_distance
+from foresee_dsl.kernels.conditions import box_distance
 from foresee_dsl.language import model as m
 from foresee_dsl.simulate.actors.moved_actors import PathActor
 from foresee_dsl.simulate.actors.simulation import Simulation

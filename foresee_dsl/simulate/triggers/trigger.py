@@ -56,11 +56,11 @@ class Trigger:
         """Look at the condition at this frame; fire when it begins to hold."""
         if self._watch is None:
             return
-        outcome = self._watch.look()
-        if outcome is None:  # too early to say, or never: it neither begins to hold nor ceases to
+        held = self._watch.held()
+        if held is None or held is self._held:  # too early to say, or never: it neither begins to hold nor ceases to
             return
-        fires, ceased = outcome.held and not self._held, self._held and not outcome.held
-        self._held = outcome.held
+        fires, ceased = held, not held
+        self._held = held
         if ceased:
             self._event("rearmed")
         if fires:
@@ -166,7 +166,7 @@ class Sequence:
             if k not in self._watches:
                 self._watches[k] = self._trigger.watch(then.condition, place)
                 self._trigger.note("waits", place)
-            if not self._watches[k].holds():
+            if not self._watches[k].held():
                 return False
         self._trigger.note("then", place)
         self._inner[k] = Sequence(then.actions, self._trigger, place)

@@ -1,0 +1,232 @@
+"""What conditions of scenarios measure: between two actors, and between an actor and the area of a junction.
+
+Actors are rows of the table of states. Conditions are decided by these numbers, and they are the bits that plain Python
+gives, its `math.hypot` included (`tests/simulate/test_condition_kernels.py`).
+"""
+
+from __future__ import annotations
+
+from math import cos, frexp, ldexp, sin
+
+import numpy as np
+
+from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.boxes import Box, Mover, overlap
+from foresee_dsl.kernels.compiling import ANY_TABLE, FLOATS, INT, TABLE, compiled, inner
+from foresee_dsl.kernels.lines import nearest_on_segment
+
+STILL_MPS = 1e-9
+"""A closing speed under this is rounding: at the largest distances of a town it would take a century to meet."""
+SURE_M = 1e-6
+"""An actor that is nearer than this to the border of an area is not told by `beside_area` to be inside or outside.
+Ours: a thousand times what rounding moves a point at 10 km."""
+INSIDE, UNSURE, OUTSIDE = -1, 0, 1
+_LEAST_M = 1e-290
+"""A length under this is as long as its longer side. Ours: it only keeps the numbers below from becoming too small."""
+_SPLIT = 134217729.0
+"""2^27 + 1: cuts a number into two halves whose products are exact (Dekker 1971)."""
+
+
+@inner
+def _product(x: float, y: float) -> tuple[float, float]:
+    """Return a product and what rounding took from it (Dekker 1971)."""
+    high_x, high_y = x * _SPLIT, y * _SPLIT
+    high_x, high_y = high_x - (high_x - x), high_y - (high_y - y)
+    low_x, low_y = x - high_x, y - high_y
+    first, second = high_x * high_y, high_x * low_y + low_x * high_y
+    product = first + second
+    return product, first - product + second + low_x * low_y
+
+
+@inner
+def hypotenuse(x: float, y: float) -> float:
+    """Return the length of (x, y) as Python's `math.hypot` does, in the order in which CPython 3.11 computes it: the
+    root of an exact sum, corrected by what is left."""
+    x, y = abs(x), abs(y)
+    most = max(x, y)
+    if not _LEAST_M < most < np.inf:
+        return most
+    scale = ldexp(1.0, -frexp(most)[1])
+    total, lost, lost_sums = 1.0, 0.0, 0.0
+    for value in (x * scale, y * scale):
+        square, rest = _product(value, value)
+        after = total + square
+        lost_sums += (total - after) + square
+        total = after
+        lost += rest
+    root = np.sqrt(total - 1.0 + (lost + lost_sums))
+    square, rest = _product(-root, root)
+    after = total + square
+    lost_sums += (total - after) + square
+    lost += rest
+    root += (after - 1.0 + (lost + lost_sums)) / (2.0 * root)
+    return float(root / scale)
+
+
+@inner
+def _corners_to_box(of: Box, to: Box) -> float:
+    """Return how far the nearest corner of a box is from another box, m."""
+    c, s = cos(of.heading), sin(of.heading)
+    ahead_x, ahead_y = c * of.length / 2, s * of.length / 2
+    left_x, left_y = -s * of.width / 2, c * of.width / 2
+    c, s = cos(to.heading), sin(to.heading)
+    half_length, half_width = to.length / 2, to.width / 2
+    nearest = np.inf
+    for k in range(4):
+        ahead, left = 1.0 if k in (0, 3) else -1.0, 1.0 if k < 2 else -1.0
+        dx = of.x + ahead * ahead_x + left * left_x - to.x
+        dy = of.y + ahead * ahead_y + left * left_y - to.y
+        along = max(abs(dx * c + dy * s) - half_length, 0.0)
+        nearest = min(nearest, hypotenuse(along, max(abs(dy * c - dx * s) - half_width, 0.0)))
+    return nearest
+
+
+@inner
+def _box(states: FloatArray, sizes: FloatArray, k: int) -> Box:
+    return Box(states[k, 0], states[k, 1], states[k, 2], sizes[k, 0], sizes[k, 1])
+
+
+@compiled(TABLE, ANY_TABLE, INT, INT)
+def gap(states: FloatArray, sizes: FloatArray, one: int, other: int) -> float:
+    """Return how far two actors' footprints are apart, m: 0 where they overlap, NaN where a number of them is NaN.
+
+    `states`: [A, >=3] x, y, heading. `sizes`: [A, 2] length, width.
+    """
+    a, b = _box(states, sizes, one), _box(states, sizes, other)
+    if np.isnan(a.x + a.y + a.heading + b.x + b.y + b.heading + a.length + a.width + b.length + b.width):
+        return np.nan
+    if overlap(a, b):
+        return 0.0
+    return float(min(_corners_to_box(a, b), _corners_to_box(b, a)))
+
+
+@inner
+def _mover(states: FloatArray, sizes: FloatArray, k: int) -> Mover:
+    return Mover(states[k, 0], states[k, 1], states[k, 2], states[k, 3], sizes[k, 0], sizes[k, 1])
+
+
+@compiled(TABLE, ANY_TABLE, INT, INT)
+def time_to_touch(states: FloatArray, sizes: FloatArray, one: int, other: int) -> float:
+    """Return the time until two actors' footprints touch when both keep heading and speed, s; see `metrics.ttc`.
+
+    `states`: [A, >=4] x, y, heading, speed. `sizes`: [A, 2] length, width.
+    """
+    a, b = _mover(states, sizes, one), _mover(states, sizes, other)
+    ca, sa, cb, sb = cos(a.heading), sin(a.heading), cos(b.heading), sin(b.heading)
+    dx, dy = b.x - a.x, b.y - a.y
+    vx, vy = b.speed * cb - a.speed * ca, b.speed * sb - a.speed * sa
+    c, s = abs(ca * cb + sa * sb), abs(ca * sb - sa * cb)
+    begin, end = 0.0, np.inf
+    for k in range(4):
+        if k == 0:
+            nx, ny, reach = ca, sa, a.length + c * b.length + s * b.width
+        elif k == 1:
+            nx, ny, reach = -sa, ca, a.width + s * b.length + c * b.width
+        elif k == 2:
+            nx, ny, reach = cb, sb, b.length + c * a.length + s * a.width
+        else:
+            nx, ny, reach = -sb, cb, b.width + s * a.length + c * a.width
+        apart, speed = dx * nx + dy * ny, vx * nx + vy * ny
+        if np.isnan(apart) or np.isnan(speed):
+            return np.nan
+        if abs(speed) < STILL_MPS:
+            if abs(apart) > reach / 2:
+                return np.inf
+            continue
+        first, last = (-reach / 2 - apart) / speed, (reach / 2 - apart) / speed
+        if last < first:
+            first, last = last, first
+        begin = first if first > begin else begin
+        end = last if last < end else end
+    return float(begin) if begin <= end else np.inf
+
+
+@inner
+def _turned_left(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
+    return (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+
+
+@inner
+def _cut(a: FloatArray, b: FloatArray, border: FloatArray) -> bool:
+    """Whether the side from `a` to `b` and a border, [4] its two ends, cross."""
+    x0, y0, x1, y1 = border[0], border[1], border[2], border[3]
+    return bool(
+        (_turned_left(a[0], a[1], b[0], b[1], x0, y0) > 0) != (_turned_left(a[0], a[1], b[0], b[1], x1, y1) > 0)
+        and (_turned_left(x0, y0, x1, y1, a[0], a[1]) > 0) != (_turned_left(x0, y0, x1, y1, b[0], b[1]) > 0)
+    )
+
+
+@inner
+def _depth(x: float, y: float, borders: FloatArray) -> float:
+    """Return how far a point is inside an area, m, negative outside: to the nearest border."""
+    nearest, inside = np.inf, False
+    for k in range(len(borders)):
+        x0, y0, x1, y1 = borders[k, 0], borders[k, 1], borders[k, 2], borders[k, 3]
+        nearest = min(nearest, nearest_on_segment(x - x0, y - y0, x1 - x0, y1 - y0)[1])
+        if (y0 > y) != (y1 > y) and x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+            inside = not inside
+    return float(np.sqrt(nearest)) if inside else -float(np.sqrt(nearest))
+
+
+@inner
+def _corners(box: Box) -> FloatArray:
+    c, s = cos(box.heading), sin(box.heading)
+    corners = np.empty((4, 2))
+    for k in range(4):
+        along = box.length / 2 if k in (0, 3) else -box.length / 2
+        left = box.width / 2 if k < 2 else -box.width / 2
+        corners[k, 0], corners[k, 1] = box.x + c * along - s * left, box.y + s * along + c * left
+    return corners
+
+
+@inner
+def _by_corners(corners: FloatArray, borders: FloatArray) -> int:
+    """Say where the corners of a footprint are: one `INSIDE` an area, all of them `OUTSIDE`, or `UNSURE`."""
+    for k in range(4):
+        depth = _depth(corners[k, 0], corners[k, 1], borders)
+        if depth > SURE_M:
+            return INSIDE
+        if not depth < -SURE_M:
+            return UNSURE
+    return OUTSIDE
+
+
+@inner
+def _touched(box: Box, corners: FloatArray, borders: FloatArray) -> bool:
+    """Whether a border goes through a footprint or ends near it."""
+    c, s = cos(box.heading), sin(box.heading)
+    for m in range(len(borders)):
+        x, y = borders[m, 0] - box.x, borders[m, 1] - box.y
+        if max(abs(x * c + y * s) - box.length / 2, abs(y * c - x * s) - box.width / 2) <= SURE_M:
+            return True
+        for k in range(4):
+            if _cut(corners[k], corners[(k + 1) % 4], borders[m]):
+                return True
+    return False
+
+
+@compiled(TABLE, ANY_TABLE, INT, TABLE, FLOATS)
+def beside_area(states: FloatArray, sizes: FloatArray, one: int, borders: FloatArray, bounds: FloatArray) -> int:
+    """Say whether some part of an actor's footprint is in an area: `INSIDE`, `OUTSIDE`, or `UNSURE` near its border.
+
+    `states`, `sizes`: as for `gap`. `borders`: [M, 4] the ends of all sides of the area, its holes' too; none where
+    they are not known. `bounds`: [4] west, south, east, north of it.
+    """
+    box = _box(states, sizes, one)
+    if len(borders) == 0 or np.isnan(box.x + box.y + box.heading):
+        return UNSURE
+    reach = np.hypot(box.length, box.width) / 2 + SURE_M
+    if not (bounds[0] - reach <= box.x <= bounds[2] + reach and bounds[1] - reach <= box.y <= bounds[3] + reach):
+        return OUTSIDE
+    corners = _corners(box)
+    found = _by_corners(corners, borders)
+    return UNSURE if found == OUTSIDE and _touched(box, corners, borders) else found
+
+
+# --- plain Python -----------------------------------------------------------------------------------------------------
+
+
+def box_distance(a: Box, b: Box) -> float:
+    """Return the smallest distance (m) between two boxes, 0 when they overlap, NaN where a value is NaN."""
+    both = np.array((a, b), dtype=np.float64)
+    return float(gap(both, both[:, 3:], 0, 1))
