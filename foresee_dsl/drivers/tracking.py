@@ -8,7 +8,7 @@ kept. All objects are moved on together, in arrays. Tracks are a function of the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import chain
 from operator import attrgetter
@@ -58,8 +58,33 @@ COLOUR_KEPT_S = 1.0
 """Ours: how long a colour that is not seen any more is used; a third of the shortest amber time (3 s), so that no
 driver relies on a green that has become red."""
 
+_MEASURED = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
 _KINDS = {"bicycle": kernel.BICYCLE, "pedestrian": kernel.PEDESTRIAN, "obstacle": kernel.OBSTACLE}
-_read = attrgetter("x", "y", "heading_rad", "speed_mps", "length_m", "width_m")
+
+
+class ObjectTable(NamedTuple):
+    """An object list as numbers, in its order.
+
+    Attributes:
+        numbers: the objects' track numbers. kinds: their classes.
+        measured: [N, >=6] x, y, heading, speed, length, width, m, rad, m/s.
+    """
+
+    numbers: Sequence[int]
+    kinds: Sequence[ActorClass]
+    measured: FloatArray
+
+
+def object_table(observation: Observation) -> ObjectTable:
+    """Return the object list of an observation as numbers; the simulator's observations have it so, until somebody asks
+    for their `actors`."""
+    own: Callable[[], ObjectTable] | None = getattr(observation, "object_table", None)
+    if own is not None:
+        return own()
+    seen = observation.actors
+    values = np.fromiter(chain.from_iterable(map(_MEASURED, seen)), float, kernel.MEASURED * len(seen))
+    numbers, kinds = [actor.track for actor in seen], [actor.kind for actor in seen]
+    return ObjectTable(numbers, kinds, values.reshape(-1, kernel.MEASURED))
 
 
 class Tracks(NamedTuple):
@@ -101,6 +126,7 @@ class Tracker:
         self._scan = np.empty(1, kernel.SCAN)
         self._numbers: list[int] = []
         self._kinds: list[ActorClass] = []
+        self._named: tuple[tuple[int, ...], tuple[ActorClass, ...]] = (), ()
         self._places: dict[int, int] = {}
         self._measured_s: float | None = None
         self._some_lost = False
@@ -110,76 +136,92 @@ class Tracker:
 
         An object list with the time of the last one is ignored; an earlier one means a new run: all is forgotten.
         """
-        measured_s = observation.time_s if observation.measured_s is None else observation.measured_s
+        time_s = observation.time_s
+        measured_s = time_s if observation.measured_s is None else observation.measured_s
         passed_s = math.inf if self._measured_s is None else measured_s - self._measured_s
         if passed_s < -SAME_TIME_S:
             self.reset()
             passed_s = math.inf
-        if passed_s > SAME_TIME_S:
-            self._measured_s = measured_s
-            if self._numbers:
-                kernel.move(self._state, passed_s)
-            self._take_in(observation, passed_s, measured_s)
-        table = kernel.present(self._state, self._sightings, observation.time_s, measured_s, self._some_lost)
-        return Tracks(table, tuple(self._numbers), tuple(self._kinds))
-
-    def _take_in(self, observation: Observation, passed_s: float, measured_s: float) -> None:
-        """Add new objects, correct the predictions of the others by the measurements, and drop objects that have not
-        been seen for too long."""
-        seen, places, knew = observation.actors, self._places, bool(self._numbers)
-        values = np.fromiter(chain.from_iterable(map(_read, seen)), float, kernel.MEASURED * len(seen))
-        measured = values.reshape(-1, kernel.MEASURED)
-        found = [places.get(actor.track, -1) for actor in seen]
+        if passed_s <= SAME_TIME_S:
+            return self._present(time_s, measured_s)
+        self._measured_s = measured_s
+        seen, ego, places = object_table(observation), observation.ego, self._places
+        found = [places.get(number, -1) for number in seen.numbers]
         if -1 in found:
-            found = self._begin(seen, found, measured, measured_s)
-        if knew and found:
-            self._scan[0] = observation.ego.x, observation.ego.y, measured_s, passed_s
-            which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
-            kernel.correct(self._state, self._sightings, which, measured, self._scan, gains)
+            return self._with_new(found, seen, observation, passed_s, measured_s)
         self._some_lost = len(found) < len(self._numbers)
-        if self._some_lost:
-            share = math.exp(-passed_s / FADES_S)
-            if kernel.fade(self._state, self._sightings, measured_s, share) > COAST_S:
-                self._drop(measured_s)
+        if not self._numbers:
+            return self._present(time_s, measured_s)
+        # All that mostly happens, in one call.
+        self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
+        which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
+        table, lost_s = kernel.follow(self._state, self._sightings, which, seen.measured, self._scan, gains)
+        if lost_s <= COAST_S:
+            return Tracks(table, *self._named)
+        self._drop(measured_s)
+        return self._present(time_s, measured_s)
 
-    def _begin(self, seen: Sequence[SeenActor], found: list[int], measured: FloatArray, measured_s: float) -> list[int]:
+    def _present(self, time_s: float, measured_s: float) -> Tracks:
+        table = kernel.present(self._state, self._sightings, time_s, measured_s, self._some_lost)
+        return Tracks(table, *self._named)
+
+    def _with_new(
+        self, found: list[int], seen: ObjectTable, observation: Observation, passed_s: float, measured_s: float
+    ) -> Tracks:
+        """Take in an object list with new numbers; `found`: the rows of the objects that are known, -1 of the rest."""
+        knew, ego, time_s = bool(self._numbers), observation.ego, observation.time_s
+        if knew:
+            kernel.move(self._state, passed_s)
+        found = self._begin(seen, found, measured_s)
+        if knew:
+            self._scan[0] = ego.x, ego.y, measured_s, passed_s, time_s, math.exp(-passed_s / FADES_S)
+            which, gains = np.array(found, dtype=np.int64), _gains(round(passed_s, 3))
+            kernel.correct(self._state, self._sightings, which, seen.measured, self._scan, gains)
+        self._some_lost = len(found) < len(self._numbers)
+        if self._some_lost and kernel.fade(self._state, self._sightings, self._scan) > COAST_S:
+            self._drop(measured_s)
+        return self._present(time_s, measured_s)
+
+    def _begin(self, seen: ObjectTable, found: list[int], measured_s: float) -> list[int]:
         """Give a row to each new number: that of an object that was lost there, else one at the end."""
         taken, fresh = set(found), []
-        for k, actor in enumerate(seen):
+        for k, number in enumerate(seen.numbers):
             if found[k] >= 0:
                 continue
-            place = self._lost_there(actor, taken, measured_s)
+            place = self._lost_there(seen, k, taken, measured_s)
             if place < 0:
                 place = len(self._numbers)
-                self._numbers.append(actor.track)
-                self._kinds.append(actor.kind)
+                self._numbers.append(number)
+                self._kinds.append(seen.kinds[k])
                 fresh.append(k)
             else:
                 self._places.pop(self._numbers[place], None)
-                self._numbers[place] = actor.track
+                self._numbers[place] = number
                 taken.add(place)
-            found[k] = self._places[actor.track] = place
+            found[k] = self._places[number] = place
         if fresh:
             more = np.zeros((len(fresh), 8))
-            more[:, : kernel.MEASURED] = measured[fresh]
+            more[:, : kernel.MEASURED] = seen.measured[fresh, : kernel.MEASURED]
             self._state = np.concatenate([self._state, more])
             # np.concatenate would make a new dtype object each time, which numba (0.68.1) would analyse anew.
             sightings = np.empty(len(self._numbers), kernel.SIGHTING)
             sightings[: -len(fresh)] = self._sightings
-            sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen[k].kind, kernel.OTHER)) for k in fresh]
+            sightings[-len(fresh) :] = [(1, measured_s, _KINDS.get(seen.kinds[k], kernel.OTHER)) for k in fresh]
             self._sightings = sightings
+        self._named = tuple(self._numbers), tuple(self._kinds)
         return found
 
-    def _lost_there(self, actor: SeenActor, taken: set[int], measured_s: float) -> int:
-        """Return the nearest lost object of the same class and about the same size at an actor's place, or -1."""
-        best, nearest = -1, math.inf
+    def _lost_there(self, seen: ObjectTable, new: int, taken: set[int], measured_s: float) -> int:
+        """Return the nearest lost object of the same class and about the same size at a new one's place, or -1."""
+        best, nearest, kind = -1, math.inf, seen.kinds[new]
+        new_x, new_y, new_length = seen.measured[new, [kernel.X, kernel.Y, kernel.LENGTH]].tolist()
         for k in range(len(self._state)):
-            if k in taken or self._kinds[k] != actor.kind:
+            if k in taken or self._kinds[k] != kind:
                 continue
             x, y, length = (float(v) for v in self._state[k, [kernel.X, kernel.Y, kernel.LENGTH]])
-            away, lost_s = math.hypot(x - actor.x, y - actor.y), measured_s - float(self._sightings["last_s"][k])
+            away, lost_s = math.hypot(x - new_x, y - new_y), measured_s - float(self._sightings["last_s"][k])
             near = away < min(SAME_PLACE_M + SAME_PLACE_MPS * lost_s, nearest)
-            if near and abs(actor.length_m - length) < SAME_SIZE * length:
+            if near and abs(new_length - length) < SAME_SIZE * length:
                 best, nearest = k, away
         return best
 
@@ -191,6 +233,7 @@ class Tracker:
         rows = np.flatnonzero(keep).tolist()
         self._numbers, self._kinds = [self._numbers[k] for k in rows], [self._kinds[k] for k in rows]
         self._places = {number: k for k, number in enumerate(self._numbers)}
+        self._named = tuple(self._numbers), tuple(self._kinds)
 
 
 class SignalMemory:
@@ -201,13 +244,13 @@ class SignalMemory:
 
     def update(self, observation: Observation) -> Mapping[str, SignalColour]:
         """Take in an observation; return the colours by signal that are seen or still remembered."""
-        now_s = observation.time_s
-        if not observation.signals and not self._known:
-            return {}
-        self._known.update((signal, (now_s, colour)) for signal, colour in observation.signals.items())
-        if len(self._known) > len(observation.signals):
-            self._known = {k: seen for k, seen in self._known.items() if 0.0 <= now_s - seen[0] <= COLOUR_KEPT_S}
-        return {signal: colour for signal, (_, colour) in self._known.items()}
+        now_s, seen, known = observation.time_s, observation.signals, self._known
+        for signal, colour in seen.items():
+            known[signal] = now_s, colour
+        if len(known) > len(seen):
+            self._known = {k: last for k, last in known.items() if 0.0 <= now_s - last[0] <= COLOUR_KEPT_S}
+            return {signal: colour for signal, (_, colour) in self._known.items()}
+        return seen
 
 
 @cache

@@ -78,16 +78,19 @@ class Sighting(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """An object list: where the ego was (m), when it was measured and how long after the one before (s)."""
+    """An object list: where the ego was (m), when it was measured and how long after the one before (s), the present
+    (s), and what is left of rates that were not measured."""
 
     ego_x: float
     ego_y: float
     measured_s: float
     passed_s: float
+    time_s: float
+    fades: float
 
 
 TRACK, SIGHTING, SCAN = dtype_of(Track), dtype_of(Sighting), dtype_of(Scan)
-TRACKS, _SIGHTINGS = array_of(Track), array_of(Sighting)
+TRACKS, _SIGHTINGS, _SCANS = array_of(Track), array_of(Sighting), array_of(Scan)
 
 
 @compiled(TABLE, FLOAT)
@@ -128,26 +131,27 @@ def present(state: FloatArray, sightings: Records, time_s: float, measured_s: fl
     return tracks
 
 
-@compiled(TABLE, _SIGHTINGS, FLOAT, FLOAT)
-def fade(state: FloatArray, sightings: Records, measured_s: float, share: float) -> float:
-    """Reduce acceleration and yaw rate of objects that are not seen, in place; return the longest time lost, s."""
-    longest = 0.0
+@compiled(TABLE, _SIGHTINGS, _SCANS)
+def fade(state: FloatArray, sightings: Records, scans: Records) -> float:
+    """Reduce acceleration and yaw rate of objects that are not in the object list [1], in place; return the longest
+    time lost, s."""
+    longest, measured_s = 0.0, scans[0]["measured_s"]
     for a in range(len(state)):
         last_s = sightings[a]["last_s"]
         if last_s < measured_s:
-            state[a, ACCELERATION] *= share
-            state[a, YAW_RATE] *= share
+            state[a, ACCELERATION] *= scans[0]["fades"]
+            state[a, YAW_RATE] *= scans[0]["fades"]
             longest = max(longest, measured_s - last_s)
     return longest
 
 
-@compiled(TABLE, _SIGHTINGS, INTS, TABLE, array_of(Scan), HYPERCUBE)
+@compiled(TABLE, _SIGHTINGS, INTS, TABLE, _SCANS, HYPERCUBE)
 def correct(
     state: FloatArray, sightings: Records, which: IntArray, measured: FloatArray, scans: Records, gains: FloatArray
 ) -> None:
     """Correct some states, [A, 8], by their measurements, in place.
 
-    `which`: [N] the actors that were measured. `measured`: [N, 6]. `scans`: [1] the object list. `gains`: [8, mode,
+    `which`: [N] the actors that were measured. `measured`: [N, >=6]. `scans`: [1] the object list. `gains`: [8, mode,
     bins, times].
     """
     scan, off = scans[0], np.empty(8)
@@ -175,3 +179,17 @@ def correct(
         if count == 0 or mode != DRIVES:
             one[YAW_RATE] = 0.0
         seen["times"] = min(count + 1, SETTLED - 1)
+
+
+@compiled(TABLE, _SIGHTINGS, INTS, TABLE, _SCANS, HYPERCUBE)
+def follow(
+    state: FloatArray, sightings: Records, which: IntArray, measured: FloatArray, scans: Records, gains: FloatArray
+) -> tuple[Records, float]:
+    """Take in an object list without new objects, in place: `move`, `correct`, and `fade` what is not in it; return the
+    tracks `present`, and the longest time lost, s. Arguments as of `correct`."""
+    scan = scans[0]
+    move(state, scan["passed_s"])
+    correct(state, sightings, which, measured, scans, gains)
+    some_lost = len(which) < len(state)
+    longest = fade(state, sightings, scans) if some_lost else 0.0
+    return present(state, sightings, scan["time_s"], scan["measured_s"], some_lost), longest

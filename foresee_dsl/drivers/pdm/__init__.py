@@ -45,6 +45,7 @@ class _State:
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan: _Plan | None = None
         self._vehicle, self._basis = vehicle, _Basis()
+        self._braking = signal_brakings(self._route, self._strongest_mps2, {})
         self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
 
     def step(self, observation: Observation) -> Control:
@@ -56,9 +57,10 @@ class _State:
         if plan is not None and measured_s == plan.measured_s:
             return Control(*hold(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
-        braking = signal_brakings(route, self._strongest_mps2, signals)
+        if signals != self._basis.signals:
+            self._braking = signal_brakings(route, self._strongest_mps2, signals)
         road = route.points, route.coarse, route.foes, route.paths, route.junctions
-        offset, acceleration, answer = decide(egos, tracks.table, *road, braking)
+        offset, acceleration, answer = decide(egos, tracks.table, *road, self._braking)
         self._plan = _Plan(measured_s, offset, acceleration)
         self._basis = _Basis(observation, tracks, signals)
         return Control(*answer)

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from foresee_dsl.drivers.protocol import SeenActor
+from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.object_list import ScanSettings, measured
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.sight import SightLimits
+from foresee_dsl.kernels.tracks import MEASURED
 from foresee_dsl.simulate.sensing.noise import Streams, keys_of
 from foresee_dsl.simulate.sensing.settings import SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
@@ -68,6 +70,16 @@ class Tracks:
         return number
 
 
+def seen_actors(table: ObjectTable) -> tuple[SeenActor, ...]:
+    """Return an object list as a driver has it."""
+    seen = []
+    for number, kind, row in zip(table.numbers, table.kinds, table.measured.tolist(), strict=True):
+        actor = _Row(number, kind, *row[:MEASURED])
+        actor.__class__ = SeenActor
+        seen.append(actor)
+    return tuple(seen)
+
+
 class ObjectList:
     """Measures the others from where the ego is.
 
@@ -90,23 +102,24 @@ class ObjectList:
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
-        """Return the objects that are seen, the nearest first.
+        """Return the objects that are seen, the nearest first; arguments as of `table`."""
+        return seen_actors(self.table(frame, ego, estimated, states))
+
+    def table(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> ObjectTable:
+        """Return the same as numbers.
 
         Args:
             frame: absolute: in the time of the run that the clip was cut from.
             ego: where it is, x, y, heading. estimated: where its localisation places it.
             states: [N, >=4] x, y, heading, speed of the others; NaN where there is none.
         """
-        kinds, track, seen = self._kinds, self._tracks.of, []
-        for row in self._rows(frame, ego, estimated, states).tolist():
-            k = int(row.pop())
-            actor = _Row(track(k, frame), kinds[k], *row)
-            actor.__class__ = SeenActor
-            seen.append(actor)
-        return tuple(seen)
+        kinds, track = self._kinds, self._tracks.of
+        rows = self._rows(frame, ego, estimated, states)
+        seen = [int(k) for k in rows[:, -1].tolist()]
+        return ObjectTable([track(k, frame) for k in seen], [kinds[k] for k in seen], rows)
 
     def reported(self, frame: int, ego: Pose, states: FloatArray) -> frozenset[int]:
-        """Return the indices of the objects that a scan at a frame reports; arguments as of `measure`. It gives out no
+        """Return the indices of the objects that a scan at a frame reports; arguments as of `table`. It gives out no
         track numbers: asking changes nothing."""
         return frozenset(int(row[-1]) for row in self._rows(frame, ego, ego, states).tolist())
 

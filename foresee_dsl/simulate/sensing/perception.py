@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from foresee_dsl.drivers.pictures.layout import CAMERA_RANGE_M
 from foresee_dsl.drivers.protocol import EgoState, Mission, Observation, SeenActor, SignalColour
+from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.actors.simulation import Simulation
-from foresee_dsl.simulate.rasters import RunViews
+from foresee_dsl.simulate.rasters import RunViews, StepViews
 from foresee_dsl.simulate.sensing.noise import Streams
-from foresee_dsl.simulate.sensing.objects import ObjectList, Pose, frames_of
+from foresee_dsl.simulate.sensing.objects import ObjectList, Pose, frames_of, seen_actors
 from foresee_dsl.simulate.sensing.settings import STANDARD, SensorSettings
 from foresee_dsl.simulate.sensing.sight import Bodies, Sight
 from foresee_dsl.simulate.sensing.signals import SignalHeads
@@ -40,9 +41,9 @@ class _Scan:
     states: FloatArray
     heads: list[int]
     shown: dict[str, SignalColour]
-    measured: bool = False
-    actors: tuple[SeenActor, ...] = ()
-    signals: dict[str, SignalColour] = field(default_factory=dict)
+    table: ObjectTable | None = None
+    signals: dict[str, SignalColour] | None = None
+    actors: tuple[SeenActor, ...] | None = None
 
 
 class _LazyObservation(Observation):
@@ -59,11 +60,21 @@ class _LazyObservation(Observation):
         if name not in _MEASURED_LATER:
             raise AttributeError(name)
         sensing, scan, frame, states = self._source
-        if name == "views":
-            sensing.add_views(self, states)
+        found: object
+        if name == "ego":
+            found = sensing.ego_state(frame, states)
+        elif name == "actors":
+            found = sensing.actors(scan)
+        elif name == "signals":
+            found = sensing.signals(scan)
         else:
-            sensing.fill_in(self, scan, frame, states)
-        return object.__getattribute__(self, name)
+            found = sensing.views(self, states)
+        object.__setattr__(self, name, found)
+        return found
+
+    def object_table(self) -> ObjectTable:
+        """Return the object list as numbers, which the bundled drivers take."""
+        return self._source[0].table(self._source[1])
 
     def __reduce__(self) -> tuple[object, ...]:
         """Go to another process as what was seen, without the pictures."""
@@ -153,22 +164,37 @@ class Sensing:
         put(observation, "_source", (self, newest, now, states))
         return observation
 
-    def fill_in(self, observation: Observation, scan: _Scan, frame: int, states: FloatArray) -> None:
-        """Fill in what an observation at an absolute frame says, from its newest scan and the states at that frame."""
-        while not scan.measured:  # in the order of the frames, which decides the track numbers
-            self._measure(self._unseen.popleft())
+    def ego_state(self, frame: int, states: FloatArray) -> EgoState:
+        """Return what the vehicle knows of itself at an absolute frame, from the states there. Speed, acceleration, yaw
+        rate and steering are measured on board, exactly."""
         x, y, heading, speed, acceleration, yaw_rate, steer = states[0].tolist()
-        x, y, heading = self._estimated_pose(frame, (x, y, heading))
-        put = object.__setattr__
-        # Speed, acceleration, yaw rate and steering are measured on board, exactly.
-        put(observation, "ego", EgoState(x, y, heading, speed, acceleration, yaw_rate, steer))
-        put(observation, "actors", scan.actors)
-        put(observation, "signals", dict(scan.signals))
+        return EgoState(*self._estimated_pose(frame, (x, y, heading)), speed, acceleration, yaw_rate, steer)
 
-    def add_views(self, observation: Observation, states: FloatArray) -> None:
-        """Fill in the pictures of an observation; `states` as in `observe`."""
+    def table(self, scan: _Scan) -> ObjectTable:
+        """Return the object list of a scan."""
+        while scan.table is None:  # in the order of the frames, which decides the track numbers
+            early = self._unseen.popleft()
+            estimated = self._estimated_pose(early.frame, early.pose)
+            early.table = self._objects.table(early.frame, early.pose, estimated, early.states)
+        return scan.table
+
+    def actors(self, scan: _Scan) -> tuple[SeenActor, ...]:
+        """Return the same as a driver has it."""
+        if scan.actors is None:
+            scan.actors = seen_actors(self.table(scan))
+        return scan.actors
+
+    def signals(self, scan: _Scan) -> dict[str, SignalColour]:
+        """Return the colours of the signals in view in a scan."""
+        if scan.signals is None:
+            in_view = self._heads.in_view(scan.heads, self._sight, scan.pose, scan.states)
+            scan.signals = {key: scan.shown[key] for key in in_view}
+        return dict(scan.signals)
+
+    def views(self, observation: Observation, states: FloatArray) -> StepViews:
+        """Return the pictures of an observation; `states` as in `observe`."""
         x, y, heading = states[0, :3].tolist()
-        object.__setattr__(observation, "views", self._views.at(observation, (x, y, heading), states[1:]))
+        return self._views.at(observation, (x, y, heading), states[1:])
 
     def _queue(self, scan: _Scan) -> None:
         self._pipe.append(scan)
@@ -182,14 +208,6 @@ class Sensing:
     def _s(self) -> float:
         """The ego's length along the mission's line."""
         return self._simulation.progress.of(self._simulation.ego, self._simulation.frame)[0] + self._shift_s
-
-    def _measure(self, scan: _Scan) -> None:
-        scan.measured = True
-        scan.actors = self._objects.measure(
-            scan.frame, scan.pose, self._estimated_pose(scan.frame, scan.pose), scan.states
-        )
-        in_view = self._heads.in_view(scan.heads, self._sight, scan.pose, scan.states)
-        scan.signals = {key: scan.shown[key] for key in in_view}
 
     def _scan_before(self, frame: int, states: FloatArray) -> _Scan:
         """Return a scan at a frame before the first one: all keep the speeds that they have there."""
