@@ -39,7 +39,7 @@ RUNS = (
     Seam(Part.WORLD, f"{_SIMULATE}.signals", "Signals", "*"),
     Seam(Part.ACTORS, f"{_SIMULATE}.actors.simulation", "Simulation", "step"),
     Seam(Part.DIRECTOR, f"{_SIMULATE}.triggers.director", "Director", "step record"),
-    Seam(Part.SENSING, f"{_SIMULATE}.sensing.perception", "Sensing", "observe fill_in"),
+    Seam(Part.SENSING, f"{_SIMULATE}.sensing.perception", "Sensing", "observe ego_state table actors signals"),
     Seam(Part.PICTURES, f"{_SIMULATE}.rasters.canvas", "RunViews", "at"),
     Seam(Part.PICTURES, f"{_SIMULATE}.rasters.canvas", "StepViews", "draw birds_eye forward"),
     Seam(Part.JUDGING, f"{_SIMULATE}.runner", "_Run", "_look"),
