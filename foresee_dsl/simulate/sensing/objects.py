@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, fields, make_dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from foresee_dsl.drivers.protocol import SeenActor
+from foresee_dsl.drivers.protocol import ActorClass, SeenActor
 from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.object_list import ScanSettings, measured
@@ -91,7 +91,7 @@ class ObjectList:
         """Begin a run with some objects: their bodies, their names, and who of them is in sight."""
         noise = settings.noise
         slow = noise.slow_share
-        self._sight, self._kinds = sight, bodies.kinds
+        self._sight, self._kinds = sight, cast(tuple[ActorClass, ...], bodies.kinds)
         spreads = {"pedestrian": noise.pedestrian_heading_rad}
         heading_rad = np.array([spreads.get(kind, noise.heading_rad) for kind in bodies.kinds], dtype=np.float64)
         self._bodies = sight.bodies.copy()
