@@ -171,11 +171,12 @@ class Stages:
     def task(self, node: Node, files: CaseFiles, limits: Limits) -> Task:
         """Return what a worker has to do for a step whose result is missing."""
         trace = self._trace(node.over(node.step.reads)) if node.step.reads else None
-        work = Work(
-            self.task_steps(node), files.ref(node.case), self.settings, self.out / node.folder, trace, limits.deadlines
-        )
-        name = node.step.name if isinstance(node.step, ClipPart) else node.case.id
-        return Task(name, run_steps, work, self._deadline_s(node, limits), node.step.key)
+        case = files.ref(node.case)
+        work = Work(self.task_steps(node), case, self.settings, self.out / node.folder, trace, limits.deadlines)
+        clip = (node.step.draft.name,) if isinstance(node.step, ClipPart) else ()
+        name = node.step.name if clip else node.case.id
+        shares = (case.shared.name, node.case.id, *clip)
+        return Task(name, run_steps, work, self._deadline_s(node, limits), node.step.key, shares)
 
     def _rounds(self, shard: Shard) -> tuple[Rounds, ...]:
         """Divide the test cases into parts, each with its rounds."""

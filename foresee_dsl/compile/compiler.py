@@ -123,8 +123,15 @@ def _warning(case: TestCase, network: str, faults: tuple[str, ...]) -> Diagnosti
 
 def _builder(case: TestCase, net_file: Path) -> tuple[SceneBuilder, Mapping[str, ModelSpec]]:
     network, signals = _read(net_file, case.network)
-    specs = {name: spec_of(model) for name, model in case.models.items()}
+    specs = _specs_of(case.models)
     return SceneBuilder(case, network, specs, signals), specs
+
+
+def _specs_of(models: Mapping[str, m.VehicleModel]) -> Mapping[str, ModelSpec]:
+    known = _SPECS.get(id(models))
+    if known is None or known[0] is not models:
+        known = _remember(_SPECS, id(models), (models, {name: spec_of(model) for name, model in models.items()}))
+    return known[1]
 
 
 _MOST_CACHED = 8
@@ -132,6 +139,8 @@ _MOST_CACHED = 8
 _BUILT: dict[int, tuple[Network, Path]] = {}
 """Nets by the identity of their network, which is held so that its id is not used again: children share their
 parent's."""
+_SPECS: dict[int, tuple[Mapping[str, m.VehicleModel], Mapping[str, ModelSpec]]] = {}
+"""Catalogues with every value filled in, by the identity of their models, which are held for the same reason."""
 _READ: dict[str, tuple[RoadNetwork, Mapping[str, Signal]]] = {}
 """What was read, by the net file's path; the folder's name is the hash of its content."""
 

@@ -8,7 +8,6 @@ Dask. Batches and their outcomes go through the pipe, and the host ends with the
 from __future__ import annotations
 
 import contextlib
-import heapq
 import multiprocessing
 import os
 import pickle
@@ -93,7 +92,7 @@ class DaskExecutor(Executor):
                                "continues from there") from err  # fmt: skip
         while self._queue and len(self._batches) < 2 * threads:
             size = max(1, min(BATCH, len(self._queue) // (2 * threads)))
-            numbers = [heapq.heappop(self._queue)[1] for _ in range(min(size, len(self._queue)))]
+            numbers = self._queue.take(size)
             tasks = [_inlined(self._tasks[number]) for number in numbers]
             # Not pure: a batch that was lost is sent again, not remembered.
             future = self._client.submit(run_batch, pickle.dumps(tasks), self._memory_mb, pure=False)
@@ -121,7 +120,7 @@ class DaskExecutor(Executor):
         for number in numbers:
             self._lost[number] += 1
             if self._lost[number] < DEATHS:
-                heapq.heappush(self._queue, ((-1, number), number))
+                self._queue.push(number, (-1, number), self._tasks[number].shares)
             else:
                 task = self._tasks.pop(number)
                 yield Update(task, Broken(task, f"lost with its Dask worker {DEATHS} times: {why}"))

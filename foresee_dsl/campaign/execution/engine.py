@@ -25,12 +25,16 @@ from foresee_dsl.campaign.records import ChildOutcome, ClipOutcome, Minimised, S
 from foresee_dsl.campaign.results import CampaignResult
 from foresee_dsl.campaign.settings import CampaignSettings
 from foresee_dsl.campaign.stages import CaseFiles, Stages
+from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.step import Made
 from foresee_dsl.campaign.storage.store import Row, Store
 from foresee_dsl.compile import placement_mistakes
 from foresee_dsl.errors import InputError
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import DriverNotes, Verdict
+
+_AWAITED_TURN = ChildStep.turn
+"""What comes after the children has no round waiting for it."""
 
 
 class Listener:
@@ -223,10 +227,12 @@ class _Run:
         if self._executor is None:
             self._executor = self._options.executor(self._options)
         # Test cases first, so that it is soon known how much there is to do; then the clips of first rank with their
-        # children before those of second rank: where time runs out, the best points were studied.
+        # children before those of second rank: where time runs out, the best points were studied. Of one rank a process
+        # goes on with the clip that it has at hand.
+        turn = node.step.turn
         # With rounds, all that the next one waits for comes before what none waits for.
-        rank = 0 if self._rounds else node.step.rank
-        self._executor.add([task], (node.step.turn > 0, rank, node.step.turn))
+        apart = (int(turn > _AWAITED_TURN), 0) if self._rounds else (0, node.step.rank)
+        self._executor.add([task], (int(turn > 0), *apart, turn))
 
     def _handle(self, update: Update) -> None:
         if isinstance(update.value, Part):

@@ -37,6 +37,9 @@ PRELOAD = ("foresee_dsl.campaign.execution.preloading",)
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries' threads: a worker for each core is there already, so threads inside would only fight."""
 
+_WARM = 4
+"""How many clips a process counts as warm for. Ours: while it runs one, the children of the one before are made; caches
+of clips hold sixteen."""
 _GRACE_S = 10.0
 """A run looks at its deadline itself, and then says where the driver was. Ours: it does so once a second, and what
 comes before and after the run takes under a second; of a short deadline as much again."""
@@ -52,6 +55,8 @@ class Task:
         name: for people. function: returns the outcome, or yields one part of it after the other.
         deadline_s: wall time for the outcome, or for each part; None: as long as it takes.
         key: by which its giver recognises it.
+        shares: what it works with, from what many tasks have in common to what few do (a network, a test case, a clip):
+            a process that has worked with the same is warm for it.
     """
 
     name: str
@@ -59,6 +64,7 @@ class Task:
     argument: object
     deadline_s: float | None = None
     key: str = ""
+    shares: tuple[str, ...] = ()
 
 
 Message = tuple[str, int, Any]
@@ -100,6 +106,8 @@ class Worker:
         """When (on the monotonic clock) it began what it does now, or its last part."""
         self.finished = 0
         """How many tasks it has ended so far."""
+        self.warm: list[tuple[str, ...]] = []
+        """What the tasks that it was given last share with others, the latest first."""
 
     @property
     def pid(self) -> int:
@@ -119,6 +127,8 @@ class Worker:
         """
         self.connection.send([(number, pickle.dumps(task)) for number, task in batch])
         self.waiting.extend(batch)
+        for shares in dict.fromkeys(task.shares for _, task in batch):
+            self.warm = [shares, *(other for other in self.warm if other != shares)][:_WARM]
 
     def messages(self) -> Iterator[Message]:
         """Yield its messages since the last call.

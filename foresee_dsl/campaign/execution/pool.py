@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 import multiprocessing.connection
 import time
@@ -14,6 +13,7 @@ from itertools import count
 from typing import Any, Literal, Self
 
 from foresee_dsl.campaign.execution.isolation import Task, Worker
+from foresee_dsl.campaign.execution.task_queue import Priority, TaskQueue
 from foresee_dsl.campaign.settings import Limits, Shard
 
 __all__ = ["BATCH", "DEATHS", "Broken", "Executor", "Part", "RunOptions", "Task", "Update", "WorkerPool", "local"]
@@ -64,18 +64,22 @@ class Update:
 
 
 class Executor(ABC):
-    """Runs tasks, isolated from each other: smaller priorities first, and among equals those added first."""
+    """Runs tasks, isolated from each other: smaller priorities first, and among equals those added first.
+
+    Of tasks whose priorities differ in their last number at most, a process gets those first that share most with what
+    it has run (`Task.shares`). No result depends on which process runs what, or when.
+    """
 
     def __init__(self) -> None:
         self._tasks: dict[int, Task] = {}
-        self._queue: list[tuple[tuple[int, ...], int]] = []
+        self._queue = TaskQueue()
         self._numbers = count(1)
 
-    def add(self, tasks: Iterable[Task], priority: tuple[int, ...] = ()) -> None:
+    def add(self, tasks: Iterable[Task], priority: Priority = ()) -> None:
         """Queue more tasks."""
         for number, task in zip(self._numbers, tasks):  # noqa: B905 - numbers have no end
             self._tasks[number] = task
-            heapq.heappush(self._queue, (priority, number))
+            self._queue.push(number, priority, task.shares)
 
     @abstractmethod
     def updates(self, stop: Callable[[], bool] = lambda: False) -> Iterator[Update]:
@@ -136,7 +140,9 @@ class WorkerPool(Executor):
             busy = {worker.connection: worker for worker in self._workers if not worker.idle}
             for ready in multiprocessing.connection.wait(list(busy), timeout=_TICK_S):
                 worker = next(w for connection, w in busy.items() if connection is ready)
-                yield from self._receive(worker)
+                received = list(self._receive(worker))
+                self._hand_out()  # a process has its next task before this one looks at what the last one gave
+                yield from received
             if time.monotonic() - self._checked_s >= _TICK_S:
                 self._checked_s = time.monotonic()
                 for worker in tuple(self._workers):
@@ -158,7 +164,7 @@ class WorkerPool(Executor):
     def _hand_out(self) -> None:
         while self._queue:
             worker = next((w for w in self._workers if w.idle), None)
-            if worker is not None and worker.finished and self._deaths[self._queue[0][1]]:
+            if worker is not None and worker.finished and self._deaths[self._queue.first]:
                 self._drop(worker)  # a suspect runs in a process that nothing else has run in
                 worker = None
             if worker is None:
@@ -166,7 +172,7 @@ class WorkerPool(Executor):
                     return
                 worker = self._started()
                 self._workers.append(worker)
-            batch = self._batch()
+            batch = self._batch(worker)
             try:
                 worker.give(batch)
             except OSError:  # it died while it had nothing to do
@@ -187,24 +193,16 @@ class WorkerPool(Executor):
         if self._failed_starts >= _STARTS:
             raise RuntimeError(f"worker processes die as soon as they start: {how}")
 
-    def _batch(self) -> list[tuple[int, Task]]:
+    def _batch(self, worker: Worker) -> list[tuple[int, Task]]:
         """Take the next tasks off the queue: few when few are left; a suspect alone."""
         size = max(1, min(BATCH, math.ceil(len(self._queue) / (2 * self._jobs))))
-        batch: list[tuple[int, Task]] = []
-        while self._queue and len(batch) < size:
-            number = self._queue[0][1]
-            if batch and self._deaths[number]:
-                break
-            heapq.heappop(self._queue)
-            batch.append((number, self._tasks[number]))
-            if self._deaths[number]:
-                break
-        return batch
+        most = 1 if self._deaths[self._queue.first] else size
+        return [(number, self._tasks[number]) for number in self._queue.take(most, worker.warm)]
 
     def _requeue(self, numbers: Iterable[int]) -> None:
         for number in numbers:
             # Before all others. Suspects last of these: the innocent rest of their batch need not wait for them.
-            heapq.heappush(self._queue, ((-1, self._deaths[number]), number))
+            self._queue.push(number, (-1, self._deaths[number], 0), self._tasks[number].shares)
 
     def _receive(self, worker: Worker) -> Iterator[Update]:
         try:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.driving import notes_of, run_test_case
 from foresee_dsl.campaign.records import ClipOutcome, Forecast
-from foresee_dsl.campaign.steps.clip_text import clip_of
+from foresee_dsl.campaign.steps.clip_text import clip_case, clip_of
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.derive.clipping.fidelity import Deviation, deviation, with_fidelity
 from foresee_dsl.drivers.deadlines import DEADLINES, Deadlines
@@ -56,14 +56,10 @@ class ClipStep(ClipPart["ForecastStep", Forecast]):
             raise ValueError(f"clip {self.draft.name} has no parent's trace to be compared with")
         started = time.perf_counter()
         file = work.folder / f"{self.draft.name}.foresee"
-        model, _, result, found = measure_clip(
-            clip_of(self.draft.text),
-            case,
-            trace,
-            file,
-            driver=work.settings.driver,
-            seed=self.seed,
-            deadlines=work.deadlines,
+        text, driver = self.draft.text, work.settings.driver
+        own = clip_case(text, work.case, file)
+        model, result, found = _measured(
+            clip_of(text), own, trace, driver=driver, seed=self.seed, deadlines=work.deadlines
         )
         outcome = ClipOutcome(
             seed=case.id,
@@ -108,7 +104,14 @@ def measure_clip(
     Returns:
         The clip with its `fidelity` line, its test case, the run, and the deviation.
     """
-    clip_case = expand_clip(model, parent, source=file)
-    result = run_test_case(clip_case, driver, seed, deadlines=deadlines)
+    case = expand_clip(model, parent, source=file)
+    model, result, found = _measured(model, case, parent_trace, driver=driver, seed=seed, deadlines=deadlines)
+    return model, case, result, found
+
+
+def _measured(
+    model: Clip, case: TestCase, parent_trace: Trace, *, driver: str, seed: int, deadlines: Deadlines
+) -> tuple[Clip, RunResult, Deviation]:
+    result = run_test_case(case, driver, seed, deadlines=deadlines)
     found = deviation(parent_trace, parent_trace.frame_at(model.start_s), result.trace)
-    return with_fidelity(model, found), clip_case, result, found
+    return with_fidelity(model, found), result, found

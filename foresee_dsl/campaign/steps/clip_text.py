@@ -28,8 +28,9 @@ def risk_hash(clip: Clip) -> str:
     return hashlib.sha256(risk.encode()).hexdigest()[:12]
 
 
+@lru_cache(maxsize=16)
 def clip_of(text: str) -> Clip:
-    """Return the model of a clip's text."""
+    """Return the model of a clip's text; a process keeps the last few (30 ms each: a fifth of a child's run)."""
     return _printed(text, Clip)
 
 

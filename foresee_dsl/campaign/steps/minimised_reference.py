@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
+from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Minimised, ReferenceRun
 from foresee_dsl.campaign.steps.clip_text import clip_of, mutant_of
 from foresee_dsl.campaign.steps.minimise import MinimiseStep
@@ -13,6 +14,7 @@ from foresee_dsl.campaign.steps.referring import Reference, driven
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_clip, expand_mutant
+from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.simulate.trace import Trace
 
 if TYPE_CHECKING:
@@ -60,4 +62,8 @@ class MinimisedReferenceStep(Reference, ClipPart[MinimiseStep, Minimised]):
         clip_model = clip_of(self.clip)
         clip = expand_clip(clip_model, case, source=work.folder / f"{clip_model.name}.foresee")
         child = expand_mutant(mutant_of(self.mutant), clip, source=work.folder / f"{self.name}.foresee")
-        return driven(self.driver, child, clip, trace, seed=self.seed, deadlines=work.deadlines), None
+
+        def before() -> Verdict:
+            return run_test_case(clip, self.driver, self.seed, deadlines=work.deadlines).verdict
+
+        return driven(self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines), None

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Self
 
 from foresee_dsl.campaign.records import ChildOutcome, MutantDraft, ReferenceRun
 from foresee_dsl.campaign.steps.child import ChildStep
 from foresee_dsl.campaign.steps.clip_text import clip_case, mutant_of
-from foresee_dsl.campaign.steps.referring import Reference, driven
+from foresee_dsl.campaign.steps.referring import Reference, driven, verdict_of_clip
 from foresee_dsl.campaign.steps.step import Campaign, ClipPart, Work
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.language.project.expand import expand_mutant
@@ -49,6 +50,9 @@ class ReferenceStep(Reference, ClipPart[ChildStep, ChildOutcome]):
 
     def run(self, work: Work, case: TestCase, trace: Trace | None) -> tuple[ReferenceRun, Trace | None]:  # noqa: ARG002
         """Run the child, then the clip; compare the child's two runs."""
-        clip = clip_case(self.draft.text, work.case, work.folder / f"{self.draft.name}.foresee")
+        file = work.folder / f"{self.draft.name}.foresee"
+        clip = clip_case(self.draft.text, work.case, file)
         child = expand_mutant(mutant_of(self.mutant.text), clip, source=work.folder / f"{self.name}.foresee")
-        return driven(self.driver, child, clip, trace, seed=self.seed, deadlines=work.deadlines), None
+        before = partial(verdict_of_clip, self.draft.text, work.case, file, driver=self.driver, seed=self.seed,
+                         deadlines=work.deadlines)  # fmt: skip
+        return driven(self.driver, child, before, trace, seed=self.seed, deadlines=work.deadlines), None

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from foresee_dsl.campaign.driving import run_test_case
 from foresee_dsl.campaign.records import Record, ReferenceRun
+from foresee_dsl.campaign.steps.clip_text import clip_case
+from foresee_dsl.campaign.steps.inputs import CaseRef
 from foresee_dsl.drivers.deadlines import Deadlines
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
@@ -33,14 +37,38 @@ class Reference:
 
 
 def driven(
-    driver: str, case: TestCase, clip: TestCase | None, failed: Trace | None, *, seed: int, deadlines: Deadlines
+    driver: str,
+    case: TestCase,
+    before: Callable[[], Verdict] | None,
+    failed: Trace | None,
+    *,
+    seed: int,
+    deadlines: Deadlines,
 ) -> ReferenceRun:
-    """Run a test case that fails with another driver; where that one passes, run the clip before the mutation too."""
+    """Run a test case that fails with another driver; where that one passes, ask for the clip's own verdict too."""
     result = run_test_case(case, driver, seed, deadlines=deadlines)
-    before = None
+    known = None
     how: tuple[str, ...] = ()
     if result.verdict is Verdict.PASS:
-        if clip is not None:
-            before = run_test_case(clip, driver, seed, deadlines=deadlines).verdict
+        if before is not None:
+            known = before()
         how = how_avoided(failed, result.trace) if failed is not None else ()
-    return ReferenceRun(driver, result.verdict, result.reason, result.duration_s, before, how)
+    return ReferenceRun(driver, result.verdict, result.reason, result.duration_s, known, how)
+
+
+_MOST_KNOWN = 64
+"""Verdicts of clips that are kept. Ours: a few drivers for each of the clips that a process keeps."""
+_KNOWN: dict[tuple[str, CaseRef, str, int], Verdict] = {}
+"""Verdicts of clips with reference drivers: failing children of one clip ask for the same."""
+
+
+def verdict_of_clip(text: str, parent: CaseRef, file: Path, *, driver: str, seed: int, deadlines: Deadlines) -> Verdict:
+    """Run a clip before its mutation, or return what that gave before in this process."""
+    known = _KNOWN.get((text, parent, driver, seed))
+    if known is None:
+        known = run_test_case(clip_case(text, parent, file), driver, seed, deadlines=deadlines).verdict
+        if known is Verdict.PASS or known.is_failure:  # what broke or took too long is tried again
+            while len(_KNOWN) >= _MOST_KNOWN:
+                del _KNOWN[next(iter(_KNOWN))]
+            _KNOWN[text, parent, driver, seed] = known
+    return known

@@ -23,6 +23,7 @@ from foresee_dsl.compile.placement import checks
 from foresee_dsl.compile.placement.checks import NameChecks
 from foresee_dsl.compile.placement.doors import door_problems, doors_of
 from foresee_dsl.compile.placement.joining import joined_way
+from foresee_dsl.compile.placement.placed_before import PLACED_BEFORE
 from foresee_dsl.compile.placement.reach import never_near
 from foresee_dsl.compile.placement.starts import (
     WHEELS,
@@ -227,6 +228,17 @@ class SceneBuilder:
 
     def _place(self, name: str) -> PlacedActor | None:
         actor, spec = self._actors[name], self._spec_of[name]
+        told, wrong = (name in self._waiting, name in self._guided), len(self._problems)
+        known = PLACED_BEFORE.get(actor, spec, self._network, told)
+        if known is not None:
+            self._starts.settle(name, known[1])
+            return known[0]
+        placed = self._place_anew(name, actor, spec)
+        if placed is not None and len(self._problems) == wrong:
+            PLACED_BEFORE.put(actor, self._network, told, placed, self._starts.settled(name))
+        return placed
+
+    def _place_anew(self, name: str, actor: m.Ego | m.Actor, spec: ModelSpec) -> PlacedActor | None:
         routed = route_of(actor) is not None
         placed: PlacedActor | None = None
         if isinstance(actor, m.Ego) and not routed:

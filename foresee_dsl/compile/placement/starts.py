@@ -169,6 +169,15 @@ class Starts:
             self._found[name] = self._resolved(name, self._place)
         return self._found[name]
 
+    def settled(self, name: str) -> OnRoute | None:
+        """Return where a vehicle with a route starts, if that was computed."""
+        return self._found.get(name)
+
+    def settle(self, name: str, start: OnRoute | None) -> None:
+        """Take note of where a vehicle with a route starts; None of what has no route."""
+        if start is not None:
+            self._found[name] = start
+
     def _resolved(self, name: str, find: Callable[[str], _R]) -> _R:
         self._resolving.append(name)
         try:

@@ -1,0 +1,103 @@
+"""The tasks that wait to be run: the most urgent first, and among equally urgent ones those that a process is warm for.
+
+Priorities are tuples, smaller ones first. Their last number is only an order of preference: tasks whose priorities are
+alike but for it are equally urgent.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Sequence
+from itertools import count
+
+Priority = tuple[int, ...]
+Shares = tuple[str, ...]
+"""What a task works with, from what many tasks share to what few do: a network, a test case, a clip."""
+
+
+class TaskQueue:
+    """Waiting tasks by number."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[int, tuple[Priority, int, Shares]] = {}
+        self._heaps: dict[Shares, list[tuple[Priority, int, int]]] = {}
+        """By what is shared, `()` for all tasks: priority, turn and number; those that wait no more included."""
+        self._sharing: Counter[Shares] = Counter()
+        """How many waiting tasks share this."""
+        self._turns = count()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def push(self, number: int, priority: Priority, shares: Shares = ()) -> None:
+        """Queue a task; of those with one priority it is the last."""
+        turn = next(self._turns)
+        self._waiting[number] = priority, turn, shares
+        for length in range(len(shares) + 1):
+            heapq.heappush(self._heaps.setdefault(shares[:length], []), (priority, turn, number))
+            self._sharing[shares[:length]] += 1
+
+    @property
+    def first(self) -> int:
+        """The most urgent task, which stays in the queue; an `IndexError` where there is none."""
+        return self._head()[1]
+
+    def take(self, most: int = 1, warm: Sequence[Shares] = ()) -> list[int]:
+        """Take out one of the most urgent tasks, and up to `most` that are as urgent and share the same with others.
+
+        `warm`: what a process has worked with, the latest first. The tasks share as much as possible with one of these.
+
+        Raises:
+            IndexError: there is none.
+        """
+        priority, number = self._head()
+        urgency = priority[:-1]
+        number = self._warm(warm, urgency, number)
+        shares = self._waiting[number][2]
+        found: list[int] = []
+        while True:
+            found.append(number)
+            self._remove(number)
+            top = self._top(shares)
+            if len(found) == most or top is None or top[0][:-1] != urgency or self._waiting[top[1]][2] != shares:
+                return found
+            number = top[1]
+
+    def clear(self) -> None:
+        """Forget all tasks."""
+        self._waiting.clear()
+        self._heaps.clear()
+        self._sharing.clear()
+
+    def _head(self) -> tuple[Priority, int]:
+        head = self._top(())
+        if head is None:
+            raise IndexError("no task is waiting")
+        return head
+
+    def _warm(self, warm: Sequence[Shares], urgency: Priority, otherwise: int) -> int:
+        for length in range(max(map(len, warm), default=0), 0, -1):
+            for shares in warm:
+                top = self._top(shares[:length]) if len(shares) >= length else None
+                if top is not None and top[0][:-1] == urgency:
+                    return top[1]
+        return otherwise
+
+    def _remove(self, number: int) -> None:
+        _, _, shares = self._waiting.pop(number)
+        for length in range(len(shares) + 1):
+            self._sharing[shares[:length]] -= 1
+            if not self._sharing[shares[:length]]:
+                del self._sharing[shares[:length]], self._heaps[shares[:length]]
+
+    def _top(self, shares: Shares) -> tuple[Priority, int] | None:
+        """Return priority and number of the most urgent task that shares this."""
+        heap = self._heaps.get(shares)
+        while heap:
+            priority, turn, number = heap[0]
+            known = self._waiting.get(number)
+            if known is not None and known[1] == turn:
+                return priority, number
+            heapq.heappop(heap)
+        return None
