@@ -1,0 +1,1 @@
+"""How the cost grows: with actors in a scene, test cases in a campaign, and workers (`python -m benchmarks.scale`)."""

@@ -1,0 +1,29 @@
+"""Tables in `docs/performance.md` that commands write: what stands between two marks is replaced."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
+_BEGIN, _END = "<!-- {}: written by `{}` -->", "<!-- end of {} -->"
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a Markdown table; all columns but the first are right-aligned."""
+    lines = [headings, ["---", *["---:"] * (len(headings) - 1)], *rows]
+    return "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
+
+
+def write_section(name: str, command: str, text: str, page: Path = PAGE) -> None:
+    """Replace a section of the page.
+
+    Raises:
+        ValueError: the page has no such section.
+    """
+    begin, end = _BEGIN.format(name, command), _END.format(name)
+    before, found, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, ended, after = rest.partition(end)
+    if not (found and ended):
+        raise ValueError(f"{page.name} has no section {begin} ... {end}")
+    page.write_text(f"{before}{begin}\n\n{text.strip()}\n\n{end}{after}", encoding="utf-8")
