@@ -7,6 +7,7 @@ from pathlib import Path
 from foresee_dsl.editor import navigate
 from foresee_dsl.editor.answers.fixes import fixes
 from foresee_dsl.editor.answers.hints import hints, lenses
+from foresee_dsl.editor.answers.known_names import with_known_names
 from foresee_dsl.editor.answers.tokens import tokens
 from foresee_dsl.editor.answers.worked_out import results
 from foresee_dsl.editor.completion import Suggestion, complete
@@ -196,9 +197,11 @@ def code_actions(session: Session, params: Json) -> list[Json]:
     def check(text: str) -> tuple[Diagnostic, ...]:
         if text not in known:
             # where things stand is looked at only for a mistake that shows no sooner
-            known[text] = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
+            found = find(path, text, overlay, places=placed) if is_file(uri) else find_alone(text, str(path))
+            known[text] = tuple(one for one in found if one.path == str(path))
         return known[text]
 
+    adapt = with_known_names(path, overlay)
     actions = []
     for diagnostic in params["context"]["diagnostics"]:
         if diagnostic.get("source") != SOURCE:
@@ -206,11 +209,11 @@ def code_actions(session: Session, params: Json) -> list[Json]:
         placed = str(diagnostic.get("code", "")) in _PLACED
         known.clear()
         span = places.span(diagnostic["range"])
-        found = fixes(str(diagnostic["message"]), str(diagnostic.get("code", "")), span, places, check)
-        for k, fix in enumerate(found):
+        offered = fixes(str(diagnostic["message"]), str(diagnostic.get("code", "")), span, places, check, adapt)
+        for k, fix in enumerate(offered):
             edit = {"changes": {uri: [{"range": places.range(fix.span), "newText": fix.text}]}}
             action: Json = {"title": fix.title, "kind": "quickfix", "diagnostics": [diagnostic], "edit": edit}
-            actions.append({**action, "isPreferred": k == 0 and len(found) == 1})
+            actions.append({**action, "isPreferred": k == 0 and len(offered) == 1})
     return actions
 
 

@@ -70,7 +70,7 @@ def parse(text: str, path: str) -> Document:
         errors += _wrong_version(header)
     nodes = [maker.make(child) for child in parts if child.data != "header"]
     models = [builder.build(node) for node in nodes]
-    errors += [*maker.errors, *builder.errors, *_nameless(nodes)]
+    errors += [*maker.errors, *builder.errors, *_nameless(nodes, path)]
     if errors:
         from foresee_dsl.language.syntax.partial import with_certain
 
@@ -204,12 +204,14 @@ def _wrong_version(header: Tree[Token]) -> Iterable[TextError]:
         yield TextError("FS009", message, f"this tool reads `foresee {VERSION}`", span_of(number))
 
 
-def _nameless(nodes: Sequence[Node]) -> Iterable[TextError]:
+def _nameless(nodes: Sequence[Node], path: str) -> Iterable[TextError]:
     """A network of its own needs a name (inside a scenario it needs none)."""
     for node in nodes:
         if node.kind is Network and "name" not in node.places:
             place = Span(node.span.line, node.span.column, node.span.line, node.span.column + len("network"))
-            yield TextError("FS014", "this network needs a name", "write it like `network town { ... }`", place)
+            stem = re.sub(r"\W+", "_", Path(path).stem.lower()).strip("_")
+            name = stem if re.fullmatch(r"[a-z][a-z0-9_]*", stem) else "town"
+            yield TextError("FS014", "this network needs a name", f"did you mean `network {name}`?", place)
 
 
 def _diagnostics(errors: Iterable[TextError], text: str, path: str) -> tuple[Diagnostic, ...]:

@@ -157,7 +157,7 @@ def test_two_spellings_of_one_value(one: str, other: str, same: bool):
         ("end after gaap + 1 s", "FS031", "unknown parameter 'gaap'", "did you mean 'gap'?"),
         ("end after gap / (share - 0.5)", "FS063", "by default `gap / (share - 0.5)` divides by zero", ""),
         ("end after gap - 2 s", "FS050", "by default `gap - 2 s` is -0.5 s (gap is 1.5 s), too small for `after`", ""),
-        ("weather rain 3 * share", "FS043", "is 1.5 (share is 0.5), too large for `rain`", "use at most 1"),
+        ("weather rain 3 * share", "FS043", "is 1.5 (share is 0.5), too large for `rain`", "use at most `1`"),
         ("require gap + 1 s < width", "FS062", "`gap + 1 s` is a time, but `width` is a length", ""),
         ("require gap < 2 * gap - 2 s", "FS053", "by default gap is 1.5 s", ""),
         ("expect never 3 s < time", "FS061", "what is measured while it runs stands on the left", "`time > 3 s`"),

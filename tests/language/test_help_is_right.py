@@ -51,11 +51,10 @@ def test_following_the_help_mends_the_mistake(file: Path):
             continue
         left = _mistakes(mended, file)
         at = _place(diagnostic)
-        there = [
-            other
-            for other in left
-            if _place(other) == at and other.message not in {d.message for d in found} - {diagnostic.message}
-        ]
+        before = {d.message for d in found} - {diagnostic.message}
+        there = [other for other in left if _place(other) == at and other.message not in before]
+        if any(d.code == "FS007" and _place(d) == at for d in found):  # its block is not closed, whatever it is called
+            there = [other for other in there if other.code != "FS007"]
         assert not there, f"{diagnostic.message}; {diagnostic.help}: {there[0].message}"
 
 

@@ -15,6 +15,7 @@ from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.routing import RouteError
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.project.document import Problem, TestCase
 from foresee_dsl.language.traversal import all_actions, parts, si_of, word_of
 
@@ -70,7 +71,9 @@ def of_speed(actor: m.Ego | m.Actor, placed: PlacedActor, slack: float) -> Itera
         yield Problem(placed.id, at, codes.TOO_FAST, message, help_)
 
 
-def of_overlaps(placed: Sequence[PlacedActor], *, clip: bool) -> Iterator[Problem]:
+def of_overlaps(
+    placed: Sequence[PlacedActor], actors: Mapping[str, m.Ego | m.Actor], *, clip: bool
+) -> Iterator[Problem]:
     """Yield a problem for each two actors that overlap.
 
     In a clip only overlaps with the ego count: pedestrians on paths do not evade each other, and a moment of a run
@@ -84,7 +87,19 @@ def of_overlaps(placed: Sequence[PlacedActor], *, clip: bool) -> Iterator[Proble
             if apart < reach[k] + reach[j] and common_area(box, boxes[j]) > _TOUCH_M2:
                 message = f"{placed[k].id} starts on top of {placed[j].id}"
                 help_ = f"both are at ({placed[k].x:.1f} m, {placed[k].y:.1f} m), give one of them another start"
+                help_ += _farther(actors.get(placed[k].id), placed[k], placed[j])
                 yield Problem(placed[k].id, "start_at", codes.OVERLAP, message, help_)
+
+
+def _farther(actor: m.Ego | m.Actor | None, one: PlacedActor, other: PlacedActor) -> str:
+    """Return a start so much farther along that there is room; nothing where an actor's start is no length."""
+    start = next((item for item in actor.body if isinstance(item, m.StartAt)), None) if actor is not None else None
+    place = start.place if start is not None else None
+    if not isinstance(place, m.AlongEdge | m.AlongRoute) or not isinstance(place.at, m.Quantity):
+        return ""
+    room = math.ceil(one.model.length_m + other.model.length_m)
+    at = m.Quantity.of(place.at.si + room, "length", 2)
+    return f": `start at {written(place.model_copy(update={'at': at}))}`"
 
 
 def footprint(actor: PlacedActor) -> Points:
@@ -122,7 +137,7 @@ def _nearest_road(x: float, y: float, network: RoadNetwork) -> str:
     if near is None:
         return ""
     nx, ny, _ = near.lane.line.at(near.pos_m)
-    return f"the nearest lane is at ({nx:.1f} m, {ny:.1f} m), on {near.lane.edge}"
+    return f"the nearest lane is on {near.lane.edge}, at `({nx:.1f} m, {ny:.1f} m)`"
 
 
 class NameChecks:

@@ -123,7 +123,7 @@ class SceneBuilder:
         self._problems += self._names.problems(placed)
         self._patches = self._slippery()
         start_s, goal_s = self._journey(placed)
-        self._problems += checks.of_overlaps(placed, clip=self._case.snapshot)
+        self._problems += checks.of_overlaps(placed, self._actors, clip=self._case.snapshot)
         self._problems += door_problems(self._case.scenario, placed)
         return placed, start_s, goal_s, _each_once(self._problems)
 
@@ -242,7 +242,7 @@ class SceneBuilder:
         routed = route_of(actor) is not None
         placed: PlacedActor | None = None
         if isinstance(actor, m.Ego) and not routed:
-            self._add(name, "", codes.NO_WAY, "the ego has no route", "add one: route from ROAD straight over JUNCTION")
+            self._add(name, "", codes.NO_WAY, "the ego has no route", "add `route from south straight over j4`")
         elif routed and spec.kind in WHEELS:
             at = "route" if item(actor, m.StartAt) is None or self._route_fails(name) else "start_at"
             if (start := self._try(name, at, lambda: self._starts.on_route(name))) is not None:
@@ -251,7 +251,9 @@ class SceneBuilder:
             if (body := self._try(name, "path", lambda: self._starts.on_path(name))) is not None:
                 placed = self._on_path(actor, spec, body)
         elif routed:
-            help_ = "a pedestrian follows a path: path [PLACE, PLACE]"
+            route = route_of(actor)
+            road = word_of(route.start if isinstance(route, m.Route) else route.edges[0]) if route is not None else ""
+            help_ = f"a pedestrian follows a path, such as `path [10 m along {road}, 30 m along {road}]`"
             self._add(name, "route", codes.NO_WAY, f"{name} cannot follow a route", help_)
         elif (pose := self._try(name, "start_at", lambda: self._starts.still(name))) is not None:
             placed = PlacedActor(name, spec, "static", *pose, speed_mps=0.0)
@@ -357,10 +359,16 @@ class SceneBuilder:
         goal, lateral = line.project(place.x, place.y) if place.actor != "ego" or place.s is None else (place.s, 0.0)
         if abs(lateral) > checks.GOAL_OFF_M:
             message = f"the goal is {abs(lateral):.1f} m off the ego's route"
-            self._add("ego", "goal", codes.GOAL, message, "write it like `40 m past JUNCTION on ego.route`")
+            self._add("ego", "goal", codes.GOAL, message, "write it like `goal 40 m past j4 on ego.route`")
         elif goal <= start and not self._case.snapshot:
             message = f"the goal is {start - goal:.1f} m behind the ego's start"
-            self._add("ego", "goal", codes.GOAL, message, "put it in front, or let the ego start earlier")
+            self._add(
+                "ego",
+                "goal",
+                codes.GOAL,
+                message,
+                "put it in front, or remove it: then the goal is the end of the route",
+            )
         return start, goal
 
 

@@ -338,7 +338,8 @@ class Starts:
                 raise RouteError(f"{name} starts on {edge}, off its route", f"its route is {', '.join(edges)}")
         match = self._match(near, kind, x, y, heading)
         if isinstance(match, float):
-            raise RouteError(f"{name} starts {match:.1f} m off its route", f"its route is {', '.join(edges)}")
+            help = f"its route is {', '.join(edges)}; write `start at 10 m along {edges[0]}`, for example"
+            raise RouteError(f"{name} starts {match:.1f} m off its route", help)
         k, lane, pos = match
         if ego and k and actor.state is not None:
             # a clip's ego follows its parent's line; it is a whole lane off where the parent began on another lane than

@@ -140,9 +140,9 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
     way = _until(network, edges[-1], junction, kind)
     if not way:
         following = _named_end(network, edges[-1])
-        raise RouteError(
-            f"after {edges[-1]} comes {following}, not {junction}", f"say first where to go over {following}"
-        )
+        leg_text = f"{turn} over {junction}"
+        help = f"say first where to go over it: `straight over {following} {leg_text}` instead of `{leg_text}`"
+        raise RouteError(f"after {edges[-1]} comes {following}, not {junction}", help)
     if junction in network.rings:
         return (*edges, *way[1:], *_round(network, way[-1], leg, kind))
     ways = _by_name(onward(network, way[-1], kind), way[-1])
@@ -153,8 +153,12 @@ def _over(network: Topology, edges: tuple[str, ...], leg: Leg, kind: LaneKind) -
             check_whole(network, (way[-1], edge))
         turns = [t for t in _TURN_ORDER if any(m.turn == t for m in ways)]
         message = f"from {way[-1]} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
-        raise RouteError(message, f"write `{turns[0]} over {junction}`, for example" if turns else "")
+        raise RouteError(message, _other_turn(turns, turn, junction))
     return (*edges, *way[1:], chosen.to_edge)
+
+
+def _other_turn(turns: Sequence[str], turn: str, junction: str) -> str:
+    return f"write `{turns[0]} over {junction}` instead of `{turn} over {junction}`" if turns else ""
 
 
 def _by_name(ways: Sequence[Movement], edge: str) -> tuple[Movement, ...]:
@@ -200,7 +204,7 @@ def _round(network: Topology, edge: str, leg: Leg, kind: LaneKind) -> tuple[str,
     if not fitting:
         turns = [t for t in _TURN_ORDER if any(t == known for known, _, _ in ways)]
         message = f"from {edge} one can go {' or '.join(turns) or 'nowhere'} over {junction}, not {turn}"
-        raise RouteError(message, f"write `{turns[0]} over {junction}`, for example" if turns else "")
+        raise RouteError(message, _other_turn(turns, turn, junction))
     return min(fitting, key=lambda way: way[1])[2]
 
 

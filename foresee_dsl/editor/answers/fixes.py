@@ -1,99 +1,136 @@
-"""Quick fixes: for every text that a diagnostic's help suggests, the edit that makes the diagnostic go away."""
+"""Quick fixes: of the edits that a diagnostic's help stands for, those that make the diagnostic go away."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
 
+from foresee_dsl.editor.answers.edits import LISTED, Fix, applied, edits
 from foresee_dsl.editor.protocol.positions import Positions
 from foresee_dsl.errors import Diagnostic, Span
-from foresee_dsl.language.messages.suggest import replacement
+from foresee_dsl.language.syntax.scan import Lines
 
-_SUGGESTED = re.compile(r"`([^`\n]+)`")
-_LISTED = re.compile(r"\bare ((?:[\w./^]+, )*[\w./^]+)$")
-"""`its stages are go, wait`: each is offered in the place of one word."""
-_MOST_TRIED = 12
+_MOST_TRIED = 24
 """So many edits are tried for one diagnostic at most (ours: each is a check of the file, 20 to 80 ms)."""
+_MOST_OFFERED = 5
+"""So many fixes are offered for one diagnostic at most (ours: a menu that is read at a glance)."""
+_OF_THE_GRAMMAR = frozenset({"FS003", "FS004", "FS008", "FS009", "FS015", "FS065"})
+"""Mistakes that no edit may bring, wherever they stand."""
+
+_SURE = frozenset({"meant", "closed"})
+"""What these edits put in is no example."""
+
+_PINS = re.compile(r" is (sha256:\w+) now, but (sha256:\w+) is pinned")
 
 Check = Callable[[str], tuple[Diagnostic, ...]]
-"""Returns what is wrong with a text."""
+"""Returns what is wrong with a text of the file."""
+Adapt = Callable[[str, Positions, Fix], Fix]
+"""Returns an edit with names of the text in the place of those of an example."""
 
 
-@dataclass(frozen=True)
-class Fix:
-    """An edit: what is written, where, and what it is called."""
-
-    title: str
-    span: Span
-    text: str
-
-
-def fixes(message: str, code: str, span: Span, positions: Positions, check: Check) -> tuple[Fix, ...]:
+def fixes(
+    message: str, code: str, span: Span, positions: Positions, check: Check, adapt: Adapt | None = None
+) -> tuple[Fix, ...]:
     """Return what a diagnostic (its message with the help) offers; each was tried, and leaves one mistake less.
 
     Args:
-        message, code, span: of the diagnostic. positions: of the text. check: says what is wrong with a text.
+        message, code, span: of the diagnostic. positions: of the text.
+        check: says what is wrong with a text, other files left out.
+        adapt: puts names that are known into an example.
     """
     text = "\n".join(positions.lines)
-    written = text[positions.offset_of(span.line, span.column) : positions.offset_of(span.end_line, span.end_column)]
-    meant = replacement(message, written) if span.line == span.end_line else None
-    if meant is not None:
-        start, end, right = meant
-        where = Span(span.line, span.column + start, span.line, span.column + end)
-        return (Fix(f"Write '{right}'", where, right),)
-    help = message.partition("\n")[2]
-    listed = _LISTED.search(help) if re.fullmatch(r"\S+", written) else None
-    each = listed[1].split(", ") if listed is not None else []
-    suggested = list(dict.fromkeys([*each, *_SUGGESTED.findall(help)]))
-    suggested = [one for one in suggested if not one.startswith("foresee ") or one == "foresee 1"]
-    found: dict[str, Fix] = {}
-    tried = 0
-    before = {(one.code, one.message) for one in check(text)} if suggested else set()
     first = message.partition("\n")[0]
-    for words in suggested:
-        for fix in _ways(words, span, positions):
-            tried += 1
-            if tried > _MOST_TRIED or words in found:
-                break
-            left = [one for one in check(applied(text, positions, fix)) if one.severity == "error"]
-            # what could not be seen before the mistake was mended may be wrong elsewhere, but not where it was mended
-            last = fix.span.end_line + fix.text.count("\n")
-            new = [one for one in left if (one.code, one.message) not in before]
-            here = any(one.span is None or fix.span.line <= one.span.line <= last for one in new)
-            if (code, first) not in {(one.code, one.message) for one in left} and not here:
-                found[words] = fix
+    found: dict[str, Fix] = {}
+    tried: dict[tuple[Span, str], None] = {}
+    before: tuple[Diagnostic, ...] | None = None
+    for purpose, edit in edits(message, span, positions):
+        if purpose in found:
+            continue
+        if len(found) == _MOST_OFFERED or len(tried) == _MOST_TRIED:
+            break
+        fix = edit if adapt is None or purpose.startswith(LISTED) else adapt(text, positions, edit)
+        if (fix.span, fix.text) in tried:
+            continue
+        tried[fix.span, fix.text] = None
+        before = check(text) if before is None else before
+        trial = _Trial(text, positions, fix, check)
+        pinned = _of_the_parent(trial.found, fix)
+        if pinned is not None:
+            fix, trial = pinned, _Trial(text, positions, pinned, check)
+        if not trial.stays(code, first, span) and not trial.worse(before, purpose):
+            found[purpose] = fix
     return tuple(found.values())
 
 
-def applied(text: str, positions: Positions, fix: Fix) -> str:
-    """Return a text with an edit made."""
-    start = positions.offset_of(fix.span.line, fix.span.column)
-    end = positions.offset_of(fix.span.end_line, fix.span.end_column)
-    return text[:start] + fix.text + text[end:]
+class _Trial:
+    """An edit that was made, and what is wrong with the text after it."""
+
+    def __init__(self, text: str, positions: Positions, fix: Fix, check: Check) -> None:
+        after = applied(text, positions, fix)
+        self.found = check(after)
+        self._lines, self._places = Lines(after), positions
+        self._start = positions.offset_of(fix.span.line, fix.span.column)
+        self._old_end = positions.offset_of(fix.span.end_line, fix.span.end_column)
+        self._end = self._start + len(fix.text)
+
+    def _at(self, span: Span) -> int:
+        return self._lines.offset(span.line, span.column)
+
+    def stays(self, code: str, message: str, span: Span) -> bool:
+        """Whether the mistake is still there: at its place, or in what was put in."""
+        was = self._places.offset_of(span.line, span.column)
+        moved = was if was < self._start else was + self._end - self._old_end
+        for one in self.found:
+            if (one.code, one.message) != (code, message):
+                continue
+            at = self._at(one.span) if one.span is not None else moved
+            if at == moved or (self._start <= was <= self._old_end and self._start <= at <= self._end):
+                return True
+        return False
+
+    def worse(self, before: tuple[Diagnostic, ...], purpose: str) -> bool:
+        """Whether the edit has brought a mistake: one where the text was mended, or one of the grammar.
+
+        Of a statement the grammar reports only the first mistake, so that the next shows when the first is mended: on
+        the same line, but not right beside the edit. Where what the help says is no example, the edit may show that the
+        statement is wrong in its meaning too.
+        """
+        were, are = _counted(before), _counted(self.found)
+        sure = purpose in _SURE
+        more_open = _unclosed(self.found) > _unclosed(before)
+        for one in self.found:
+            if one.severity != "error" or are[one.code, one.message] <= were[one.code, one.message]:
+                continue
+            if one.span is None or (one.code == "FS007" and more_open):
+                return True
+            at, far = self._at(one.span), self._lines.offset(one.span.end_line, one.span.end_column)
+            first, last = (self._lines.place(place)[0] for place in (self._start, self._end))
+            here = first <= one.span.line <= last
+            if one.code in _OF_THE_GRAMMAR:
+                if not (sure and here and (at > self._end + 1 or far < self._start)):
+                    return True
+            elif here and not sure and one.code != "FS007":
+                return True
+        return False
 
 
-def _ways(words: str, span: Span, positions: Positions) -> Iterator[Fix]:
-    """Yield the edits by which a suggested text can be put in: in the place of what is marked, behind it, before it,
-    and as a statement of its own."""
-    yield Fix(f"Write `{words}`", span, words)
-    end = Span(span.end_line, span.end_column, span.end_line, span.end_column)
-    yield Fix(f"Add `{words}`", end, f" {words}")
-    start = Span(span.line, span.column, span.line, span.column)
-    yield Fix(f"Add `{words}`", start, f"{words} ")
-    line = positions.lines[span.line - 1]
-    rest = Span(span.line, span.column, span.line, len(line.partition("#")[0].rstrip()) + 1)
-    yield Fix(f"Write `{words}`", rest, words)
-    statement = Span(span.line, len(line) - len(line.lstrip()) + 1, span.line, len(line.partition("#")[0].rstrip()) + 1)
-    yield Fix(f"Write `{words}`", statement, words)
-    inner = " " * (len(line) - len(line.lstrip()) + 2)
-    brace = line.find("{", span.column - 1)
-    if brace >= 0:  # the first statement of the block that begins here
-        place = Span(span.line, brace + 2, span.line, brace + 2)
-        yield Fix(f"Add `{words}`", place, f"\n{inner}{words}")
-    else:
-        place = Span(span.line, len(line) + 1, span.line, len(line) + 1)
-        yield Fix(f"Add `{words}`", place, f" {{ {words} }}")
-    last = next((k for k in range(len(positions.lines), 0, -1) if positions.lines[k - 1].startswith("}")), None)
-    if last is not None:
-        yield Fix(f"Add `{words}`", Span(last, 1, last, 1), f"  {words}\n")
+def _of_the_parent(found: tuple[Diagnostic, ...], fix: Fix) -> Fix | None:
+    """Return the edit that writes the pin that a parent has, where one writes an example's."""
+    for one in found:
+        pins = _PINS.search(one.message)
+        if pins is not None and pins[2] in fix.text:
+            text = fix.text.replace(pins[2], pins[1])
+            return replace(fix, title=fix.title.replace(pins[2], pins[1]), text=text)
+    return None
+
+
+def _counted(diagnostics: tuple[Diagnostic, ...]) -> Counter[tuple[str, str]]:
+    return Counter((one.code, one.message) for one in diagnostics)
+
+
+def _unclosed(diagnostics: tuple[Diagnostic, ...]) -> int:
+    """Return how many blocks are not closed: each is reported, but of many the last in one line."""
+    more = (re.match(r"(\d+) more block", one.message) for one in diagnostics if one.code == "FS007")
+    return sum(int(found[1]) if found is not None else 1 for found in more)

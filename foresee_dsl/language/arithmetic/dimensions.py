@@ -72,10 +72,12 @@ class Mismatch:
 
 
 class Dimensions:
-    """Finds the dimensions of expressions, and what is wrong with them; `types` are those of the parameters."""
+    """Finds the dimensions of expressions, and what is wrong with them; `types` are those of the parameters, `needed`
+    is the dimension that their place asks for, where it is known."""
 
-    def __init__(self, types: Mapping[str, m.ParamType]) -> None:
+    def __init__(self, types: Mapping[str, m.ParamType], needed: Powers | None = None) -> None:
         self._types = types
+        self._needed = needed
         self.mismatches: list[Mismatch] = []
 
     def of(self, value: m.AnyValue) -> Powers | None:
@@ -90,7 +92,9 @@ class Dimensions:
             case m.Extreme(values=values):
                 return self._same(value, values)
             case m.Product(left=left, op=op, right=right):
+                needed, self._needed = self._needed, None  # what the place asks for is the product's dimension
                 one, other = self.of(left), self.of(right)
+                self._needed = needed
                 return None if one is None or other is None else one.times(other, 1 if op == "*" else -1)
             case m.Negative(value=inner):
                 return self.of(inner)
@@ -102,7 +106,9 @@ class Dimensions:
         dimension: Dimension | None = next((d for d in POWERS if d == type_), None)
         if type_ is not None and dimension is None:
             message = f"'{reference.name}' is of type {type_}, a word: nothing can be calculated with it"
-            self._add(reference, message, "use a parameter that holds a number, such as one of type `time`")
+            numbers = [name for name, known in self._types.items() if any(d == known for d in POWERS)]
+            which = f": {', '.join(numbers)}" if 0 < len(numbers) <= 8 else ", such as one of type `time`"
+            self._add(reference, message, f"use a parameter that holds a number{which}")
         return POWERS[dimension] if dimension is not None else None
 
     def _same(self, whole: m.Sum | m.Extreme, values: tuple[m.AnyValue, ...]) -> Powers | None:
@@ -112,7 +118,11 @@ class Dimensions:
         for value, found in zip(values, powers, strict=True):
             if found is None or first is None or found == first:
                 continue
-            self._unlike(whole, values[powers.index(first)], first, value, found)
+            one = values[powers.index(first)]
+            if found == self._needed:  # then the first is the odd one
+                self._unlike(whole, value, found, one, first)
+            else:
+                self._unlike(whole, one, first, value, found)
             return None
         return first if None not in powers else None
 
@@ -121,7 +131,11 @@ class Dimensions:
         if isinstance(whole, m.Sum) and whole.op == "-":
             what = "are subtracted"
         message = f"`{written(one)}` is {in_words(first)}, but `{written(other)}` {_is(other, second)}"
-        self._add(other, f"{message}: only values of one kind {what}", _instead(one, first, other, second))
+        help = _instead(one, first, other, second)
+        needed = named(self._needed) if self._needed is not None else None
+        if needed is not None and first != self._needed:
+            help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}` instead of `{written(whole)}`"
+        self._add(other, f"{message}: only values of one kind {what}", help)
 
     def _add(self, item: m.Item, message: str, help: str) -> None:
         self.mismatches.append(Mismatch(item, message, help))
@@ -139,7 +153,7 @@ def _instead(one: m.Item, first: Powers, other: m.Item, second: Powers) -> str:
         unit = one.unit if isinstance(one, m.Quantity) else SI_WORD[needed]
         return f"did you mean `{written(other)} {unit}`?"
     if isinstance(one, m.Quantity) and not one.unit and (meant := named(second)) is not None and SI_WORD[meant]:
-        return f"give `{written(one)}` a unit too, such as `{written(one)} {SI_WORD[meant]}`"
+        return f"give it a unit too: `{written(one)} {SI_WORD[meant]}` instead of `{written(one)}`"
     if needed is None:
         return "give both the same kind"
     return f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}` instead of `{written(other)}`"

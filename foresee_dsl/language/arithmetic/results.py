@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from decimal import ROUND_HALF_EVEN, Decimal
 from typing import get_args
 
 from foresee_dsl.language import model as m
@@ -13,9 +14,11 @@ from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.traversal import fields_of, walk
-from foresee_dsl.language.units import Dimension
+from foresee_dsl.language.units import UNITS, Dimension
 
 Values = Mapping[str, m.ParamValue]
+_DIGITS = Decimal("0.0001")
+"""To so many digits a bound is shown (ours)."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     try:
         result = _result(use.value, values)
     except ExpressionError as error:
-        return error.item, "", c.NO_RESULT, error.message, "keep it out with a `require`, or with `max(..., ...)`"
+        return error.item, "", c.NO_RESULT, error.message, not_by_zero(error.item, values)
     form = form_of(type(use.item), use.field.partition(".")[0])
     shown = f"`{written(use.value)}` is {value_text(result)}{_with(use, values)}"
     if form.dimension == "count" and (result.value != result.value.to_integral_value() or result.value < 0):
@@ -90,7 +93,10 @@ def _problem(use: Use, values: Values) -> _Problem | None:
     message = (
         f"{shown}, too {'small' if result.si < bounds.low else 'large'} for `{word_before(type(use.item), use.field)}`"
     )
-    return use.item, use.field, out_of_bounds(use.item), message, limit(form.dimension, bounds, result)
+    small = result.si < bounds.low
+    kept = f"{'max' if small else 'min'}({written(use.value)}, {written(nearest(bounds, result))})"
+    help = f"use at {'least' if small else 'most'} `{written(nearest(bounds, result))}`, such as by `{kept}`"
+    return use.item, use.field, out_of_bounds(use.item), message, help
 
 
 def out_of_bounds(item: m.Item) -> str:
@@ -98,12 +104,39 @@ def out_of_bounds(item: m.Item) -> str:
     return "FS043" if isinstance(item, m.Weather | m.Steers | m.Timing) else "FS050"
 
 
-def limit(dimension: Dimension | None, bounds: m.Bounds, value: m.Quantity) -> str:
+def limit(bounds: m.Bounds, value: m.Quantity) -> str:
     """Return what to write instead of a value that is too small or too large."""
-    small = value.si < bounds.low
-    bound = f"least {bounds.low:g}" if small else f"most {bounds.high:g}"
-    plain = dimension in (None, "ratio", "count")
-    return f"use at {bound}" if plain else f"use a {'larger' if small else 'smaller'} value"
+    return f"use at {'least' if value.si < bounds.low else 'most'} `{written(nearest(bounds, value))}`"
+
+
+def nearest(bounds: m.Bounds, value: m.Quantity) -> m.Quantity:
+    """Return the bound that a value is beyond, in the value's unit, rounded to a value that is not beyond it."""
+    bound, up = (bounds.low, True) if value.si < bounds.low else (bounds.high, False)
+    exact = Decimal(repr(bound / (UNITS[value.unit].to_si if value.unit else 1.0)))
+    rounded = exact.quantize(_DIGITS, ROUND_HALF_EVEN)
+    found = m.Quantity(value=_shortest(rounded), unit=value.unit)
+    if bounds.low <= found.si <= bounds.high:
+        return found
+    return m.Quantity(value=_shortest(rounded + (_DIGITS if up else -_DIGITS)), unit=value.unit)
+
+
+def _shortest(number: Decimal) -> Decimal:
+    return Decimal(f"{number.normalize():f}")
+
+
+def not_by_zero(item: m.Item, values: Values) -> str:
+    """Return what to write instead of a division by what can be zero, or of what comes to nothing else."""
+    if not isinstance(item, m.Product):
+        return "write another value"
+    from foresee_dsl.language.arithmetic.evaluate import evaluate
+
+    try:
+        zero = evaluate(item.right, values)
+    except ExpressionError:
+        return "keep it out with a `require`"
+    least = written(m.Quantity(value=Decimal("0.1"), unit=zero.unit))
+    left = f"({written(item.left)})" if isinstance(item.left, m.Sum) else written(item.left)
+    return f"keep it from zero: `{left} / max({written(item.right)}, {least})`, or by a `require`"
 
 
 def _where(name: str, more: int) -> str:

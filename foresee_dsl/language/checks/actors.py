@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.printer import print_item
 from foresee_dsl.language.project.catalogues import CLASSES, VEHICLE_CLASSES
 from foresee_dsl.language.traversal import walk
 
@@ -30,7 +31,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     cases = [item for item in body if isinstance(item, m.Case)]
     parameters = {item.name: item for item in body if isinstance(item, m.Param)}
     for actor in actors:
-        _check_place(findings, actor)
+        _check_place(findings, actor, next((other for other in actors if isinstance(other, m.Ego)), None))
         _check_once(findings, actor)
         _check_joins(findings, actor)
         _check_times(findings, actor)
@@ -45,7 +46,7 @@ def check_actors(findings: Findings, body: Sequence[m.Item]) -> None:
     _check_mentions(findings, body, {"ego", *(a.name for a in actors)}, {g.name for g in groups}, doors)
 
 
-def _check_place(findings: Findings, actor: m.Ego | m.Actor) -> None:
+def _check_place(findings: Findings, actor: m.Ego | m.Actor, ego: m.Ego | None) -> None:
     """Every actor is somewhere, and whatever moves has somewhere to go."""
     kinds = {item.kind for item in actor.body}
     moves = bool(kinds & set(_WAYS))
@@ -56,7 +57,10 @@ def _check_place(findings: Findings, actor: m.Ego | m.Actor) -> None:
         return
     placed = actor.state is not None or moves or ("start_at" in kinds and actor.kind in ("obstacle", "pedestrian"))
     if not placed:
-        help = "add a `route ...` or a `path [...]`"
+        help = "add a way, such as `path [(0 m, 0 m), (20 m, 0 m)]`"
+        if actor.kind != "pedestrian":
+            ways = [print_item(item) for item in ego.body if item.kind in _WAYS] if ego is not None else []
+            help = f"add a way, such as `{ways[0] if ways else 'route from south straight over j4'}`"
         if actor.kind == "obstacle":
             help = "add `start at 20 m along ego.route`, or a position in front of the brace"
         findings.add(actor, "", "FS042", f"'{actor.name}' is nowhere", help, head_only=True)
@@ -78,7 +82,7 @@ def _check_times(findings: Findings, actor: m.Ego | m.Actor) -> None:
             message = f"'{actor.name}' follows a path, whose line takes no times"
             findings.add(item, "", "FS042", message, "leave out `from` and `for`")
         if isinstance(item, m.Brakes) and isinstance(actor, m.Ego):
-            findings.add(item, "", "FS042", "the ego's driver brakes", "say it of another actor")
+            findings.add(item, "", "FS042", "the ego's driver brakes", "say it of another actor, or remove it")
 
 
 def _check_once(findings: Findings, actor: m.Ego | m.Actor) -> None:
@@ -98,7 +102,9 @@ def _check_recorded(findings: Findings, actor: m.Ego | m.Actor) -> None:
         if not isinstance(item, m.Recorded):
             continue
         if isinstance(actor, m.Actor):
-            findings.add(item, "", "FS056", f"'{actor.name}' has a recorded state", "only the ego can follow one")
+            findings.add(
+                item, "", "FS056", f"'{actor.name}' has a recorded state", "only the ego can follow one: remove it"
+            )
         elif isinstance(item.time, m.Quantity):
             if item.time.si <= before:
                 findings.add(item, "time", "FS056", "the states are not in the order of their times", "put it earlier")
@@ -145,10 +151,12 @@ def _models(
 
 
 def _known_class(findings: Findings, item: m.Item, field: str, model: str) -> bool:
-    class_, _, variant = model.partition(".")
+    class_ = model.partition(".")[0]
     if class_ in CLASSES:
         return True
-    help = did_you_mean(class_, CLASSES).replace("'?", f".{variant}'?")
+    help = did_you_mean(class_, CLASSES)
+    if "did you mean" not in help:
+        help = f"classes are {', '.join(CLASSES)}: write one such as `car.sedan`"
     findings.add(item, field, "FS012", f"unknown class of models '{class_}'", help)
     return False
 

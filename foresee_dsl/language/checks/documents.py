@@ -55,15 +55,16 @@ def check_document(document: Document) -> tuple[Diagnostic, ...]:
 def _check_scenario(findings: Findings, scenario: m.Scenario) -> None:
     egos, networks = scenario.all(m.Ego), (*scenario.all(m.UseNetwork), *scenario.all(m.Network))
     if not egos:
-        help = "add the vehicle that is driven by the software under test: `ego: car.sedan { route ... }`"
+        example = "ego: car.sedan { route from south straight over j4 }"
+        help = f"add the vehicle that is driven by the software under test: `{example}`"
         findings.add(scenario, "name", "FS035", f"scenario '{scenario.name}' has no ego", help)
     for ego in egos[1:]:
-        findings.add(ego, "", "FS035", "a second ego", "a scenario has exactly one", head_only=True)
+        findings.add(ego, "", "FS035", "a second ego", "a scenario has exactly one: remove it", head_only=True)
     if not networks:
         help = 'add `use network "town.foresee"` or a block `network { ... }`'
         findings.add(scenario, "name", "FS036", f"scenario '{scenario.name}' has no network", help)
     for network in networks[1:]:
-        findings.add(network, "", "FS036", "a second network", "a scenario has exactly one", head_only=True)
+        findings.add(network, "", "FS036", "a second network", "a scenario has exactly one: remove it", head_only=True)
     for kind in (m.End, m.Weather, m.Tags):
         findings.only_once(scenario.all(kind))
     for named, what in ((scenario.all(m.When), "triggers"), (scenario.all(m.Expect), "expectations")):
@@ -104,7 +105,7 @@ def _check_clip(findings: Findings, clip: m.Clip) -> None:
     for item in clip.body:
         match item:
             case m.Window(start=m.Quantity() as start, end=m.Quantity() as end) if end.si <= start.si:
-                help = "the window's end comes after its start"
+                help = f"did you mean `window {written(end)}..{written(start)}`?"
                 findings.add(item, "", "FS039", "this window ends before it begins", help)
             case m.Ego(state=None) | m.Actor(state=None):
                 help = "in a clip every actor has a state: `at (1 m, 2 m) heading 90 deg speed 8 m/s`"

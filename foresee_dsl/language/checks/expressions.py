@@ -38,22 +38,24 @@ def check_expression(
 
     Unknown parameters in it are reported elsewhere.
     """
-    dimensions = Dimensions(types)
+    dimensions = Dimensions(types, POWERS[needed] if needed is not None else None)
     powers = dimensions.of(value)
     for mismatch in dimensions.mismatches:
         findings.add(mismatch.item, "", c.MIXED_KINDS, mismatch.message, mismatch.help)
     if powers is None or needed is None or powers == POWERS[needed]:
         return powers
     message = f"`{written(value)}` is {in_words(powers)}, but {NOUNS[needed]} is needed here"
-    findings.add(item, field, c.MIXED_KINDS, message, _instead(value, needed, dimensions))
+    findings.add(
+        item, field, c.MIXED_KINDS, message, _instead(value, needed, dimensions, Findings.example(needed, item, field))
+    )
     return None
 
 
-def _instead(value: m.Expression, needed: Dimension, dimensions: Dimensions) -> str:
+def _instead(value: m.Expression, needed: Dimension, dimensions: Dimensions, example: str) -> str:
     other = turned(value)
     if other is not None and dimensions.of(other) == POWERS[needed]:
         return f"did you mean `{written(other)}`?"
-    return f"write {Findings.example(needed)}, or work one out of others: {_RECIPES[needed]}"
+    return f"write {example}, or work one out of others: {_RECIPES[needed]}"
 
 
 _RECIPES: Mapping[Dimension, str] = {

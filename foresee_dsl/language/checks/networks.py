@@ -31,11 +31,14 @@ def check_network(findings: Findings, network: m.Network) -> None:
 
 
 def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], roads: set[str]) -> None:
-    for field, name in (("start", road.start), ("end", road.end)):
+    for field, name, other in (("start", road.start, road.end), ("end", road.end, road.start)):
         if name not in junctions:
-            findings.add(road, field, "FS040", f"unknown junction '{name}'", did_you_mean(name, junctions))
+            help = did_you_mean(name, [known for known in junctions if known != other])
+            findings.add(road, field, "FS040", f"unknown junction '{name}'", help)
+    others = [name for name in dict.fromkeys(junctions) if name != road.start]
     if road.start == road.end:
-        findings.add(road, "end", "FS050", "this road ends where it begins", "a road joins two junctions")
+        help = f"known are {', '.join(others)}" if others else "add `junction b at (100 m, 0 m)`"
+        findings.add(road, "end", "FS050", "this road ends where it begins", f"a road joins two junctions; {help}")
     if road.name.removesuffix("_back") in roads - {road.name}:
         other = road.name.removesuffix("_back")
         message = f"'{road.name}' is also the other direction of road '{other}'"
@@ -45,10 +48,13 @@ def _check_road(findings: Findings, road: m.Road, junctions: Sequence[str], road
 def _check_junction(findings: Findings, junction: m.Junction, network: m.Network) -> None:
     findings.unique(((s, "name", s.name) for s in junction.stages), f"stages of '{junction.name}'")
     if junction.control == "signals" and not junction.stages:
-        help = "add at least one: `stage ns_go for 25 s green [north, south]`"
+        roads = dict.fromkeys(
+            item.name for item in network.body if isinstance(item, m.Road) and junction.name in (item.start, item.end)
+        )
+        help = f"add at least one: `stage go for 25 s green [{', '.join(roads) or 'north, south'}]`"
         findings.add(junction, "name", "FS048", f"the signals of '{junction.name}' have no stages", help)
     if junction.control != "signals" and junction.stages:
-        help = f"write `signals` after its position, or remove the stages of '{junction.name}'"
+        help = f"write `signals` after the position of '{junction.name}', or remove it"
         findings.add(junction.stages[0], "", "FS048", "a stage at a junction without signals", help)
     named: list[tuple[m.Item, str, str]]
     named = [(junction, f"crossings.{k}", name) for k, name in enumerate(junction.crossings or ())]

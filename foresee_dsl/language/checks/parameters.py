@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
+from decimal import Decimal
 from typing import get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.arithmetic.cases import case_values, needed_by
+from foresee_dsl.language.arithmetic.results import not_by_zero
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.messages.findings import Findings
-from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.suggest import closest, did_you_mean, of_type
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.sampling.draws import MAX_CASES, case_names, holds, violation
@@ -39,12 +42,15 @@ def check_parameters(findings: Findings, scenario: m.Scenario) -> None:
     _check_case_names(findings, scenario)
     by_name = {parameter.name: parameter for parameter in parameters}
     for case in scenario.all(m.Case):
-        before, given = len(findings), {assignment.name for assignment in case.values}
+        before, given = len(findings), {assignment.name: None for assignment in case.values}
         findings.unique(((a, "name", a.name) for a in case.values), f"values in case '{case.name}'")
         for assignment in case.values:
             known = by_name.get(assignment.name)
             if known is None:
                 help = did_you_mean(assignment.name, [name for name in by_name if name not in given])
+                other = closest(assignment.name, [name for name in given if name in by_name])
+                if "did you mean" not in help and other is not None:
+                    help = f"'{other}' is given beside it: remove it"
                 findings.add(assignment, "name", "FS031", f"unknown parameter '{assignment.name}'", help)
             else:
                 _check_assignment(findings, known, assignment, by_name)
@@ -64,7 +70,7 @@ def _check_assignment(
         other = parameters[value]
         if other.type != parameter.type and not {other.type, parameter.type} <= {"ratio", "count"}:
             message = f"'{value}' is of type {other.type}, but '{parameter.name}' of type {parameter.type}"
-            findings.add(assignment, "value", "FS032", message, f"use a parameter of type `{parameter.type}`")
+            findings.add(assignment, "value", "FS032", message, of_type(parameter.type, types))
     elif isinstance(value, m.EXPRESSIONS):
         from foresee_dsl.language.checks.expressions import check_expression, unknown_in
 
@@ -88,7 +94,10 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
     try:
         values = case_values(scenario, case)
     except ExpressionError as error:
-        findings.add(error.item, "", c.NO_RESULT, f"in case '{case.name}' {error.message}", "write another value")
+        item, help = error.item, not_by_zero(error.item, {p.name: p.default for p in parameters.values()})
+        if isinstance(item, m.Assignment):
+            help = f"write a value: `{item.name} = {value_text(parameters[item.name].default)}`"
+        findings.add(item, "", c.NO_RESULT, f"in case '{case.name}' {error.message}", help)
         return
     for given in computed:
         _check_value(findings, parameters[given.name], given, "value", values[given.name])
@@ -138,12 +147,23 @@ def _check_value(findings: Findings, parameter: m.Param, item: m.Item, field: st
     ends = f"{written(limits.low)}..{written(limits.high)}"
     if not low - slack <= value.si <= high + slack:
         message = f"`{written(value)}` is outside the range of '{parameter.name}', {ends}"
-        findings.add(item, field, "FS033", message, "use a value inside it, or widen the range")
+        near = written(limits.low if value.si < low else limits.high)
+        findings.add(item, field, "FS033", message, f"use a value inside it, such as `{near}`, or widen the range")
     elif limits.step is not None and limits.step.si > 0:
         steps = (value.si - low) / limits.step.si
         if abs(steps - round(steps)) > _ON_STEP * max(1.0, abs(steps)):
             message = f"`{written(value)}` is not on a step of '{parameter.name}': {ends} step {written(limits.step)}"
-            findings.add(item, field, "FS033", message, "round it to the step, or make the step smaller")
+            near = _on_step(limits, min(round(steps), math.floor((high - low) / limits.step.si + _ON_STEP)))
+            help = f"round it to the step, `{near}`, or make the step smaller"
+            findings.add(item, field, "FS033", message, help)
+
+
+def _on_step(limits: m.Range, k: int) -> str:
+    """Return the value on the k-th step of a range, as it is written."""
+    from foresee_dsl.language.arithmetic.evaluate import evaluate
+
+    steps = m.Product(left=m.Quantity(value=Decimal(k)), op="*", right=limits.step or limits.low)
+    return written(evaluate(m.Sum(left=limits.low, op="+", right=steps)))
 
 
 def _check_type(findings: Findings, parameter: m.Param, item: m.Item, field: str, value: m.ParamValue) -> bool:
@@ -170,10 +190,10 @@ def _check_quantity(findings: Findings, parameter: m.Param, item: m.Item, field:
     type_ = parameter.type
     if type_ in WORD_TYPES:
         help = {
-            "arm": "write the name of a road",
+            "arm": "write the name of a road, such as `south`",
             "turn": f"turns are {', '.join(_TURNS)}",
-            "junction": "write the name of a junction",
-            "stage": "write the name of a stage",
+            "junction": "write the name of a junction, such as `j4`",
+            "stage": "write the name of a stage, such as `ns_go`",
             "side": "write `left` or `right`",
         }
         message = f"'{parameter.name}' is of type {type_}, not a number"
@@ -228,7 +248,7 @@ def _check_cases(findings: Findings, cases: m.Cases) -> bool:
             sound = False
         elif not low <= value.value <= high:
             message = f"`{written(value)}` is no {'number of cases' if field == 'count' else 'seed'} that can be drawn"
-            findings.add(cases, field, "FS050", message, f"use {low} to {high}")
+            findings.add(cases, field, "FS050", message, f"use `{low}` to `{high}`")
             sound = False
     return sound
 
@@ -239,7 +259,15 @@ def _check_cases(findings: Findings, cases: m.Cases) -> bool:
 def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.Distribution) -> None:
     kind = distribution.kind
     if parameter.range is None and parameter.options is None:
-        help = "give it a range, `in 0 s..4 s step 0.1 s`, or options, `in [north, south]`"
+        default = parameter.default
+        if isinstance(default, m.Quantity):
+            twice = m.Quantity(value=default.value * 2 or Decimal(1), unit=default.unit)
+            low = m.Quantity(value=Decimal(0) * default.value, unit=default.unit)
+            help = (
+                f"give it a range: `{_head(parameter)} in {written(low)}..{written(twice)} as {written(distribution)}`"
+            )
+        else:
+            help = f"give it options: `{_head(parameter)} in [{default}] as {written(distribution)}`"
         findings.add(distribution, "", "FS051", f"'{parameter.name}' has nothing to be drawn from", help)
     elif isinstance(distribution, m.Normal):
         _check_normal(findings, parameter, distribution)
@@ -247,16 +275,16 @@ def _check_distribution(findings: Findings, parameter: m.Param, distribution: m.
         _check_choice(findings, parameter, distribution)
     elif kind == "grid" and parameter.range is not None and parameter.range.step is None and parameter.type != "count":
         low, high = parameter.range.low, parameter.range.high
-        width = high.value - low.value
-        tenth = m.Quantity(value=(width / 10 if width else width).normalize(), unit=high.unit)
-        help = f"write it like `in {written(low)}..{written(high)} step {written(tenth)}`"
+        steps = f"{written(low)}..{written(high)} step {written(_tenth(parameter.range))}"
+        help = f"write it like `{_head(parameter)} in {steps} as grid`"
         findings.add(distribution, "", "FS051", "a grid needs steps, and this range has none", help)
 
 
 def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> None:
     limits = parameter.range
     if limits is None:
-        help = "options are drawn `as uniform`, `as choice(3, 1)` or `as grid`"
+        weights = ", ".join("1" for _ in parameter.options or ())
+        help = f"options are drawn as `uniform`, `choice({weights})` or `grid`"
         findings.add(normal, "", "FS051", "a normal distribution needs a range, and this parameter has options", help)
         return
     needed = limits.low.dimension
@@ -268,27 +296,53 @@ def _check_normal(findings: Findings, parameter: m.Param, normal: m.Normal) -> N
     if not limits.low.si <= normal.mean.si <= limits.high.si:
         ends = f"{written(limits.low)}..{written(limits.high)}"
         message = f"the mean `{written(normal.mean)}` is outside the range, {ends}"
-        findings.add(normal, "mean", "FS051", message, "use one inside it, or widen the range")
+        near = written(limits.low if normal.mean.si < limits.low.si else limits.high)
+        findings.add(normal, "mean", "FS051", message, f"use one inside it, such as `{near}`, or widen the range")
     if normal.deviation.si <= 0:
         message = f"a deviation of `{written(normal.deviation)}` draws nothing"
-        findings.add(normal, "deviation", "FS051", message, "a standard deviation is more than zero")
+        findings.add(
+            normal,
+            "deviation",
+            "FS051",
+            message,
+            f"a standard deviation is more than zero, such as `{written(_tenth(limits))}`",
+        )
 
 
 def _check_choice(findings: Findings, parameter: m.Param, choice: m.Choice) -> None:
     options, weights = parameter.options, choice.weights
     if options is None:
-        help = "write the values to choose from, `in [20 km/h, 30 km/h]`, or draw `as uniform`"
+        help = "write the values to choose from, in brackets behind `in`, or draw as `uniform`"
         findings.add(choice, "", "FS051", "a choice needs options, and this parameter has a range", help)
         return
     if len(options) != len(weights):
         message = f"{len(weights)} weights for {len(options)} options"
-        findings.add(choice, "", "FS051", message, "give each option one, in their order")
+        more = [m.Quantity(value=Decimal(1))] * max(len(options) - len(weights), 0)
+        given = ", ".join(written(weight) for weight in [*weights[: len(options)], *more])
+        findings.add(choice, "", "FS051", message, f"give each option one, in their order: `choice({given})`")
     for k, weight in enumerate(weights):
         if weight.unit:
-            findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", "a weight has no unit")
+            findings.add(
+                choice,
+                f"weights.{k}",
+                "FS051",
+                f"`{written(weight)}` is no weight",
+                f"a weight has no unit: `{written(m.Quantity(value=weight.value))}`",
+            )
         elif weight.value <= 0:
-            help = "a weight is more than zero; leave out an option that is not to be drawn"
+            help = "a weight is more than zero, such as `1`; leave out an option that is not to be drawn"
             findings.add(choice, f"weights.{k}", "FS051", f"`{written(weight)}` is no weight", help)
+
+
+def _head(parameter: m.Param) -> str:
+    """Return a parameter as it is written, up to its default."""
+    return f"param {parameter.name}: {parameter.type} = {value_text(parameter.default)}"
+
+
+def _tenth(limits: m.Range) -> m.Quantity:
+    """Return a tenth of a range, in the unit of its end."""
+    width = limits.high.value - limits.low.value
+    return m.Quantity(value=(width / 10 if width else width).normalize(), unit=limits.high.unit)
 
 
 # ---- requirements ---------------------------------------------------------------------------------------------------

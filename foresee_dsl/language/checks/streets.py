@@ -9,6 +9,7 @@ from itertools import pairwise
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.findings import Findings
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.printer import written
 from foresee_dsl.language.streets import layout
 from foresee_dsl.language.streets.layout import BACK, Cut, Directed, Ring, lanes_of
 from foresee_dsl.language.streets.lines import at, number, wrapped, xy
@@ -93,7 +94,7 @@ class Streets:
         check_touching(self._findings, item.name, named, self._network)
         if len(ring.arms) < 2:
             known = f"only {ring.arms[0][1].name} ends" if ring.arms else "no road ends"
-            help = f"at least two do: `road west from west_end to {item.name}`"
+            help = f"at least two do: add `road west from west_end to {item.name}` and another, or remove it"
             self._add(item, "name", f"{known} at the roundabout '{item.name}'", help)
             return
         for (angle, road), (following, other) in pairwise((*ring.arms, ring.arms[0])):
@@ -108,7 +109,7 @@ class Streets:
                     f"the arms '{first.name}' and '{last.name}' of '{item.name}' overlap: "
                     f"{math.degrees(between):.0f} degrees are between them"
                 )
-                fits = f"a radius of {wider} m has room for both, or " if wider <= 200 else ""
+                fits = f"write `radius {wider} m` in the block of '{item.name}', or " if wider <= 200 else ""
                 end = "end" if last.end == item.name else "start"
                 self._add(last, end, message, f"{fits}lead one of them to another side by `via`")
         for _, road in ring.arms:
@@ -134,7 +135,12 @@ class Streets:
         if isinstance(item, m.Bump):
             limit = edge.road.speed
             if isinstance(item.speed, m.Quantity) and item.speed.si >= number(limit, 50 / 3.6):
-                self._add(item, "speed", f"a bump with the speed of its road '{edge.road.name}'", "use a smaller value")
+                self._add(
+                    item,
+                    "speed",
+                    f"a bump with the speed of its road '{edge.road.name}'",
+                    f"use less, such as `{_slower(item.speed)}`",
+                )
             return
         if not number(edge.road.sidewalk):
             help = f"write `sidewalk 2 m` in the block of road '{edge.road.name}'"
@@ -148,7 +154,8 @@ class Streets:
             at_m = number(item.at)
             if min(at_m, edge.length_m - at_m) < ISLAND_END_M:
                 message = f"the road has no room to widen for this island within {ISLAND_END_M:.0f} m of its end"
-                help = f"put it farther away, or write `median {number(item.island):g} m` in the road's block"
+                median = f"median {number(item.island):g} m"
+                help = f"put it farther away, or write `{median}` in the block of road '{edge.road.name}'"
                 self._add(item, "at", message, help)
 
     def _directed(self, item: m.LaneEnd) -> None:
@@ -172,7 +179,7 @@ class Streets:
         if length > high - low:
             field = "length" if item.length is not None else "at"
             message = f"the further lane of '{item.name}' is {length:g} m long, '{edge.id}' only {edge.length_m:.0f} m"
-            self._add(item, field, message, f"use `length {max(high - low, 20) // 2:.0f} m`, or a longer road")
+            self._add(item, field, message, f"use a length of `{max(high - low, 20) // 2:.0f} m`, or a longer road")
             return
         joins = isinstance(item, m.OnRamp)
         self._range(item, edge, low if joins else low + length, high - length if joins else high, "ramp")
@@ -204,7 +211,7 @@ class Streets:
             self._add(item, "at", f"{long}, too short for a {word}", "use a longer road")
         else:
             message = f"no place for a {word} at {at_m:g} m: {long}"
-            self._add(item, "at", message, f"use a length from {math.ceil(low)} m to {math.floor(high)} m")
+            self._add(item, "at", message, f"use a length from `{math.ceil(low)} m` to `{math.floor(high)} m`")
 
     def _unknown_edge(self, item: m.Item, field: str, name: str, known: Sequence[str]) -> None:
         if name in self._ramps:
@@ -236,23 +243,30 @@ class Streets:
                 early = other if late is item else item
                 apart = APART_M + _half(early) + _half(late)
                 message = f"this is on top of {_called(early)}: {abs(cut.at_m - edge.cuts[k - 1].at_m):.1f} m apart"
-                self._findings.add(late, "at", "FS270", message, f"leave at least {math.ceil(apart)} m between them")
+                free = number(early.at) + math.copysign(math.ceil(apart), number(late.at) - number(early.at) or 1)
+                self._findings.add(late, "at", "FS270", message, f"leave room between them, such as by `{free:g} m`")
                 return
             if isinstance(item, Ramp):
                 if not cut.last and open_ramp is not None:
                     message = f"its further lane overlaps that of {_called(open_ramp.item)}"
-                    self._findings.add(item, "at", "FS270", message, "let one end before the other begins")
+                    self._findings.add(
+                        item, "at", "FS270", message, "let one end before the other begins, or remove one"
+                    )
                     return
                 open_ramp = None if cut.last else cut
             elif isinstance(item, m.LaneEnd):
                 if open_ramp is not None:
-                    help = "let it end before the ramp's further lane, or behind it"
+                    help = "let it end before the ramp's further lane, or behind it, or remove it"
                     message = f"a lane ends beside the further lane of {_called(open_ramp.item)}"
                     self._findings.add(item, "at", "FS270", message, help)
                     return
                 count, lane = last - first + 1, round(number(item.lane))
                 if count < 2 or lane not in (1, count):
-                    some = f"the outer ones can end: 1 (the rightmost) and {count}" if count > 1 else "it must stay"
+                    some = (
+                        f"the outer ones can end: `1` (the rightmost) and `{count}`"
+                        if count > 1
+                        else "it stays: remove this"
+                    )
                     message = f"lane {lane} of '{edge.id}' cannot end there, where it has {count}"
                     self._findings.add(item, "lane", "FS270", message, some)
                     return
@@ -272,7 +286,7 @@ class Streets:
         count = lanes_of(edge.road)[1 if edge.back else 0] - sum(isinstance(c.item, m.LaneEnd) for c in edge.cuts)
         if number(item.lane) > count:
             lanes = f"{count} lanes" if count > 1 else "one lane"
-            help = f"lanes are counted from the right, from 1 to {count}" if count > 1 else "its number is 1"
+            help = f"lanes are counted from the right, from `1` to `{count}`" if count > 1 else "its number is `1`"
             self._findings.add(item, "lane", "FS270", f"'{item.edge}' has {lanes} at its end", help)
         exits = self._exits(edge)
         for k, turn in enumerate(item.turns):
@@ -287,7 +301,8 @@ class Streets:
 
     def _banned(self, item: m.BannedTurn) -> None:
         if item.junction in self._rings:
-            help = f"a roundabout is left at any arm; `{item.junction}_{item.roads[0]}` is one of its junctions"
+            part = f"{item.junction}_{item.roads[0]}"
+            help = f"a roundabout is left at any arm, so remove it; `{part}` is one of its junctions"
             self._findings.add(item, "junction", "FS270", f"'{item.junction}' is a roundabout", help)
             return
         if item.junction not in self._plain_junctions:
@@ -333,7 +348,7 @@ class Streets:
                 ways = left.setdefault(edge.id, set(self._exits(edge).values()))
                 if ways and not ways - {item.turn}:
                     message = f"no way on is left from '{road}' over '{item.junction}'"
-                    help = f"{item.turn} is the last way on: leave it open, or make '{road}' one-way"
+                    help = f"{item.turn} is the last way on: remove it, or make '{road}' one-way"
                     self._findings.add(item, f"roads.{k}", "FS270", message, help)
                 elif ways and item.turn not in ways and item.turn != "back":
                     message = f"from '{road}' nobody can go {item.turn} over '{item.junction}' anyway"
@@ -370,6 +385,12 @@ class Streets:
 def _called(item: m.Item) -> str:
     name = getattr(item, "name", "")
     return f"'{name}'" if name else f"the end of lane {number(getattr(item, 'lane', None)):g}"
+
+
+def _slower(speed: m.Quantity) -> str:
+    """Return half a speed, as it is written."""
+    half = m.Quantity(value=(speed.value / 2).normalize(), unit=speed.unit)
+    return written(half)
 
 
 def _half(item: m.Item) -> float:

@@ -8,7 +8,7 @@ from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.results import limit, out_of_bounds, unfit, uses
 from foresee_dsl.language.messages.findings import Findings
-from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.suggest import did_you_mean, of_type
 from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.pattern import form_of, word_before
@@ -79,7 +79,7 @@ def _check_gap(findings: Findings, item: m.KeepsGap, types: Mapping[str, str]) -
         findings.wrong_dimension(item, "gap", gap, "time")
     elif isinstance(gap, m.Ref) and types.get(gap.name, "time") not in ("time", "length"):
         message = f"'{gap.name}' is of type {types[gap.name]}, but a gap is a time or a length"
-        findings.add(item, "gap", "FS032", message, "use a parameter of type `time` or `length`")
+        findings.add(item, "gap", "FS032", message, of_type("time", types, f"{findings.example('time')}"))
 
 
 def _needed(item: m.Item, field: str) -> Dimension | None:
@@ -124,7 +124,7 @@ def _check_limits(findings: Findings, item: m.Item, field: str, value: m.Quantit
         return
     size = "small" if value.si < bounds.low else "large"
     message = f"`{written(value)}` is too {size} for `{word_before(type(item), field)}`"
-    findings.add(item, field, out_of_bounds(item), message, limit(form.dimension, bounds, value))
+    findings.add(item, field, out_of_bounds(item), message, limit(bounds, value))
 
 
 def _check_reference(
@@ -142,7 +142,7 @@ def _check_reference(
     word = word_of(type(item), field.partition(".")[0])
     if word is not None:
         if parameter.type != word:
-            help = f"a parameter of type `{word}` is needed here"
+            help = of_type(word, {name: known.type for name, known in parameters.items()})
             message = f"'{reference.name}' is of type {parameter.type}, which cannot stand here"
             findings.add(item, field, "FS032", message, help)
         return
@@ -154,7 +154,8 @@ def _check_reference(
     if needed is None or parameter.type == needed or (needed == "ratio" and parameter.type == "count"):
         return
     message = f"'{reference.name}' is of type {parameter.type}, but {NOUNS[needed]} is needed here"
-    findings.add(item, field, "FS032", message, f"use a parameter of type `{needed}`")
+    types = {name: known.type for name, known in parameters.items()}
+    findings.add(item, field, "FS032", message, of_type(needed, types, findings.example(needed)))
 
 
 def word_of(kind: type[m.Item], field: str) -> ParamType | None:

@@ -141,7 +141,9 @@ def _expectation(expect: m.Expect, limits: Limits) -> Iterator[Found]:
         return
     met = bool(cannot) if expect.mode == "never" else bool(must)
     message = f"this {'always holds' if met else 'can never hold'}: {cannot or must}"
-    yield Found(expect, "condition", c.DECIDED, message, "expect something that a driver can meet or miss")
+    yield Found(
+        expect, "condition", c.DECIDED, message, "expect something that a driver can meet or miss, or remove it"
+    )
 
 
 def _nothing_expected(scenario: m.Scenario) -> Iterator[Found]:
@@ -215,17 +217,20 @@ def actor_lints(case: TestCase) -> Iterator[Found]:
 def _cannot(action: m.Item, actor: m.Ego | m.Actor) -> tuple[str, str] | None:
     """Return why an actor cannot do something, and what would help; None when it can."""
     if isinstance(actor, m.Ego):
-        return "the ego cannot be told what to do: the driver under test drives it", "name another actor"
+        return (
+            "the ego cannot be told what to do: the driver under test drives it",
+            "name another actor, or remove this",
+        )
     if actor.kind == "obstacle" and not isinstance(action, m.Leaves):
         return f"'{actor.name}' is an obstacle, which never moves", "name another actor, or remove this"
     ways = {type(item) for item in actor.body} & {m.Route, m.EdgeRoute, m.Path}
     if not ways and actor.state is None and not isinstance(action, m.Leaves):
-        help = f"give '{actor.name}' a `path [PLACE, PLACE]`"
+        help = f"write `path [(0 m, 0 m), (20 m, 0 m)]` in the block of '{actor.name}', or remove this"
         return f"'{actor.name}' has no way to go, so it stands where it is", help
     if isinstance(action, m.ChangesLane | m.ChangesLine | m.KeepsBeside | m.Reverses) and (
         actor.kind == "pedestrian" or m.Path in ways
     ):
-        return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead"
+        return f"'{actor.name}' follows a path, which has no lanes", "bend its `path` instead, or remove this"
     return None
 
 

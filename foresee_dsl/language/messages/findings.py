@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from decimal import Decimal
 
 from foresee_dsl.errors import Diagnostic, InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.words import EXAMPLES, NOUNS
+from foresee_dsl.language.model.pattern import form_of
 from foresee_dsl.language.printer import print_item, written
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.units import Dimension
@@ -58,12 +60,25 @@ class Findings:
         """Report a quantity that should be of another dimension."""
         has = "has no unit" if not value.unit else f"is {NOUNS[value.dimension]}"
         message = f"`{written(value)}` {has}, but {NOUNS[needed]} is needed here"
-        self.add(item, field, code, message, f"write {self.example(needed)}")
+        self.add(item, field, code, message, f"write {self.example(needed, item, field, value)}")
 
     @staticmethod
-    def example(dimension: Dimension) -> str:
-        """Return `a time such as `2.5 s``."""
-        return f"{NOUNS[dimension]} such as `{EXAMPLES[dimension]}`"
+    def example(
+        dimension: Dimension, item: m.Item | None = None, field: str = "", bare: m.Quantity | None = None
+    ) -> str:
+        """Return `a time such as `2.5 s``, with a value that the field of an item takes; the number of a bare one."""
+        number, _, unit = EXAMPLES[dimension].partition(" ")
+        if bare is not None and not bare.unit and unit:
+            value = m.Quantity(value=bare.value, unit=unit)
+        else:
+            value = m.Quantity(value=Decimal(number), unit=unit)
+        example = written(value)
+        bounds = form_of(type(item), field.partition(".")[0]).bounds if item is not None else None
+        if bounds is not None and not bounds.low <= value.si <= bounds.high:
+            from foresee_dsl.language.arithmetic.results import nearest
+
+            example = written(nearest(bounds, value))
+        return f"{NOUNS[dimension]} such as `{example}`"
 
     def __len__(self) -> int:
         """How much was found."""

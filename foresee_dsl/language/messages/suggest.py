@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 
 from foresee_dsl.errors import Diagnostic, Span
@@ -12,6 +12,7 @@ from foresee_dsl.language.units import OTHER_WORDS, UNITS
 _LONGEST = 60
 """Longer words are not compared (ours: no word of the language is half as long, and the comparison is quadratic)."""
 _MEANT = re.compile(r"did you mean ['`]([^'`]+)['`]\?")
+_CALLED = re.compile(r"\bcalled (\w+)$", re.MULTILINE)
 _QUOTED = re.compile(r"['`]([^'`]+)['`]")
 
 
@@ -32,6 +33,13 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     if found is not None:
         return f"did you mean '{found}'?"
     return "known are " + ", ".join(candidates) if 0 < len(candidates) <= 8 else ""
+
+
+def of_type(type_: str, known: Mapping[str, str], instead: str = "") -> str:
+    """Return which parameter to use: of a type, by the names and types that are known; or what to write instead."""
+    names = [name for name, its_type in known.items() if its_type == type_]
+    which = f": {', '.join(names)}" if 0 < len(names) <= 8 else ""
+    return f"{f'write {instead}, or ' if instead else ''}use a parameter of type `{type_}`{which}"
 
 
 def unit_hint(word: str) -> str:
@@ -61,12 +69,19 @@ def replacement(message: str, written: str) -> tuple[int, int, str] | None:
     meant = _MEANT.search(message)
     if meant is None:
         return None
+    said = message[: meant.start()]
     if len(written) > 2 and written[0] == written[-1] == '"':
         start = written.rfind("/") + 1 or 1  # of a file, the help names the last part of the path
         return start, len(written) - 1, meant[1]
-    wrong = next((word for word in _QUOTED.findall(message[: meant.start()]) if written.count(word) == 1), None)
-    if wrong is not None:
-        return written.index(wrong), written.index(wrong) + len(wrong), meant[1]
+    quoted = [word for word in _QUOTED.findall(said) if written.count(word) == 1]
+    if len(quoted) > 1 and written.startswith(quoted[0]) and written.endswith(quoted[-1]):
+        return 0, len(written), meant[1]  # what is between them is wrong
+    if quoted:
+        return written.index(quoted[0]), written.index(quoted[0]) + len(quoted[0]), meant[1]
+    called = _CALLED.search(said)
+    if called is not None and len(re.findall(rf"\b{called[1]}\b", written)) == 1:
+        place = re.search(rf"\b{called[1]}\b", written)
+        return (*place.span(), meant[1]) if place is not None else None
     whole = re.fullmatch(r"\S+", written) or "did you mean `" in message  # a name is in other quotes than a text
     return (0, len(written), meant[1]) if whole else None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path, PurePath
 
 from foresee_dsl.errors import Diagnostic, InputError
@@ -104,7 +105,7 @@ def near_files(path: Path) -> str:
     """Return a hint at files in the same folder whose names are close to a missing one."""
     folder = shown(path.parent.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path.parent)
     if not is_folder(path.parent):
-        return f"there is no folder '{folder}'"
+        return f"there is no folder '{folder}'{_elsewhere(path)}"
     try:
         names = sorted(e.name for e in path.parent.iterdir() if e.name.endswith((SUFFIX, *FOREIGN_NETWORKS)))
     except OSError:
@@ -112,6 +113,33 @@ def near_files(path: Path) -> str:
     stems = {name.partition(".")[0]: name for name in names}
     near = stems.get(closest(path.name.partition(".")[0], stems) or "")
     return f"did you mean '{near}'?" if near else f"there is none of that name in '{folder}'"
+
+
+_MOST_FILES = 200
+"""So many files are looked at for one that was meant (ours: some milliseconds)."""
+
+
+def _elsewhere(path: Path) -> str:
+    """Return where a file of nearly this name lies, when the folder that was named does not exist."""
+    above = next((folder for folder in path.parents if is_folder(folder)), None)
+    if above is None:
+        return ""
+    try:
+        files = [file for file in islice(above.rglob(f"*{SUFFIX}"), _MOST_FILES) if file.is_file()]
+    except OSError:
+        return ""
+    names = {file.name: file for file in sorted(files, key=lambda file: -len(file.parts))}
+    near = names.get(closest(path.name, names) or "")
+    return f': there is `"{near.relative_to(above).as_posix()}"`' if near is not None else ""
+
+
+def files_with(folder: Path, word: str) -> tuple[str, ...]:
+    """Return the names of the files in a folder whose definition begins with a word; three at most."""
+    try:
+        files = sorted(file for file in islice(folder.glob(f"*{SUFFIX}"), _MOST_FILES) if file.is_file())
+        return tuple(file.name for file in files if kind_of(file) == word)[:3]
+    except OSError:
+        return ()
 
 
 def project_folder(folder: Path) -> Path:

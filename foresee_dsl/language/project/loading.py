@@ -358,7 +358,7 @@ class Project:
             return use.path
         model = self._used_model(use, chain)
         if not isinstance(model, m.Network):
-            use.fail(c.WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", "name a file with `network ...`")
+            use.fail(c.WRONG_KIND, f"'{used.path}' holds {_a(model)}, not a network", _name_another(use, "network"))
         return model
 
     def _models(self, file: _File, scenario: m.Scenario, chain: tuple[_File, ...]) -> dict[str, m.VehicleModel]:
@@ -367,7 +367,7 @@ class Project:
             use = _Use(file, item, "path", item.path)
             model = self._used_model(use, chain)
             if not isinstance(model, m.Catalogue):
-                use.fail(c.WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", "name a file with `models ...`")
+                use.fail(c.WRONG_KIND, f"'{item.path}' holds {_a(model)}, not models", _name_another(use, "models"))
             models |= entries(model)
         return models
 
@@ -376,7 +376,8 @@ class Project:
         if not use.written.endswith(".foresee"):
             network = isinstance(use.item, m.UseNetwork)
             known = ".foresee, .net.xml or .xodr" if network else ".foresee"
-            use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", f"write a file that ends in {known}")
+            help = f"write a file that ends in {known}; {_name_another(use, 'network' if network else 'models')}"
+            use.fail(c.UNKNOWN_SUFFIX, f"'{use.written}' is of an unknown kind", help)
         self._check_reachable(use, chain)
         return _settled(self._read(use.path, use.shown).document)
 
@@ -389,7 +390,16 @@ def _settled(document: Document) -> m.Definition:
 def _check_cycle(use: _Use, chain: tuple[_File, ...]) -> None:
     if any(file.path == use.path for file in chain):
         names = [file.document.path for file in chain]
-        use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", "name another file")
+        word = "network" if isinstance(use.item, m.UseNetwork) else "models"
+        help = _name_another(use, word) if isinstance(use.item, m.UseNetwork | m.UseModels) else "name another file"
+        use.fail(c.USES_ITSELF, f"'{names[0]}' uses itself: {' -> '.join([*names, use.shown])}", help)
+
+
+def _name_another(use: _Use, word: str) -> str:
+    """Return which files beside the one that is named hold what is needed: definitions that begin with a word."""
+    found = a.files_with(use.path.parent, word)
+    names = [f'`"{Path(use.written).with_name(name).as_posix()}"`' for name in found]
+    return f"name a file with `{word} ...`{', such as ' + ' or '.join(names) if names else ''}"
 
 
 def _fail_case(file: _File, use: _Use | None, code: str, message: str, help: str) -> NoReturn:

@@ -132,7 +132,9 @@ def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError
     needed: Dimension = next((d for d in NOUNS if d == found[1]), "count")
     value = detail["input"]
     help = f"write {NOUNS[needed]} such as `{EXAMPLES[needed]}`"
+    unit = EXAMPLES[needed].partition(" ")[2]
     if isinstance(value, m.Quantity) and not value.unit:
+        help = f"write {NOUNS[needed]} such as `{shown} {unit}`" if unit else help
         return TextError("FS010", f"`{shown}` has no unit, but {NOUNS[needed]} is needed here", help, place)
     is_a = NOUNS[value.dimension] if isinstance(value, m.Quantity) else "something else"
     return TextError("FS010", f"`{shown}` is {is_a}, but {NOUNS[needed]} is needed here", help, place)
@@ -141,16 +143,22 @@ def _wrong_dimension(detail: ErrorDetails, shown: str, place: Span) -> TextError
 def _wrong_text(node: Node, field: str, text: str, place: Span) -> TextError:
     if field == "pin":
         return TextError(
-            "FS019", f"`{_short(text)}` is no pin", "a pin is `sha256:` and twelve digits or letters a-f", place
+            "FS019",
+            f"`{_short(text)}` is no pin",
+            "a pin is `sha256:` and twelve digits or letters a-f, such as `sha256:5ef2c6120a41`",
+            place,
         )
     if field in ("model", "models", "was", "now") or node.kind is m.VehicleModel:
         help = "models are called class.variant, such as `car.compact`"
         return TextError("FS011", f"`{_short(text)}` is no name of a model", help, place)
     if not text:
         return TextError("FS017", f"this {field} is empty", "write something between the quotes", place)
-    plain = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_0123456789")
+    import unicodedata
+
+    letters = unicodedata.normalize("NFKD", text.lower()).encode("ascii", "ignore").decode()
+    plain = re.sub(r"[^a-z0-9_]+", "_", letters).strip("_").lstrip("0123456789_")
     help = "names are snake_case: small letters a-z, digits and underscores, a letter first"
-    if plain and plain != text and text.isascii():
+    if plain and plain != text:
         help += f", such as `{_short(plain)}`"
     return TextError("FS011", f"`{_short(text)}` is no name", help, place)
 

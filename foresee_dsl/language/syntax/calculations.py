@@ -12,8 +12,8 @@ from foresee_dsl.language.syntax.node import Node
 _STRONG = ("*", "/")
 
 
-def calculation(operands: Sequence[Node], signs: Sequence[tuple[str, Span]]) -> Node:
-    """Return the node of `a + b * c`: its operands, and the signs between them."""
+def calculation(operands: Sequence[tuple[Node, Span]], signs: Sequence[tuple[str, Span]]) -> Node:
+    """Return the node of `a + b * c`: its operands, each with its place (brackets included), and the signs between."""
     terms, between = [operands[0]], []
     for sign, operand in zip(signs, operands[1:], strict=True):
         if sign[0] in _STRONG:
@@ -24,7 +24,7 @@ def calculation(operands: Sequence[Node], signs: Sequence[tuple[str, Span]]) -> 
     found = terms[0]
     for sign, operand in zip(between, terms[1:], strict=True):
         found = _of(m.Sum, found, sign, operand)
-    return found
+    return found[0]
 
 
 def negative(operand: Node, span: Span) -> Node:
@@ -38,7 +38,9 @@ def negative(operand: Node, span: Span) -> Node:
     return Node(m.Negative, span, {"value": operand}, {"value": operand.span})
 
 
-def _of(kind: type[m.Item], left: Node, sign: tuple[str, Span], right: Node) -> Node:
-    span = Span(left.span.line, left.span.column, right.span.end_line, right.span.end_column)
-    places = {"left": left.span, "op": sign[1], "right": right.span}
-    return Node(kind, span, {"left": left, "op": sign[0], "right": right}, places)
+def _of(
+    kind: type[m.Item], left: tuple[Node, Span], sign: tuple[str, Span], right: tuple[Node, Span]
+) -> tuple[Node, Span]:
+    span = Span(left[1].line, left[1].column, right[1].end_line, right[1].end_column)
+    places = {"left": left[0].span, "op": sign[1], "right": right[0].span}
+    return Node(kind, span, {"left": left[0], "op": sign[0], "right": right[0]}, places), span

@@ -24,6 +24,8 @@ from foresee_dsl.language.units import UNITS, Dimension
 _WORD = re.compile(r'[^\W\d][\w.]*|-?[0-9][\w.]*|"[^"\n]*"?|=>|<=|>=|\.\.\.?|.', re.DOTALL)
 _UNIT_BEFORE = re.compile(r"[0-9]\s*([%°]|[^\W\d][\w/^²]*)\s*$")
 _LAST_WORD = re.compile(r"([^\W\d]\w*|[(,<>=.:])[^\w(,<>=.:]*$")
+_MEASURED = re.compile(r"\b([a-z_]+)(?:\s*\([^()]*\))?\s*$")
+_HYPHENED = re.compile(r"(?<![\w.])[a-z]\w*(?:-[a-z]\w*)+")
 _WORD_BEFORE = re.compile(r"([^\W\d]\w*)\s*$")
 _REACH = 300
 """So many characters before the place they are looked for in (ours: names have 80 at most; the search is quadratic)."""
@@ -39,6 +41,7 @@ _ABOUT_HERE = (
     (re.compile(r"^when\s+(once\s+|every\s+|next\s+)?\w+\s+$"), "when late: ego.eta(j4) < 4 s { runner stops }"),
 )
 """What stands before the place, and how what it began is written."""
+_THEN = re.compile(r"then\s+(?P<rest>(?!when\b)[^{}]+)$")
 
 _OFTEN = (
     (
@@ -65,7 +68,7 @@ _UNSUPPORTED = (
     ),
     (
         ("tram", "tram_track", "tram_tracks", "tram_lane", "rail", "rails", "track"),
-        "trams on rails: SUMO would drive them as one rigid body; a reserved lane for a bus is `bus_lane 3.5 m`",
+        "SUMO would drive trams as one rigid body: leave it out; a reserved lane for a bus is `bus_lane 3.5 m`",
     ),
 )
 """Words of networks that the language does not know on purpose, and why."""
@@ -95,6 +98,11 @@ class Refusal:
 
     def _explain(self, error: UnexpectedInput) -> tuple[str, str, str]:
         other = foreign(self._text, self._rule, self.start) if len(self._text) <= _REACH else None
+        then = _THEN.match(self._text) if self._rule == "action" and len(self._text) <= _REACH else None
+        if other is None and then is not None and self._reads(then["rest"]):
+            self.start, self.end = 0, len(self._text)
+            help = f"did you mean `then {{ {then['rest'].strip()} }}`?"
+            return "FS003", "what comes then stands in a block", help
         if other is None:
             return self._explain_ours(error)
         self.start, self.end = other.start, other.end
@@ -136,16 +144,50 @@ class Refusal:
 
     def _out_of_place(self, words: Collection[str], shown: str, usage: str) -> tuple[str, str, str]:
         if not self.word:
-            return "FS003", f"the statement stops too early: expected {self._expected()}", usage
+            return "FS003", f"the statement stops too early: expected {self._expected()}", self._going_on() or usage
         if self._rule == "action" and self._is_word() and "starts" in words:
             return "FS004", f"unknown action '{shown}'", f"an actor can do one of: {', '.join(sorted(words))}"
         if self._expected() == _END and not usage:
             return "FS003", f"unexpected `{shown}`: expected {_END}", "begin a new line, or write `;` between them"
+        meant = self._meant_here(words)
+        if meant:
+            usage = f"did you mean `{meant}`?"
+        if "PIN" in self._accepted:
+            usage = "write a pin such as `sha256:5ef2c6120a41`"
+        return "FS003", f"unexpected `{shown}`: expected {self._expected()}", usage
+
+    def _meant_here(self, words: Collection[str]) -> str:
+        """Return what to write where the unexpected word stands, so that the statement could be read; else nothing."""
         missing = self._missing(words)
         if missing:
-            help = f"did you mean `{missing} {self.word}`?"
-            return "FS003", f"unexpected `{shown}`: expected {self._expected()}", help
-        return "FS003", f"unexpected `{shown}`: expected {self._expected()}", usage
+            return f"{missing} {self.word}"
+        others = [word for word in words if self._reads(f"{self._text[: self.start]}{word}{self._text[self.end :]}")]
+        if self.word in _keywords() and len(others) == 1:
+            return others[0]
+        for value in self._missing_values():
+            if self._reads(f"{self._text[: self.start]}{value}{self._text[self.start :]}"):
+                return f"{value.lstrip()}{self.word}"
+        return ""
+
+    def _missing_values(self) -> Iterable[str]:
+        """Return values that may be missing before the place, each with its sign."""
+        if "COMMA" in self._accepted and "(" in self._text[: self.start]:
+            yield ", 0 m"
+        measured = self._behind(_MEASURED)
+        if "COMPARE" in self._accepted and measured is not None and measured[1] in m.MEASURED:
+            yield f" < {EXAMPLES[m.MEASURED[measured[1]]]} "
+
+    def _going_on(self) -> str:
+        """Return how a statement that stops too early could go on: by a bracket, or as its example does; or nothing."""
+        closing = next((sign for sign in ")]" if self._reads(f"{self._text.rstrip()}{sign}")), "")
+        if closing:
+            return f"close it by `{closing}`"
+        example = re.sub(r"\s*\{.*", "", self._example())
+        for found in re.finditer(r"(?<=\s)\S", example):
+            tail = example[found.start() :]
+            if tail.split()[0] in _words(self._accepted) and self._reads(f"{self._text.rstrip()} {tail}"):
+                return f"go on like `{tail}`: {self._usage()}"
+        return ""
 
     def _missing(self, words: Collection[str]) -> str:
         """Return the one sign or word with which, in front of the place, the statement could be read; else nothing."""
@@ -155,6 +197,8 @@ class Refusal:
             for sign in (*sorted(set(signs) - {"{", "}", ";", "(", "[", "]", "-"}), *words)
             if self._reads(f"{self._text[: self.start]}{sign} {self._text[self.start :]}")
         ]
+        if len(found) > 1:  # the one of the example: `ego in junction j4`, not `in lane j4`
+            found = [word for word in found if word in self._example().split()]
         return found[0] if len(found) == 1 else ""
 
     def _reads(self, text: str) -> bool:
@@ -223,6 +267,11 @@ class Refusal:
             return "FS015", "texts stand in double quotes", f'did you mean `"{written[1:-1]}"`?'
         if self.word == "'":
             return "FS015", "unexpected `'`", 'texts stand in double quotes: `"like this"`'
+        parts = _HYPHENED.search(self._text[: self.start + _SHOWN], max(0, self.start - _SHOWN))
+        if self.word == "-" and parts is not None and parts.start() < self.start < parts.end():
+            self.start, self.end = parts.span()
+            written = parts[0]
+            return "FS015", f"unexpected `-` in `{written}`", f"did you mean `{written.replace('-', '_')}`?"
         if self.word == "-":
             return "FS015", "unexpected `-`", "names are written with underscores: `red_light`"
         if self.word.isprintable():

@@ -135,12 +135,15 @@ def _action(text: str, word: str) -> Foreign | None:
             "write `then when CONDITION { ... }`, such as `then when ego.speed < 3 m/s { lead stops }`",
         )
     if (found := _TURNS.match(text)) is not None:
-        help = f"name the stage: `{found['name']} turns to ns_go`, or behind it one of its lights, `to ns_amber`"
+        turns = f"{found['name']} turns to ns_go"
+        help = f"name the stage, and behind it one of its lights if need be: `{turns}` or `{turns} amber`"
         message = "a signal shows each way another light, so it turns to one of its stages"
         return Foreign(found.start("colour"), found.end("colour"), message, help)
-    ours, help = FIRST.get(word, ("", ""))
+    ours, help = ("when", "") if word == "when" else FIRST.get(word, ("", ""))
     if ours == "when":
-        return Foreign(0, len(word), f"`{word}` is a word of other languages", "did you mean `then when`?")
+        said = f"`{word}` is a word of other languages"
+        said = "`when` begins a trigger, and this is one already" if word == "when" else said
+        return Foreign(0, len(word), said, "did you mean `then when`?")
     if help and not re.match(r"\w+\s+(?:starts|stops|changes|meets|ignores)\b", text):
         return Foreign(0, len(word), f"`{word}` is a word of other languages", help)
     second = re.match(r"\w+\s+(?P<verb>[^\W\d]\w*)", text)

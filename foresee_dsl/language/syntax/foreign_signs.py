@@ -29,6 +29,7 @@ _PLUS = re.compile(r"\+\s*(?P<value>[\w.]+)")
 _ONE_VALUE = re.compile(r"\b(?P<name>min|max)\s*\((?P<value>[^(),]+)\)$")
 _CALL = re.compile(r"(?P<name>[^\W\d]\w*)\s*$")
 _POWER = re.compile(r"\*\*|\^")
+_RAISED = re.compile(r"(?P<base>-?[0-9.]+(?:\s*[a-z/]+)?|[a-z]\w*|\([^()]*\))\s*(?:\*\*|\^)\s*(?P<times>[23])(?![\w.])")
 _MEASURED = re.compile(r"[^\W\d]\w*\.(?:speed|acceleration|eta|offset)\b")
 _MEASURED_BEFORE = re.compile(
     r"(?P<what>[^\W\d]\w*\.(?:speed|acceleration|offset|eta\s*\([^()]*\))"
@@ -63,6 +64,19 @@ _FUNCTIONS = frozenset(
         "Range",
     ]
 )
+
+
+_DRAWN = frozenset(["random", "uniform", "Uniform", "normal", "Normal", "Range"])
+_OF_OURS = {
+    ("abs", 1): "max({0}, -({0}))",
+    ("avg", 2): "({0} + {1}) / 2",
+    ("mean", 2): "({0} + {1}) / 2",
+    ("sum", 2): "({0} + {1})",
+    ("clamp", 3): "min(max({0}, {1}), {2})",
+    ("minimum", 2): "min({0}, {1})",
+    ("maximum", 2): "max({0}, {1})",
+}
+"""Functions of other languages, with how many values they take, and how they are written here."""
 
 
 def sign(text: str, at: int) -> Foreign | None:
@@ -143,6 +157,11 @@ def _power(text: str, at: int) -> Foreign | None:
     found = next((f for f in _POWER.finditer(text) if f.start() <= at <= f.end()), None)
     if found is None:
         return None
+    whole = _RAISED.search(text)
+    if whole is not None and whole.start() <= found.start() < whole.end():
+        base, times = whole["base"].strip(), int(whole["times"])
+        help = f"did you mean `{' * '.join([base] * times)}`?"
+        return Foreign(whole.start(), whole.end(), f"`{whole[0]}`: there is no `{found[0]}`", help)
     help = "multiply: `speed * speed` is a speed squared"
     return Foreign(found.start(), found.end(), f"there is no `{found[0]}`", help)
 
@@ -151,8 +170,18 @@ def _function(text: str, at: int) -> Foreign | None:
     called = _CALL.search(text, max(0, at - _FAR), at) if text[at : at + 1] == "(" else None
     if called is None or called["name"] not in _FUNCTIONS:
         return None
+    message = f"there is no function `{called['name']}`"
+    closed = text.find(")", at)
+    given = [part.strip() for part in text[at + 1 : closed].split(",")] if closed > at else []
+    ours = _OF_OURS.get((called["name"], len(given)))
+    if ours is not None and "(" not in text[at + 1 : closed]:
+        help = f"did you mean `{ours.format(*given)}`?"
+        return Foreign(called.start(), closed + 1, f"{message}: `{text[called.start() : closed + 1]}`", help)
+    if called["name"] in _DRAWN:
+        help = "a parameter is drawn: `param gap: time = 1.5 s in 0 s..4 s as uniform`, with `cases 20 from seed 7`"
+        return Foreign(called.start(), called.end(), message, help)
     help = "`min(a, b)` and `max(a, b)` are the only functions"
-    return Foreign(called.start(), called.end(), f"there is no function `{called['name']}`", help)
+    return Foreign(called.start(), called.end(), message, help)
 
 
 def _measured_left(text: str, rule: str, at: int) -> Foreign | None:
@@ -170,6 +199,9 @@ def _measured_right(text: str, rule: str, at: int) -> Foreign | None:
         return None
     if re.search(r"(?:[<>]=?|[-+*/(,])\s*$", text[: found.start()]) is None:
         return None
-    help = "compare with a value; of two actors there are `relative_speed(a, b)`, `headway(a, b)`, `distance(a, b)`"
+    what = found[0].rpartition(".")[2]
+    example = {"speed": "50 km/h", "acceleration": "3 m/s^2", "eta": "2.5 s"}.get(what, "12 m")
+    measures = "relative_speed(a, b), headway(a, b), distance(a, b)"
+    help = f"write a value such as `{example}`; of two actors there are {measures}"
     message = f"`{found[0]}` is measured while it runs, and a value belongs here"
     return Foreign(found.start(), found.end(), message, help)

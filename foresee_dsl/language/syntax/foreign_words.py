@@ -71,7 +71,8 @@ FIRST: Mapping[str, tuple[str, str]] = MappingProxyType(
         "cover": ("", "`foresee sample` shows what the cases reach: leave this out"),
         "emit": (
             "",
-            "triggers are not told of events: write what they wait for, `when distance(ego, lead) < 20 m { ... }`",
+            "triggers are not told of events: leave this out, and write what they wait for, "
+            "`when distance(ego, lead) < 20 m { ... }`",
         ),
         "try": ("", "a trigger says what happens when: `when ego within 10 m of lead { lead stops }`"),
         "interrupt": ("", "a trigger says what happens when: `when ego within 10 m of lead { lead stops }`"),

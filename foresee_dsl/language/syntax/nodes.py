@@ -71,6 +71,7 @@ class NodeMaker:
 
     def __init__(self, tree: _Tree) -> None:
         self.errors: list[TextError] = []
+        self._tree = tree
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
         self.calculates = False
@@ -216,7 +217,7 @@ class NodeMaker:
             message = f"a calculation of {len(operands)} values"
             self._error("FS018", message, f"at most {MAX_DEPTH} are read: split it", span_of(tree))
             operands = operands[:1]
-        made = [self.make(operand) for operand in operands if isinstance(operand, Tree)]
+        made = [(self.make(operand), _with_brackets(operand)) for operand in operands if isinstance(operand, Tree)]
         return calculation(made, [(str(s), span_of(_token(s))) for s in signs[: len(made) - 1]])
 
     def _negative(self, tree: _Tree) -> Node:
@@ -252,9 +253,25 @@ class NodeMaker:
         dot = whole.column + len(actor)
         node.places[name] = Span(whole.line, whole.column, whole.line, dot)
         if properties and found not in properties:
-            place = Span(whole.line, dot + 1, whole.line, whole.end_column)
-            self._error("FS006", f"unknown property '{found}' of '{actor}'", did_you_mean(found, properties), place)
+            self._unknown_property(actor, found, properties, Span(whole.line, dot + 1, whole.line, whole.end_column))
         return found
+
+    def _unknown_property(self, actor: str, found: str, properties: tuple[str, ...], place: Span) -> None:
+        if found in (*m.BETWEEN_ACTORS, "distance") and "speed" in properties:
+            other = next((name for name in self._actors() if name != actor), "lead")
+            whole = Span(place.line, place.column - len(actor) - 1, place.line, place.end_column)
+            help = f"did you mean `{found}({actor}, {other})`?"
+            self._error("FS006", f"`{actor}.{found}`: this is between two", help, whole)
+            return
+        self._error("FS006", f"unknown property '{found}' of '{actor}'", did_you_mean(found, properties), place)
+
+    def _actors(self) -> Iterator[str]:
+        """Yield the names of the actors, the ego last."""
+        blocks = (block for definition in _trees(self._tree.children) for block in _trees(definition.children))
+        for child in (child for block in blocks for child in _trees(block.children)):
+            if child.data == "actor":
+                yield str(child.children[1])
+        yield "ego"
 
     def _measure(self, tree: _Tree) -> Node:
         node = Node(m.Measure, span_of(tree))
@@ -335,6 +352,13 @@ class NodeMaker:
         node = self._made(tree, (Tree("list", edges, listed.meta),))
         node.fields["shortest"] = len(edges) < len([c for c in listed.children if c is not None])
         return node
+
+
+def _with_brackets(tree: _Tree) -> Span:
+    """Return where a value stands, with the brackets around it."""
+    found = span_of(tree)
+    ends = [getattr(tree.meta, f"container_{name}", None) for name in ("line", "column", "end_line", "end_column")]
+    return Span(*(int(end) for end in ends if end is not None)) if None not in ends else found
 
 
 def _text(token: Token) -> str:

@@ -32,6 +32,8 @@ _NO_HEAD = "write what it belongs to, such as `ego: car.sedan { ... }`, or remov
 
 _DEFINITIONS = {kind.pattern.split()[0]: m.rule_of(kind) for kind in get_args(m.Definition) if kind is not m.Extension}
 """The rule of each definition, by its first word."""
+_ENDS = tuple((f"{around}{end}line", f"{around}{end}column") for around in ("", "container_") for end in ("", "end_"))
+"""What Lark calls the ends of a tree, without and with the brackets around it."""
 _HOLDERS = ("add", "change")
 """Words in front of a whole statement, in a scenario that extends another."""
 
@@ -207,7 +209,7 @@ def _shift(tree: _Tree, lines: int, columns: int) -> None:
     for subtree in tree.iter_subtrees():
         metas: Sequence[object] = (subtree.meta, *(c for c in subtree.children if isinstance(c, Token)))
         for at in metas:
-            for line, column in (("line", "column"), ("end_line", "end_column")):
+            for line, column in _ENDS:
                 if getattr(at, line, None) is None:
                     continue
                 if getattr(at, line) == 1:

@@ -1,0 +1,367 @@
+"""The edits that a help in words stands for: to write a text, to take something out, to give another name, to close."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+from foresee_dsl.editor.protocol.positions import Positions
+from foresee_dsl.errors import Span
+from foresee_dsl.language.keywords import USAGE, words_of
+from foresee_dsl.language.messages.suggest import replacement
+from foresee_dsl.language.syntax.scan import Lines, Raw, scan
+from foresee_dsl.language.units import UNITS
+
+_SUGGESTED = re.compile(r"`([^`\n]+)`")
+_LISTED = re.compile(r"(?:\b(?:are|is|to|over|go|of|write)|:) ((?:[\w./^#]+(?:, | or | and ))*[\w./^#]+)(?=$|;|, not)")
+"""`its stages are go, wait`; `it leads to j4 or west_end`: each is offered in the place of one word."""
+LISTED = "one of the"
+"""What edits are for that put in one of the names of a list: those are the file's own."""
+_INSTEAD = re.compile(r"`([^`\n]+)` instead of `([^`\n]+)`")
+_REMOVED = re.compile(
+    r"\b(?:remove (?:it|this|one|the comment|the braces|what it sets off)\b|keep one of the two|leave (?:it|this) out)"
+)
+_LEFT_OUT = re.compile(r"\bleave `(\w+)` out")
+_GO_ON = re.compile(r"^go on like `([^`\n]+)`")
+_IN_BLOCK = re.compile(r"write `([^`\n]+)` in the block of (?:\w+ )?'(\w+)'")
+_RENAMED = re.compile(r"\bgive .*?another (?:name|label)")
+_CLOSED = re.compile(r"^(?:add a `\}` where it ends|close the outermost)")
+_MOVED_IN = re.compile(r"^(?:move it inside|it belongs in)")
+_MOVED_OUT = re.compile(r"^what it does stands in a trigger")
+_COMMENTED = re.compile(r"^begin each line of it with `#`")
+_OTHERWISE = re.compile(r"^there is no `(?:else|elif)`")
+_CONDITION = re.compile(r"(?:if|elif|when(?:\s+(?:once|every|next))?(?:\s+\w+:)?)\s+(?P<condition>.+)", re.DOTALL)
+_VALUE = re.compile(r"-?[0-9]|\([^()]*,[^()]*\)$")
+_IS_NO_TEXT = re.compile(
+    r"\{ \.\.\. \}|\[\.\.\.\]|\(\.\.\.| \.\.\.$|CONDITION"  # more stands there
+    r"|^(?:[*/+\-#{}]|else|elif)$|^foresee (?!1$)"  # what is wrong, or a command
+)
+_WORD = re.compile(r"[a-z]\w*")
+
+
+@dataclass(frozen=True)
+class Fix:
+    """An edit: what is written, where, and what it is called."""
+
+    title: str
+    span: Span
+    text: str
+
+
+def applied(text: str, positions: Positions, fix: Fix) -> str:
+    """Return a text with an edit made."""
+    start = positions.offset_of(fix.span.line, fix.span.column)
+    end = positions.offset_of(fix.span.end_line, fix.span.end_column)
+    return text[:start] + fix.text + text[end:]
+
+
+def edits(message: str, span: Span, positions: Positions) -> Iterator[tuple[str, Fix]]:
+    """Yield the edits that a diagnostic's help (behind its message's first line) may stand for, likely ones first; each
+    with what it puts in or does, of which one edit is enough."""
+    place = _Place(span, positions)
+    first, _, help = message.partition("\n")
+    meant = replacement(message, place.written)
+    if meant is not None and (span.line == span.end_line or "\n" not in place.written[: meant[1]]):
+        start, end, right = meant
+        yield "meant", place.fix(f"Write '{right}'", place.start + start, place.start + end, right)
+        return
+    for pattern, purpose, found in (
+        (_CLOSED, "closed", place.closings),
+        (_MOVED_IN, "moved", place.moved_in),
+        (_MOVED_OUT, "moved", place.moved_out),
+        (_COMMENTED, "commented", place.commented),
+        (_OTHERWISE, "otherwise", place.otherwise),
+    ):
+        if pattern.match(help):
+            yield from ((purpose, fix) for fix in found())
+    for words in _GO_ON.findall(help):
+        yield words, place.fix(f"Add `{words}`", place.end, place.end, f" {words}")
+    for words, name in _IN_BLOCK.findall(help):
+        yield from ((words, fix) for fix in place.in_block(words, name))
+    for right, wrong in _INSTEAD.findall(help):
+        yield from (("instead", fix) for fix in place.instead(wrong, right))
+    for words in _texts(help):
+        yield from ((words, fix) for fix in place.ways(words))
+    for listed in _LISTED.findall(help):
+        for word in re.split(r", | or | and ", listed):
+            yield from ((f"{LISTED} {word}", fix) for fix in place.words(word, first))
+    for word in _LEFT_OUT.findall(help):
+        yield from (("removed", fix) for fix in place.removals(word))
+    if _REMOVED.search(help):
+        yield from (("removed", fix) for fix in place.removals())
+    if _RENAMED.search(help):
+        yield from (("renamed", fix) for fix in place.renamings(everywhere="is a word of the language" in first))
+
+
+def _texts(help: str) -> Iterable[str]:
+    instead = {text for pair in (*_INSTEAD.findall(help), *_IN_BLOCK.findall(help)) for text in pair}
+    found = dict.fromkeys(_SUGGESTED.findall(_LEFT_OUT.sub("", help)))
+    return [text for text in found if text not in instead and not _IS_NO_TEXT.search(text)]
+
+
+class _Place:
+    """The part of a text that a diagnostic marks."""
+
+    def __init__(self, span: Span, positions: Positions) -> None:
+        self._text = "\n".join(positions.lines)
+        self._span, self._lines = span, Lines(self._text)
+        self.start = positions.offset_of(span.line, span.column)
+        self.end = positions.offset_of(span.end_line, span.end_column)
+        self.written = self._text[self.start : self.end]
+        if not self.written.strip():  # the statement stops too early
+            self.end, self.written = self.start, ""
+        self._statements = scan(self._text, self._lines)[0]
+
+    def fix(self, title: str, start: int, end: int, text: str) -> Fix:
+        """Return an edit between two offsets."""
+        return Fix(title, self._lines.span(start, end), text)
+
+    def _around(self) -> list[Raw]:
+        """Return the statements around the place, outermost first."""
+        found: list[Raw] = []
+        inner: list[Raw] | None = self._statements
+        while inner is not None:
+            raw = next((one for one in inner if one.start <= self.start <= max(one.end, one.close)), None)
+            if raw is None:
+                break
+            found.append(raw)
+            inner = raw.block
+        return found
+
+    def _line(self, offset: int) -> tuple[int, int, str]:
+        """Return where the line of an offset begins and ends (comments left out), and its indentation."""
+        start = self._text.rfind("\n", 0, offset) + 1
+        end = self._text.find("\n", offset)
+        line = self._text[start : end if end >= 0 else len(self._text)]
+        return start, start + len(line.partition("#")[0].rstrip()), line[: len(line) - len(line.lstrip())]
+
+    # ---- to write a text --------------------------------------------------------------------------------------------
+
+    def ways(self, words: str) -> Iterator[Fix]:
+        """Yield the edits by which a suggested text can be put in: in the place of what is marked, behind it, before
+        it, for the rest of the line or statement, and as a statement of its own."""
+        write, add = f"Write `{words}`", f"Add `{words}`"
+        begin, end, indent = self._line(self.start)
+        around = self._around()
+        head = around[-1] if around else None
+        statement = (words.split(maxsplit=1)[0].rstrip(":") in USAGE and " " in words) or " { " in words
+        whole = head is not None and (head.start, head.end) == (self.start, self.end)
+        if not statement or whole:
+            if self.written:
+                yield self.fix(write, self.start, self.end, words)
+            yield self.fix(add, self.end, self.end, f" {words}")
+            yield self.fix(add, self.start, self.start, f"{words} ")
+        if _VALUE.match(words):
+            yield from self._values(words, write)
+            return
+        if head is not None:
+            if not statement or not whole:
+                yield self.fix(write, self.start, max(head.end, self.start), words)
+            yield self.fix(write, head.start, head.end, words)
+            yield self.fix(write, head.start, max(head.end, head.close), words)
+        if not statement:
+            yield self.fix(write, self.start, max(end, self.start), words)
+            yield self.fix(write, begin + len(indent), max(end, begin + len(indent)), words)
+        if head is not None and head.open >= 0:  # the first statement of the block that begins here
+            yield self.fix(add, head.open + 1, head.open + 1, f"\n{indent}  {words}")
+        elif head is not None:
+            yield self.fix(add, head.end, head.end, f" {{ {words} }}")
+        yield self.fix(add, begin, begin, f"{indent}{words}\n")
+        if self._statements and self._statements[-1].block is not None:
+            last = self._text.rfind("\n", 0, self._statements[-1].close) + 1
+            yield self.fix(add, last, last, f"  {words}\n")
+
+    def _values(self, words: str, title: str) -> Iterator[Fix]:
+        """Yield the edits that put a value, or a point, in the place of one of its kind in what is marked."""
+        of_words = _dimension(words.partition(" ")[2])
+        pattern = r"\([^()]*,[^()]*\)" if words.startswith("(") else r"-?[0-9][0-9.]*(?: (?P<unit>[a-z][\w/^]*))?"
+        for found in re.finditer(pattern, self.written):
+            if words.startswith("(") or _dimension(found["unit"]) == of_words:
+                yield self.fix(title, self.start + found.start(), self.start + found.end(), words)
+
+    def words(self, word: str, message: str) -> Iterator[Fix]:
+        """Yield the edits that put one of the words that a help lists in the place of one."""
+        if re.fullmatch(r"\S+", self.written):
+            yield self.fix(f"Write `{word}`", self.start, self.end, word)
+            return
+        for wrong in dict.fromkeys(re.findall(r"\w+", message)):
+            places = [found.start() for found in re.finditer(rf"\b{wrong}\b", self.written)]
+            if len(places) == 1 and wrong != word:
+                start = self.start + places[0]
+                yield self.fix(f"Write `{word}`", start, start + len(wrong), word)
+
+    def instead(self, wrong: str, right: str) -> Iterator[Fix]:
+        """Yield the edits that write one text where another stands."""
+        around = self._around()
+        first, end = (around[-1].start, max(around[-1].end, self.end)) if around else (self.start, self.end)
+        places = [first + found.start() for found in re.finditer(re.escape(wrong), self._text[first:end])]
+        for place in sorted(places, key=lambda place: abs(place - self.start)):
+            yield self.fix(f"Write `{right}`", place, place + len(wrong), right)
+
+    # ---- to close, to move, to take out, to rename ------------------------------------------------------------------
+
+    def closings(self) -> Iterator[Fix]:
+        """Yield the edits that close a block where the lines stop being indented more than its first."""
+        begin, _, indent = self._line(self.start)
+        offset = self._text.find("\n", self.start) + 1
+        while 0 < offset < len(self._text):
+            start, end, inner = self._line(offset)
+            if end > start and len(inner) <= len(indent):
+                yield self.fix("Add `}`", start, start, f"{indent}}}\n")
+                break
+            offset = self._text.find("\n", offset) + 1
+        at = len(self._text.rstrip())
+        yield self.fix("Add `}`", at, at, f"\n{indent}}}")
+        _, end, _ = self._line(begin)
+        yield self.fix("Add `}`", end, end, " }")
+
+    def moved_in(self) -> Iterator[Fix]:
+        """Yield the edit that moves a statement behind a block into it."""
+        around = self._around()
+        beside = (around[-2].block or []) if len(around) > 1 else self._statements
+        k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
+        before = beside[k - 1] if k else None
+        if before is None or before.block is None:
+            return
+        raw = beside[k]
+        end = max(raw.end, raw.close)
+        moved = self._text[raw.start : end]
+        brace = self._text.rfind("}", 0, before.close)
+        indent = self._line(brace)[2]
+        if "\n" not in self._text[before.open : before.close]:
+            indent = self._line(before.start)[2]
+            between = f"\n{indent}  {moved}\n{indent}}}"
+        else:
+            between = f"  {moved}\n{indent}}}"
+        behind = self._text[brace + 1 : raw.start].rstrip()
+        yield self.fix(f"Move `{moved.partition(chr(10))[0]}` inside", brace, end, f"{between}{behind}")
+
+    def moved_out(self) -> Iterator[Fix]:
+        """Yield the edit that makes an action in an actor's block a trigger behind it."""
+        *_, actor, action = [None, None, *self._around()]
+        named = re.match(r"(?:\w+\s+)?(\w+)\s*:", self._text[actor.start : actor.end]) if actor is not None else None
+        if actor is None or action is None or named is None:
+            return
+        indent = self._line(actor.start)[2]
+        said = re.split(r"//|/\*", self._text[action.start : action.end])[0].strip()
+        does = f"when time >= 0 s {{ {named[1]} {said} }}"
+        rest = self._without(action.start, action.end)
+        end = self._lines.offset(rest.span.end_line, rest.span.end_column)
+        text = f"{self._text[end : actor.close]}\n{indent}{does}"
+        yield self.fix(f"Write `{does}`", self._lines.offset(rest.span.line, rest.span.column), actor.close, text)
+
+    def commented(self) -> Iterator[Fix]:
+        """Yield the edit that makes a comment of other languages lines of one of ours."""
+        closed = self._text.find("*/", self.start)
+        end = closed + 2 if closed >= 0 else len(self._text.rstrip())
+        behind = self._text[end : self._line_end(end)].strip()
+        indent = self._line(self.start)[2]
+        said = self._text[self.start + 2 : closed if closed >= 0 else end].split("\n")
+        lines = [f"# {line.strip().lstrip('*').strip()}".rstrip() for line in said]
+        text = f"\n{indent}".join([*lines, ""] if behind else lines)
+        yield self.fix("Begin each line with `#`", self.start, end, text)
+
+    def otherwise(self) -> Iterator[Fix]:
+        """Yield the edit that makes of an `else` a trigger with the opposite of the condition before."""
+        around = self._around()
+        beside = (around[-2].block or []) if len(around) > 1 else self._statements
+        k = next((k for k, raw in enumerate(beside) if around and raw is around[-1]), 0)
+        before = _CONDITION.match(self._text[beside[k - 1].start : beside[k - 1].end]) if k else None
+        if before is None or not around:
+            return
+        own = _CONDITION.match(self._text[around[-1].start : around[-1].end])
+        text = f"when not ({before['condition'].strip()})" + (f" and ({own['condition'].strip()})" if own else "")
+        begin, _, indent = self._line(self.start)
+        if self._text[begin : self.start].strip():  # `} else {`
+            text = f"\n{indent}{text}"
+        yield self.fix(f"Write `{text.strip()}`", self.start, max(around[-1].end, self.end), text)
+
+    def in_block(self, words: str, name: str) -> Iterator[Fix]:
+        """Yield the edit that puts a setting into the block of what has a name, or in the place of one there."""
+        around = self._around()
+        beside = (around[-2].block or []) if len(around) > 1 else self._statements
+        for raw in beside:
+            if not re.match(rf"\w+\s+{name}\b", self._text[raw.start : raw.end]):
+                continue
+            same = [one for one in raw.block or () if self._text.startswith(words.split(maxsplit=1)[0], one.start)]
+            if same:
+                yield self.fix(f"Write `{words}` in '{name}'", same[0].start, same[0].end, words)
+            elif raw.block is None:
+                yield self.fix(f"Add `{words}` to '{name}'", raw.end, raw.end, f" {{ {words} }}")
+            elif raw.block and "\n" in self._text[raw.open : raw.block[0].start]:
+                begin = self._text.rfind("\n", 0, raw.block[0].start)
+                text = f"{self._text[begin : raw.block[0].start]}{words}"
+                yield self.fix(f"Add `{words}` to '{name}'", begin, begin, text)
+            else:
+                yield self.fix(f"Add `{words}` to '{name}'", raw.open + 1, raw.open + 1, f" {words};")
+
+    def removals(self, word: str = "") -> Iterator[Fix]:
+        """Yield the edits that take out what is marked (with the word before it), or the statement that it is in."""
+        comment = self._text.rfind("#", self._text.rfind("\n", 0, self.start) + 1, self.start)
+        if comment >= 0:
+            yield self._without(comment, self._line_end(self.start))
+            return
+        around = self._around()
+        if self.written == "}":
+            yield self._without(self.start, self.end)
+            return
+        before, behind = self._text[: self.start].rstrip(), self._text[self.end :].lstrip()
+        if before.endswith(("[", ",")) and behind.startswith(("]", ",")):
+            yield self._without(self.start, self.end)  # one of a list
+        if word:
+            at = self._text.rfind(word, around[-1].start if around else 0, self.end)
+            if at >= 0:
+                yield self._without(at, self.end)
+        if not word or (around and self._text.startswith(word, around[-1].start)):
+            for raw in reversed(around[1:]):
+                yield self._without(raw.start, max(raw.end, raw.close))
+                break
+        yield self._without(self.start, self.end)
+
+    def _line_end(self, offset: int) -> int:
+        end = self._text.find("\n", offset)
+        return end if end >= 0 else len(self._text)
+
+    def _without(self, start: int, end: int) -> Fix:
+        """Return the edit that takes a part out, with its line where nothing else is on it."""
+        shown = self._text[start:end].partition("\n")[0]
+        title = f"Remove `{shown if len(shown) <= 40 else shown[:37] + '...'}`"
+        begin, last = self._text.rfind("\n", 0, start) + 1, self._line_end(end)
+        behind = self._text[end:last].strip()
+        if not self._text[begin:start].strip() and (not behind or behind.startswith("#")):
+            return self.fix(title, begin, min(last + 1, len(self._text)), "")
+        before = self._text[:start].rstrip()
+        if before.endswith("[") and behind.startswith(","):
+            end = self._text.index(",", end) + 1
+            end += len(self._text[end:]) - len(self._text[end:].lstrip(" "))
+        elif before.endswith(","):
+            start = len(before) - 1
+        elif behind.startswith(";"):
+            end = self._text.index(";", end) + 1
+            end += len(self._text[end:]) - len(self._text[end:].lstrip(" "))
+        else:
+            start = len(self._text[:start].rstrip(" ;"))
+        return self.fix(title, start, end, "")
+
+    def renamings(self, *, everywhere: bool) -> Iterator[Fix]:
+        """Yield the edit that gives what is marked a name that is free; `everywhere`: in what is told to it too."""
+        found = _WORD.fullmatch(self.written) or _WORD.match(self.written)
+        if found is None:
+            return
+        taken = set(re.findall(r"\w+", self._text))
+        name = next(name for k in range(2, 1000) if (name := f"{found[0]}_{k}") not in taken)
+        end = self.start + len(found[0])
+        told = "|".join((*words_of("action"), "in", "within", "sees", "ahead", "behind"))
+        uses = rf"\b{found[0]}(?=\s+(?:{told})\b|\.[a-z])|(?<=\(){found[0]}(?=[,)])|(?<=, ){found[0]}(?=\))"
+        places = [use.end() for use in re.compile(uses).finditer(self._text, end)]
+        if everywhere and places:
+            parts = (self._text[one : other - len(found[0])] + name for one, other in pairwise((end, *places)))
+            yield self.fix(f"Call it `{name}`", self.start, places[-1], name + "".join(parts))
+        yield self.fix(f"Call it `{name}`", self.start, end, name)
+
+
+def _dimension(unit: str | None) -> str:
+    known = UNITS.get(unit or "")
+    return known.dimension if known is not None else ""
