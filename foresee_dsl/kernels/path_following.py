@@ -1,15 +1,32 @@
-"""The kernel that moves an actor along a path: it takes up a pace, slows for bends and stops where it is told to."""
+"""Kernels that move actors along paths, and find out where SUMO's vehicles see them.
+
+An actor takes up a pace, slows for bends and stops where it is told to.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from foresee_dsl.kernels.arrays import Records
-from foresee_dsl.kernels.compiling import FLOAT, compiled, inner
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.bicycle import STATES
+from foresee_dsl.kernels.compiling import FLOAT, FLOATS, compiled, inner
 from foresee_dsl.kernels.lines import SPEED_POINTS, VERTICES, place_at, speed_at
 from foresee_dsl.kernels.records import array_of
+
+Record = Any
+"""One element of an array of records."""
+
+CELL_M = 0.5
+"""The lane under a path is looked up once per this length of it. Ours."""
+STEPS_OUT_M = 1.0
+"""A pedestrian this near (along its path) to the road is seen by SUMO's drivers as about to step on it. Ours: one
+pace."""
+STANDS_MPS = 0.1
+"""Slower is standing; SUMO's own threshold for a halting vehicle."""
+NO_LANE, OFF_ROAD, UNKNOWN = -1, -2, -3
+"""In place of a lane's number: on the road beside all lanes; not on the road; not looked up yet."""
 
 
 class Follower(NamedTuple):
@@ -19,7 +36,12 @@ class Follower(NamedTuple):
         along: how far it has come, m. speed: m/s. pace: the speed that it takes up, m/s.
         acceleration, braking: how fast it does so, m/s^2, positive.
         stop: a length at which it must wait, m; NaN for none. half_length: of its footprint, m; 0 for one that turns on
-            the spot.
+            the spot. heading: of the path where it is, rad.
+        length, width: of its footprint, m.
+        row: of its state in the table of all actors; -1 when it is not to be moved. seen_on: the lane on which SUMO has
+            its stand-in, `OFF_ROAD` for none.
+        line_begin, line_end: its path's vertices; bends_begin, bends_end: how fast that may be followed;
+            cells_begin, cells_end: what is under it; all among those of several paths.
     """
 
     along: float
@@ -29,9 +51,47 @@ class Follower(NamedTuple):
     braking: float
     stop: float
     half_length: float
+    heading: float
+    length: float
+    width: float
+    row: int
+    seen_on: int
+    line_begin: int
+    line_end: int
+    bends_begin: int
+    bends_end: int
+    cells_begin: int
+    cells_end: int
 
 
-FOLLOWERS = array_of(Follower)
+class PathCell(NamedTuple):
+    """What is under a path at a multiple of `CELL_M`: the number of the lane, or one of the above; its heading, rad."""
+
+    lane: int
+    heading: float
+
+
+class Sight(NamedTuple):
+    """Where SUMO's vehicles see an actor on a path.
+
+    Attributes:
+        follower: its number. lane: the number of the lane on which it is seen, or one of the above.
+        cell: which of its path's cells this comes from.
+        x, y: the front of the stand-in, m. heading: of the lane, rad. length: of the stand-in, m.
+        speed: along the lane, m/s.
+    """
+
+    follower: int
+    lane: int
+    cell: int
+    x: float
+    y: float
+    heading: float
+    length: float
+    speed: float
+
+
+FOLLOWERS, CELLS, SIGHTS = array_of(Follower), array_of(PathCell), array_of(Sight)
 
 
 @inner
@@ -41,12 +101,9 @@ def _approach(room: float, speed: float, braking: float, dt: float) -> float:
     return float(braking * (np.sqrt(max(0.0, dt * dt / 4 + 2 * left / braking)) - dt / 2))
 
 
-@compiled(FLOAT, FLOAT, VERTICES)
-def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float, float]:
-    """Return x, y (m) and heading (rad) of an actor that has come so far (m).
-
-    With a length (`half` of it, m) its heading is that of the path between its rear and its front.
-    """
+@inner
+def _pose(along: float, half: float, line: Records) -> tuple[float, float, float]:
+    """See `pose_on_path`."""
     x, y, heading = place_at(along, line)
     if half > 0.0:
         rear_x, rear_y, _ = place_at(along - half, line)
@@ -57,14 +114,31 @@ def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float
     return x, y, heading - 2 * np.pi * np.round(heading / (2 * np.pi))
 
 
-@compiled(FOLLOWERS, VERTICES, SPEED_POINTS, FLOAT)
-def advance(followers: Records, line: Records, bends: Records, dt: float) -> tuple[float, float, float]:
-    """Move the first of some followers on by a step: its `along` and `speed` are changed; return x, y (m), heading
-    (rad).
+@compiled(FLOAT, FLOAT, VERTICES)
+def pose_on_path(along: float, half: float, line: Records) -> tuple[float, float, float]:
+    """Return x, y (m) and heading (rad) of an actor that has come so far (m).
+
+    With a length (`half` of it, m) its heading is that of the path between its rear and its front.
+    """
+    return _pose(along, half, line)
+
+
+@inner
+def _wrapped(angle: float) -> float:
+    """Return an angle that is within -3 pi..3 pi as `math.remainder(angle, math.tau)` does, to the last bit."""
+    if angle > np.pi:
+        return angle - 2 * np.pi
+    if angle < -np.pi:
+        return -(-angle - 2 * np.pi)  # a zero keeps its sign
+    return angle
+
+
+@inner
+def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tuple[float, float, float]:
+    """Move a follower on by a step: its `along` and `speed` are changed; return x, y (m), heading (rad).
 
     `bends`: how fast the path's bends may be taken; empty for none.
     """
-    follower = followers[0]
     along, before, braking = follower["along"], follower["speed"], follower["braking"]
     pace, stop, half = follower["pace"], follower["stop"], follower["half_length"]
     length = line[line.size - 1]["along"]
@@ -86,5 +160,71 @@ def advance(followers: Records, line: Records, bends: Records, dt: float) -> tup
         if along >= length:
             speed = 0.0
     follower["along"], follower["speed"] = along, speed
-    x, y, heading = pose_on_path(along, half, line)
-    return x, y, heading
+    return _pose(along, half, line)
+
+
+@compiled(FOLLOWERS, STATES, FLOATS, VERTICES, SPEED_POINTS, FLOAT)
+def advance(followers: Records, states: Records, along: FloatArray, lines: Records, bends: Records, dt: float) -> None:
+    """Move followers on by a step, and their states with them.
+
+    `states`, `along`: of all actors. `lines`, `bends`: of all paths, one after the other.
+    """
+    for n in range(followers.size):
+        follower = followers[n]
+        if follower["row"] < 0:
+            continue
+        state, before, heading_before = states[follower["row"]], follower["speed"], follower["heading"]
+        line = lines[follower["line_begin"] : follower["line_end"]]
+        halted = follower["pace"] == 0.0 or follower["along"] >= line[line.size - 1]["along"]
+        if halted and before == state["speed"] == state["acceleration"] == state["yaw_rate"] == 0.0:
+            continue
+        speeds = bends[follower["bends_begin"] : follower["bends_end"]]
+        x, y, heading = _advance(follower, line, speeds, dt)
+        follower["heading"] = heading
+        state["x"], state["y"], state["heading"] = x, y, _wrapped(heading)
+        state["speed"], state["acceleration"] = follower["speed"], (follower["speed"] - before) / dt
+        state["yaw_rate"] = _wrapped(heading - heading_before) / dt
+        along[follower["row"]] = follower["along"]
+
+
+@inner
+def _cell(along: float, follower: Record) -> int:
+    """Return which cell of its path lies at a length."""
+    return int(max(min(np.rint(along / CELL_M), follower["cells_end"] - follower["cells_begin"] - 1), 0))
+
+
+@compiled(FOLLOWERS, STATES, VERTICES, CELLS, SIGHTS)
+def find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
+    """Find out where SUMO's vehicles see followers: on the road, or about to step on it.
+
+    `sights` is filled for those that are seen, and with `OFF_ROAD` for those that are not seen any more, as many as are
+    returned. It ends at a cell that has to be looked up first: the last of `sights` says which (`UNKNOWN`).
+    """
+    found = 0
+    for n in range(followers.size):
+        follower = followers[n]
+        if follower["row"] < 0:
+            continue
+        state = states[follower["row"]]
+        k = _cell(follower["along"], follower)
+        lane = cells[follower["cells_begin"] + k]["lane"]
+        if lane == OFF_ROAD and state["speed"] > STANDS_MPS:
+            k = _cell(min(follower["along"] + STEPS_OUT_M, lines[follower["line_end"] - 1]["along"]), follower)
+            lane = cells[follower["cells_begin"] + k]["lane"]
+        if lane == OFF_ROAD and follower["seen_on"] == OFF_ROAD:
+            continue
+        sight = sights[found]
+        found += 1
+        sight["follower"], sight["lane"], sight["cell"] = n, lane, k
+        if lane == UNKNOWN:
+            break
+        if lane == OFF_ROAD:
+            continue
+        heading = cells[follower["cells_begin"] + k]["heading"]
+        turned = state["heading"] - heading
+        ahead = np.cos(turned)
+        length = abs(ahead) * follower["length"] + abs(np.sin(turned)) * follower["width"]
+        half, speed = length / 2, state["speed"] * ahead
+        sight["x"], sight["y"] = state["x"] + half * np.cos(heading), state["y"] + half * np.sin(heading)
+        sight["heading"], sight["length"], sight["speed"] = heading, length, speed if speed > 0.0 else 0.0
+    return found

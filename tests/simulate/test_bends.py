@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from foresee_dsl.compile.roads.polyline import Polyline
 from foresee_dsl.simulate.actors.bend_speeds import TURNS_WITH, BendSpeeds, approached
 from foresee_dsl.simulate.actors.dynamics import lateral_limit_mps2
-from foresee_dsl.simulate.actors.path_followers import PathFollower
 from foresee_dsl.simulate.runner import run
 from foresee_dsl.simulate.trace import SPEED, YAW_RATE
 from tests.support.nets import COMPACT, VAN
+from tests.support.paths import Walk
 from tests.support.scenes import Cruise, Town
 
 _ANGLES = np.linspace(-math.pi / 2, 0, 30)
@@ -86,10 +86,10 @@ def test_on_a_wet_road_they_take_the_same_corner_slower(town: Town) -> None:
 def test_a_bicycle_on_a_path_takes_the_corner_within_its_balance() -> None:
     path = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0)]
     values = {"pace_mps": 5.0, "acceleration_mps2": 1.0, "braking_mps2": 3.0, "length_m": 1.8, "speed_mps": 5.0}
-    rider = PathFollower(path, lateral_mps2=lateral_limit_mps2("bicycle.city", 0.9), **values)
+    rider = Walk(path, lateral_mps2=lateral_limit_mps2("bicycle.city", 0.9), **values)
     poses = [rider.step(0.05) for _ in range(300)]
     assert max(abs(p.speed * p.yaw_rate) for p in poses) <= 0.4 * 9.81
     assert max(p.speed for p in poses[-150:-60]) > 3.0, "it gains speed behind the corner"
-    free = PathFollower(path, **values)
+    free = Walk(path, **values)
     assert max(abs(p.speed * p.yaw_rate) for p in (free.step(0.05) for _ in range(300))) > 0.4 * 9.81
     assert TURNS_WITH < 1

@@ -17,15 +17,15 @@ from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import Mover
 from foresee_dsl.simulate.actors.dynamics import BicycleState
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
-from foresee_dsl.simulate.actors.path_followers import PathFollower
+from tests.support.paths import Walk
 
 DT = 0.05
 CAR = VehicleLimits("car.compact", 4.2, 1.8, 2.6, 0.85, 45.0, 2.6, 4.5, 8.0, math.radians(35), math.radians(400), 0.9)
 BUS = VehicleLimits("bus.city", 12.0, 2.5, 6.0, 2.7, 28.0, 1.2, 4.0, 6.5, math.radians(45), math.radians(300), 0.9)
 
 
-def follower(path: list[tuple[float, float]], **values: float) -> PathFollower:
-    return PathFollower(path, **{"pace_mps": 1.4, "acceleration_mps2": 1.5, "braking_mps2": 2.0, **values})
+def follower(path: list[tuple[float, float]], **values: float) -> Walk:
+    return Walk(path, **{"pace_mps": 1.4, "acceleration_mps2": 1.5, "braking_mps2": 2.0, **values})
 
 
 # ---------------------------------------------------------------------------------------------- path-followers

@@ -10,6 +10,8 @@ from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import XY, Points, line_of
 from foresee_dsl.compile.roads.route_line import RouteLine
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS, PathActor
+from foresee_dsl.simulate.actors.path_groups import PathGroup
+from foresee_dsl.simulate.actors.states import StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
@@ -31,7 +33,7 @@ class GuidedVehicle(SumoVehicle):
         ends_m: how long its path is. backs: it goes backwards along its path.
     """
 
-    __slots__ = ("_edge", "_friction", "_roads", "_world", "backs", "ends_m", "guide", "route", "way")
+    __slots__ = ("_edge", "_friction", "_group", "_roads", "_world", "backs", "ends_m", "guide", "route", "way")
 
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
         """Start where the actor is placed: on a path, or on the lanes."""
@@ -65,9 +67,10 @@ class GuidedVehicle(SumoVehicle):
             timing=timing,
             walk_stops=(),
         )
-        was, self.guide = self.guide, PathActor(placed, self._world, self._roads, self._edge, self._friction)
+        was, self.guide = self.guide, PathActor(placed, self._world, self._edge, self._friction)
         if was is not None:
             self.guide.stand_in = was.stand_in  # SUMO has it already
+        self._group = PathGroup((self.guide,), (0,), StateTable((self.guide,)), self._roads)
         self.along = along_m
         self.lane = ""
 
@@ -105,7 +108,7 @@ class GuidedVehicle(SumoVehicle):
     def step_on_path(self) -> None:
         """Move one step along the path."""
         if self.guide is not None:
-            self.guide.step()
+            self._group.move()
             guide = self.guide
             if self.backs:
                 heading = math.remainder(guide.heading + math.pi, math.tau)
@@ -113,6 +116,11 @@ class GuidedVehicle(SumoVehicle):
             else:
                 self.move(guide.x, guide.y, guide.heading, guide.speed, guide.acceleration, guide.yaw_rate)
             self.along = guide.along
+
+    def show(self) -> None:
+        """Let SUMO's vehicles see it while it is on the path."""
+        if self.guide is not None and self.present:
+            self._group.show()
 
     def hand_over(self) -> PlacedActor | None:
         """Leave the path for the lanes: return the vehicle as SUMO is to have it at the end of the next step, in the
@@ -123,7 +131,7 @@ class GuidedVehicle(SumoVehicle):
         x, y = self.front
         ahead_x, ahead_y = x, y
         if not self.backs:
-            guide.step()  # where it is at the end of the step
+            self._group.move()  # where it is at the end of the step
             ahead_x, ahead_y = guide.front
         s, _ = way.project(ahead_x, ahead_y)
         lane = self._roads.lanes[way.lane_at(s)]
@@ -133,7 +141,7 @@ class GuidedVehicle(SumoVehicle):
         record["front_x"], record["front_y"] = x, y
         record["sumo_x"], record["sumo_y"] = back_x, back_y
         record["offset"] = (y - back_y) * math.cos(back_heading) - (x - back_x) * math.sin(back_heading)
-        guide.stand_in.show(())
+        guide.stand_in.hide()
         self.guide, self.along, self.lane, self.backs = None, math.nan, lane.id, False
         route = self.route[self.route.index(edge) :] if edge in self.route else self.route
         self.placed = replace(self.placed, route=route, line=way, lane=lane.id)

@@ -6,17 +6,15 @@ Each knows how to move one step and where SUMO's vehicles should see it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
-
-import shapely
 
 from foresee_dsl.compile.bundle import PlacedActor, RecordedState
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
+from foresee_dsl.kernels import path_following
 from foresee_dsl.kernels.boxes import Mover, corner_points
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, lateral_limit_mps2, limits_of
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
@@ -26,19 +24,14 @@ from foresee_dsl.simulate.actors.sumo_vehicles import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import GHOST_TYPE, World
 
-STANDS_MPS = 0.1
+STANDS_MPS = path_following.STANDS_MPS
 """Slower is standing; SUMO's own threshold for a halting vehicle."""
 PUSHED_MPS2 = 2.0
 """What an obstacle with a path, whose model cannot speed up or brake, is moved with. Ours: a camera on a cart."""
-STEPS_OUT_M = 1.0
-"""A pedestrian this near (along its path) to the road is seen by SUMO's drivers as about to step on it. Ours: one
-pace."""
 KERB_M = 0.5
 """A pedestrian waits this far before the edge of a crossing. Ours: toes behind the kerb."""
 PASSES_M = 1.1
 """A body that stays this far from a lane's centreline does not block it. Ours: half a car's width and 0.2 m."""
-_GRID_M = 0.5
-"""The lane under a path is looked up once per this length of it. Ours."""
 
 
 class Ego(Actor):
@@ -143,30 +136,60 @@ class StandIn:
     right of way depends on that; of a new one it knows no more than a description says.
     """
 
-    def __init__(self, world: World, network: RoadNetwork, name: str, edge: str) -> None:
+    def __init__(self, world: World, name: str, edge: str) -> None:
         """Prepare one; nothing is on the road yet."""
-        self._world, self._network, self._name, self._edge = world, network, name, edge
+        self._world, self._name, self._edge = world, name, edge
         self._in: dict[str, float] = {}
+        self._positions: Sequence[LanePosition] = ()
 
-    def show(self, positions: Sequence[LanePosition], speed_mps: float = 0.0) -> None:
-        """Show the body at these places for the next step, and nowhere else, with its speed along the lane."""
-        if not positions and not self._in:
-            return
-        names = [f"~{self._name}~{position.lane}" for position in positions]
-        for name in [name for name in self._in if name not in names]:
-            self._world.remove(name)
-            del self._in[name]
-        for name, (x, y, heading, length, lane) in zip(names, positions, strict=True):
-            if name not in self._in:
-                self._world.add_body(name, GHOST_TYPE, (self._edge,), length)
-            self._in[name] = speed_mps
+    def show(self, positions: Sequence[LanePosition]) -> None:
+        """Show a body that stands at these places for the next step, and nowhere else."""
+        if positions is not self._positions:
+            self._positions = positions
+            names = {f"~{self._name}~{position.lane}" for position in positions}
+            self._remove([name for name in self._in if name not in names])
+        for x, y, heading, length, lane in positions:
             half = length / 2
-            self._world.place(name, x + half * math.cos(heading), y + half * math.sin(heading), heading, lane)
+            front = x + half * math.cos(heading), y + half * math.sin(heading), heading
+            self._place(f"~{self._name}~{lane}", lane, front, length, 0.0)
+
+    def place(self, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float) -> None:
+        """Show a body on one lane for the next step, and nowhere else, with its speed along the lane.
+
+        `front`: x, y (m), heading (rad) of the stand-in. `length_m`: of the stand-in, if it is a new one.
+        """
+        name = f"~{self._name}~{lane}"
+        if self._in and name not in self._in:
+            self.hide()
+        self._place(name, lane, front, length_m, speed_mps)
+
+    def hide(self) -> None:
+        """Show the body nowhere."""
+        self._positions = ()
+        self._remove(list(self._in))
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether SUMO's cars see it."""
+        return bool(self._in)
 
     def settle(self) -> None:
         """After a step: tell SUMO the speed; it makes one up from the displacement."""
         for name, speed in self._in.items():
             self._world.settle(name, speed, 0.0)
+
+    def _place(
+        self, name: str, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float
+    ) -> None:
+        if name not in self._in:
+            self._world.add_body(name, GHOST_TYPE, (self._edge,), length_m)
+        self._in[name] = speed_mps
+        self._world.place(name, *front, lane)
+
+    def _remove(self, names: Sequence[str]) -> None:
+        for name in names:
+            self._world.remove(name)
+            del self._in[name]
 
 
 class StaticActor(Actor):
@@ -177,7 +200,7 @@ class StaticActor(Actor):
     def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str) -> None:
         """Stand where it is placed, and find the lanes that it blocks."""
         super().__init__(actor)
-        self.stand_in = StandIn(world, network, actor.id, edge)
+        self.stand_in = StandIn(world, actor.id, edge)
         self.positions = _blocked(self, network)
 
     def look(self, network: RoadNetwork) -> None:
@@ -186,16 +209,21 @@ class StaticActor(Actor):
 
 
 class PathActor(Actor):
-    """A pedestrian, cyclist or vehicle that follows a path."""
+    """A pedestrian, cyclist or vehicle that follows a path; a `PathGroup` moves it and lets SUMO's vehicles see it.
 
-    __slots__ = ("_world", "cruise", "follower", "friction", "held_until", "network", "road_at", "stand_in", "stops")
+    Attributes:
+        path_changed: called when it follows another path; set by its group.
+    """
 
-    def __init__(self, actor: PlacedActor, world: World, network: RoadNetwork, edge: str, friction: float) -> None:
+    __slots__ = ("_world", "cruise", "follower", "friction", "path_changed", "stand_in", "stops")
+
+    def __init__(self, actor: PlacedActor, world: World, edge: str, friction: float) -> None:
         """Start as far along the path as the scene says."""
         super().__init__(actor)
         model, paced = actor.model, with_timing(actor)
-        self._world, self.network, self.friction = world, network, friction
+        self._world, self.friction = world, friction
         self.cruise = paced.cruise_mps
+        self.path_changed: Callable[[], None] | None = None
         self.follower = PathFollower(
             actor.path,
             pace_mps=self.cruise,
@@ -206,24 +234,20 @@ class PathActor(Actor):
             speed_mps=paced.speed_mps,
             lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, friction),
         )
-        self.stand_in = StandIn(world, network, actor.id, edge)
+        self.stand_in = StandIn(world, actor.id, edge)
         self.stops = actor.walk_stops
-        self.road_at: dict[int, tuple[float, str] | None] = {}
-        self.along = actor.along_m
-        pose = self.follower.pose()
-        self.move(pose.x, pose.y, pose.heading, self.follower.speed_mps, self.acceleration)
+        self.move(*self.follower.pose(), self.follower.speed_mps, self.acceleration)
 
-    def step(self) -> None:
-        """Move one step."""
-        follower = self.follower
-        halted = follower.arrived or follower.pace_mps == 0.0
-        if halted and follower.speed_mps == self.speed == self.acceleration == self.yaw_rate == 0.0:
-            return
-        follower.stop_m = self._red_light()
-        pose = follower.step(STEP_S)
-        heading = math.remainder(pose.heading, math.tau)
-        self.move(pose.x, pose.y, heading, pose.speed, pose.acceleration, pose.yaw_rate)
-        self.along = follower.along_m
+    @property
+    def along(self) -> float:
+        """m along its path."""
+        return self.follower.along_m
+
+    @along.setter
+    def along(self, along_m: float) -> None:
+        self.follower.along_m = along_m
+        if self._state_table is not None:
+            self._state_table.along[self._number] = along_m
 
     def follow(self, path: Points) -> None:
         """Follow another path from now on, from its beginning, as fast as it is."""
@@ -238,32 +262,11 @@ class PathActor(Actor):
             lateral_mps2=None if model.kind == "pedestrian" else lateral_limit_mps2(model.name, self.friction),
         )
         self.stops, self.along = (), 0.0
-        self.road_at.clear()
+        if self.path_changed is not None:
+            self.path_changed()
 
-    def show(self) -> None:
-        """Let SUMO's vehicles see it where it is on the road, or about to step on it."""
-        road = self._road(self.along)
-        if road is None and self.speed > STANDS_MPS:
-            road = self._road(min(self.along + STEPS_OUT_M, self.follower.line.length_m))
-        if road is None:
-            self.stand_in.show(())
-            return
-        heading, lane = road
-        turned = self.heading - heading
-        extent = abs(math.cos(turned)) * self.length + abs(math.sin(turned)) * self.width
-        self.stand_in.show(
-            (LanePosition(self.x, self.y, heading, extent, lane),), max(0.0, self.speed * math.cos(turned))
-        )
-
-    def _road(self, along: float) -> tuple[float, str] | None:
-        """Heading and id of the lane at a length of the path, None where that is off the road."""
-        k = round(along / _GRID_M)
-        if k not in self.road_at:
-            x, y, heading = self.follower.line.at(k * _GRID_M)
-            self.road_at[k] = _lane_here(self.network, x, y, heading)
-        return self.road_at[k]
-
-    def _red_light(self) -> float | None:
+    def red_light(self) -> float | None:
+        """Return the length along its path at which it waits for a signal, if it does, m."""
         for enters, _, tls, link in self.stops:
             stop = enters - KERB_M
             # One that waits there may have been written down a rounding further on.
@@ -313,26 +316,6 @@ def with_timing(actor: PlacedActor) -> PlacedActor:
     if k == 1.0:
         return actor
     return replace(actor, cruise_mps=min(actor.cruise_mps * k, top), speed_mps=min(actor.speed_mps * k, top))
-
-
-_HERE: WeakKeyDictionary[RoadNetwork, dict[tuple[float, float, float], tuple[float, str] | None]] = WeakKeyDictionary()
-"""What was looked up: the paths of a clip's children are the same."""
-
-
-def _lane_here(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
-    """Heading and id of the lane at a place, None where that is off the road; `fallback` where there is no lane."""
-    known = _HERE.setdefault(network, {})
-    where = x, y, fallback
-    if where not in known:
-        known[where] = _look_up_lane(network, *where)
-    return known[where]
-
-
-def _look_up_lane(network: RoadNetwork, x: float, y: float, fallback: float) -> tuple[float, str] | None:
-    if not shapely.contains_xy(network.drivable, x, y):
-        return None
-    near = network.nearest_lane(x, y, None, "car", 5.0)
-    return (near.lane.line.at(near.pos_m)[2], near.lane.id) if near is not None else (fallback, "")
 
 
 def _blocked(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:

@@ -1,40 +1,28 @@
-"""Actors that Python moves along a path: pedestrians, and cyclists or vehicles off the lanes.
+"""The path that an actor follows, and how: pedestrians, and cyclists or vehicles off the lanes.
 
-One is restored from what a clip holds: its length along the path and its speed.
+`path_groups` moves them. One is restored from what a clip holds: its length along the path and its speed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import nan
-from typing import NamedTuple
+from math import isnan, nan
 
 import numpy as np
 
-from foresee_dsl.compile.roads.polyline import Points, as_line, line_of, wrap
+from foresee_dsl.compile.roads.polyline import Points, Polyline, as_line, line_of
 from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.lines import speed_points, vertices
-from foresee_dsl.kernels.path_following import Follower, advance, pose_on_path
+from foresee_dsl.kernels.path_following import OFF_ROAD, Follower, pose_on_path
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.bend_speeds import BendSpeeds
 
-_ALONG, _SPEED, _PACE, _STOP = (Follower._fields.index(name) for name in ("along", "speed", "pace", "stop"))
-
-
-class FollowerPose(NamedTuple):
-    """Where a path-follower is: centre (m), heading (rad), speed (m/s), acceleration (m/s^2), yaw rate (rad/s)."""
-
-    x: float
-    y: float
-    heading: float
-    speed: float
-    acceleration: float
-    yaw_rate: float
+_ALONG, _SPEED, _PACE, _STOP = map(Follower._fields.index, ("along", "speed", "pace", "stop"))
 
 
 class PathFollower:
-    """Moves along a polyline toward a pace, and stops at its end and where it is told to.
+    """Follows a polyline toward a pace, and stops at its end and where it is told to.
 
     Each step follows from `along_m` and `speed_mps` (and the pace and the stop in force), so one restored from those
     continues on the same positions.
@@ -51,10 +39,11 @@ class PathFollower:
     Raises:
         ValueError: the path has no length, or a rate is not positive.
 
+    A `stop_m` that lies behind, or nearer than it can brake for, does not hold it.
+
     Attributes:
-        pace_mps: may be changed at any time; 0 halts it.
-        stop_m: a length along the path where it must wait, None when it may go on. One that lies behind, or nearer
-            than it can brake for, does not hold it.
+        path: what it follows. line: the same with lengths. vertices, bends: the same for kernels.
+        record: its numbers, an array of one `kernels.path_following.Follower`.
     """
 
     def __init__(
@@ -71,24 +60,74 @@ class PathFollower:
     ) -> None:
         if not (acceleration_mps2 > 0 and braking_mps2 > 0):
             raise ValueError(f"rates must be positive: {acceleration_mps2} and {braking_mps2} m/s^2")
-        points = np.asarray(path, dtype=np.float64).reshape(-1, 2)
-        if not np.isfinite(points).all() or len(points) < 2 or not np.ptp(points, axis=0).max() > 0:
-            raise ValueError(f"a path needs two different points: {points.tolist()}")
-        along = as_line(points)
-        self.line = line_of(along)
-        self.pace_mps = pace_mps
-        self.stop_m: float | None = None
-        self.along_m, self.speed_mps = along_m, speed_mps
-        self._half_m = length_m / 2
-        self._vertices = vertices(self.line.points, self.line.s, self.line.heading)
-        record = Follower(along_m, speed_mps, pace_mps, acceleration_mps2, braking_mps2, nan, self._half_m)
-        self._record = np.array([record], dtype_of(Follower))
-        self._numbers = self._record.view(np.float64)  # read in a tenth of the time that a record's field takes
-        self._rates = {"acceleration": acceleration_mps2, "braking": braking_mps2}
-        self._bends = speed_points((), ())
+        self.path = path if isinstance(path, tuple) else as_line(np.asarray(path, dtype=np.float64).reshape(-1, 2))
+        self.line = _line_of(self.path)
+        self.vertices, self.bends = _vertices_of(self.path), speed_points((), ())
         if lateral_mps2 is not None and length_m > 0:
-            self._bends = _bends_of(along, length_m, lateral_mps2, braking_mps2)
-        self._heading = self._place()[2]
+            self.bends = _bends_of(self.path, length_m, lateral_mps2, braking_mps2)
+        half_m = length_m / 2
+        heading = pose_on_path(along_m, half_m, self.vertices)[2]
+        record = Follower(
+            along=along_m,
+            speed=speed_mps,
+            pace=pace_mps,
+            acceleration=acceleration_mps2,
+            braking=braking_mps2,
+            stop=nan,
+            half_length=half_m,
+            heading=heading,
+            length=0.0,
+            width=0.0,
+            row=0,
+            seen_on=OFF_ROAD,
+            line_begin=0,
+            line_end=len(self.vertices),
+            bends_begin=0,
+            bends_end=len(self.bends),
+            cells_begin=0,
+            cells_end=0,
+        )
+        self._rates = {"acceleration": acceleration_mps2, "braking": braking_mps2}
+        self._half_m = half_m
+        self.keep_in(np.array([record], dtype_of(Follower)))
+
+    def keep_in(self, record: Records) -> None:
+        """Keep its numbers in an array of one record, a part of a larger one perhaps, which has them already."""
+        self.record = record
+        self._numbers = record.view(np.float64)  # read in a tenth of the time that a record's field takes
+
+    @property
+    def along_m(self) -> float:
+        """How far it has come, m."""
+        return self._numbers.item(_ALONG)
+
+    @along_m.setter
+    def along_m(self, along_m: float) -> None:
+        self._numbers[_ALONG] = along_m
+
+    @property
+    def speed_mps(self) -> float:
+        """How fast it is."""
+        return self._numbers.item(_SPEED)
+
+    @property
+    def pace_mps(self) -> float:
+        """The speed that it takes up; 0 halts it."""
+        return self._numbers.item(_PACE)
+
+    @pace_mps.setter
+    def pace_mps(self, pace_mps: float) -> None:
+        self._numbers[_PACE] = pace_mps
+
+    @property
+    def stop_m(self) -> float | None:
+        """A length along the path where it must wait, None when it may go on."""
+        stop_m = self._numbers.item(_STOP)
+        return None if isnan(stop_m) else stop_m
+
+    @stop_m.setter
+    def stop_m(self, stop_m: float | None) -> None:
+        self._numbers[_STOP] = nan if stop_m is None else stop_m
 
     @property
     def arrived(self) -> bool:
@@ -98,27 +137,28 @@ class PathFollower:
     def hold(self, most_mps2: float) -> None:
         """Speed up and brake with no more than this from now on, nor than its own rates."""
         for name, rate in self._rates.items():
-            self._record[name] = min(rate, most_mps2)
+            self.record[name] = min(rate, most_mps2)
 
-    def pose(self) -> FollowerPose:
-        """Return where it is, as if it kept its speed (acceleration and yaw rate 0)."""
-        x, y, heading = self._place()
-        return FollowerPose(x, y, heading, self.speed_mps, 0.0, 0.0)
+    def pose(self) -> tuple[float, float, float]:
+        """Return where it is: x, y (m), heading (rad)."""
+        pose: tuple[float, float, float] = pose_on_path(self.along_m, self._half_m, self.vertices)
+        return pose
 
-    def step(self, dt: float) -> FollowerPose:
-        """Move on by `dt` seconds and return where it is then."""
-        before, heading_before = self.speed_mps, self._heading
-        self._numbers[_PACE] = self.pace_mps
-        self._numbers[_STOP] = nan if self.stop_m is None else self.stop_m
-        x, y, heading = advance(self._record, self._vertices, self._bends, dt)
-        self.along_m, self.speed_mps = self._numbers.item(_ALONG), self._numbers.item(_SPEED)
-        self._heading = heading
-        turned = wrap(heading - heading_before)
-        return FollowerPose(x, y, heading, self.speed_mps, (self.speed_mps - before) / dt, turned / dt)
 
-    def _place(self) -> tuple[float, float, float]:
-        place: tuple[float, float, float] = pose_on_path(self.along_m, self._half_m, self._vertices)
-        return place
+@lru_cache(maxsize=512)
+def _line_of(path: Points) -> Polyline:
+    """Return the line of a path; a `ValueError` where it has no length."""
+    points = np.array(path)
+    if not np.isfinite(points).all() or len(points) < 2 or not np.ptp(points, axis=0).max() > 0:
+        raise ValueError(f"a path needs two different points: {points.tolist()}")
+    return line_of(path)
+
+
+@lru_cache(maxsize=512)
+def _vertices_of(path: Points) -> Records:
+    """Return a path for kernels."""
+    line = line_of(path)
+    return vertices(line.points, line.s, line.heading)
 
 
 @lru_cache(maxsize=256)

@@ -22,6 +22,7 @@ from foresee_dsl.simulate.actors.moved_actors import (
     SteeredVehicle,
     with_timing,
 )
+from foresee_dsl.simulate.actors.path_groups import PathGroup
 from foresee_dsl.simulate.actors.slippery import SlipperyGround
 from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import SumoTraffic, SumoVehicle
@@ -67,7 +68,6 @@ class Simulation:
         on_paths = {actor.id for actor in self.guided if actor.guide is not None}
         self.sumo_vehicles = {actor.id: actor for actor in vehicles if actor.id not in on_paths}
         self._joined: list[SumoVehicle] = []
-        self.path_actors = [actor for actor in self.actors if isinstance(actor, PathActor)]
         self.static_actors = [actor for actor in self.actors if isinstance(actor, StaticActor)]
         self.steered = [actor for actor in self.actors if isinstance(actor, SteeredVehicle)]
         self.by_id = {actor.id: actor for actor in self.actors}
@@ -80,6 +80,8 @@ class Simulation:
         self._held: set[str] = set()
         self.state_table = StateTable(self.actors)
         rows = {actor.id: number for number, actor in enumerate(self.actors)}
+        on_foot = [actor for actor in self.actors if isinstance(actor, PathActor)]
+        self._paths = PathGroup(on_foot, [rows[actor.id] for actor in on_foot], self.state_table, self.network)
         self._traffic = SumoTraffic(
             vehicles,
             self.state_table,
@@ -105,8 +107,7 @@ class Simulation:
         self.ground.take_effect(self.actors, self.sumo_vehicles, self.world)
         self._traffic.slow_for_bends()
         self.ego.drive(control)
-        for actor in self.path_actors:
-            actor.step()
+        self._paths.move()
         for guided in self.guided:
             self._guide(guided)
         self._recover()
@@ -219,10 +220,11 @@ class Simulation:
             self.world.remove(actor.id)
             self._traffic.drop(actor.id)
             if isinstance(actor, GuidedVehicle) and actor.guide is not None:
-                actor.guide.stand_in.show(())
-        elif isinstance(actor, PathActor | StaticActor):
-            actor.stand_in.show(())
-            self.path_actors = [other for other in self.path_actors if other is not actor]
+                actor.guide.stand_in.hide()
+        elif isinstance(actor, PathActor):
+            self._paths.drop(actor)
+        elif isinstance(actor, StaticActor):
+            actor.stand_in.hide()
             self.static_actors = [other for other in self.static_actors if other is not actor]
 
     def close_up(self, actor: Actor, *, on: bool) -> None:
@@ -264,7 +266,7 @@ class Simulation:
         if actor.joins or (actor.guided and wheels and actor.control in ("sumo", "path")):
             return GuidedVehicle(actor, self.world, self.network, edge, self.scene.friction)
         if actor.control == "path":
-            return PathActor(actor, self.world, self.network, edge, self.scene.friction)
+            return PathActor(actor, self.world, edge, self.scene.friction)
         if actor.door is not None:
             return OpenDoor(actor, actor.door, self.world, self.network, edge)
         if actor.control == "static":
@@ -384,11 +386,9 @@ class Simulation:
         return line.lane_at(s + self.ego.length / 2) if abs(lateral) <= OFF_LANE_M else ""
 
     def _show_others(self) -> None:
-        for actor in self.path_actors:
-            actor.show()
+        self._paths.show()
         for guided in self.guided:
-            if guided.guide is not None and guided.present:
-                guided.guide.show()
+            guided.show()
         for static in self.static_actors:
             static.stand_in.show(static.positions)
         for steered in self.steered:
@@ -398,8 +398,9 @@ class Simulation:
 
     def _settle(self) -> None:
         self.world.settle(self.ego.id, self.ego.speed, self.ego.acceleration)
-        for stand_in in [*(a.stand_in for a in self.path_actors), *(a.stand_in for a in self.static_actors)]:
-            stand_in.settle()
+        self._paths.settle()
+        for static in self.static_actors:
+            static.stand_in.settle()
         for guided in self.guided:
             if guided.guide is not None:
                 guided.guide.stand_in.settle()

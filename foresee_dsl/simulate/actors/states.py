@@ -160,7 +160,7 @@ class Actor:
         """Keep its numbers in a row of a table from now on, and tell the table its lane and whether it is there."""
         self._row, self._state_table, self._number = row, state_table, number
         state_table.set_lane(number, self._lane)
-        state_table.along[number] = self._along
+        state_table.along[number] = self.along
         if not self._present:
             state_table.set_present(number, False, "")
 

@@ -80,5 +80,5 @@ class Replay(Simulation):
 
     def _recorded(self, actor: PlacedActor, edge: str) -> Actor:
         if actor.control == "path":
-            return PathActor(actor, self.world, self.network, edge, self.scene.friction)
+            return PathActor(actor, self.world, edge, self.scene.friction)
         return Actor(actor)
