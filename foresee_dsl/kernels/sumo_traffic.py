@@ -64,25 +64,18 @@ class SumoVehicle(NamedTuple):
 VEHICLES = array_of(SumoVehicle)
 
 
-@compiled(INTS, FLOATS, FLOATS, VEHICLES, STATES, VERTICES, FLOAT)
-def follow(
-    seen: IntArray,
-    places: FloatArray,
-    speeds: FloatArray,
-    vehicles: Records,
-    states: Records,
-    lanes: Records,
-    dt: float,
-) -> None:
+@compiled(INTS, FLOATS, VEHICLES, STATES, VERTICES, FLOAT)
+def follow(seen: IntArray, numbers: FloatArray, vehicles: Records, states: Records, lanes: Records, dt: float) -> None:
     """Move footprints to where SUMO has their vehicles after a step.
 
-    `seen`: [N] the vehicles that SUMO has; `places`: [2 N] x, y of the middle of each front bumper, m; `speeds`: [N].
-    `vehicles` and `states` are those of all vehicles and actors, and are changed. `lanes`: the vertices of all lanes.
+    `seen`: [N] the vehicles that SUMO has. `numbers`: [3 N] x, y of the middle of each front bumper, m, one vehicle
+    after the other, and then all speeds, m/s. `vehicles` and `states` are those of all vehicles and actors, and are
+    changed. `lanes`: the vertices of all lanes.
     """
     for n in range(seen.size):
         vehicle = vehicles[seen[n]]
         state = states[vehicle["row"]]
-        x, y, speed = places[2 * n], places[2 * n + 1], speeds[n]
+        x, y, speed = numbers[2 * n], numbers[2 * n + 1], numbers[2 * seen.size + n]
         was, heading, line = state["speed"], state["heading"], vehicle["line"]
         state["acceleration"] = (speed - was) / dt  # as SUMO computes it
         if (

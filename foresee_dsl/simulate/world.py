@@ -17,12 +17,16 @@ import os
 import re
 import tempfile
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from foresee_dsl.compile.bundle import PlacedActor, SumoBundle
 from foresee_dsl.errors import SimulationError
+from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.simulate.signals import Signals
 from foresee_dsl.simulate.trace import STEP_S
 
@@ -67,6 +71,7 @@ class _Known:
     edge: str = ""  # the last one that is no junction's, with the underscore that lane ids have after it
     lane: str = ""  # that it was on after the last step
     factor: float = 1.0
+    top_mps: float = math.nan  # its top speed, as SUMO was told last
     placed: bool = False
     ignores: set[str] = field(default_factory=set)
 
@@ -76,13 +81,12 @@ class Seen(NamedTuple):
 
     Attributes:
         names: N ids; the same object as after the step before where they are the same.
-        places: 2 N numbers: for each, x, y of the middle of its front bumper, m. speeds: N, m/s.
+        numbers: 3 N: for each, x, y of the middle of its front bumper, m; and then the N speeds, m/s.
         changed: id and lane of those on another lane than after the step before.
     """
 
     names: tuple[str, ...]
-    places: list[float]
-    speeds: list[float]
+    numbers: FloatArray
     changed: list[tuple[str, str]]
 
 
@@ -224,13 +228,13 @@ class World:
     def hold(self, actor: PlacedActor) -> None:
         """Keep an actor that was added where it is placed for one more step."""
         try:
-            edge, _, index = actor.lane.rpartition("_")
+            edge, index = _edge_and_index(actor.lane)
             angle, keep_route, within_m = _degrees(actor.heading_rad), 1, MATCH_M
             if not edge:
                 keep_route = 2
             elif actor.lane.startswith(":") or edge != actor.route[0]:
                 keep_route, within_m = 2, ON_LANE_M
-            self._sumo.vehicle.moveToXY(actor.id, edge, int(index or -1), actor.x, actor.y, angle, keep_route, within_m)
+            self._sumo.vehicle.moveToXY(actor.id, edge, index, actor.x, actor.y, angle, keep_route, within_m)
         except self._errors as err:
             raise SimulationError(f"SUMO cannot place {actor.id}: {err}") from err
 
@@ -269,8 +273,7 @@ class World:
 
         `lane`: the lane that it is on; without, SUMO looks for one near the last, which depends on where that was.
         """
-        edge, _, index = lane.rpartition("_")
-        where = (edge, int(index or -1), x_front, y_front, _degrees(heading_rad), 2, MATCH_M)
+        where = (*_edge_and_index(lane), x_front, y_front, _degrees(heading_rad), 2, MATCH_M)
         try:
             self._sumo.vehicle.moveToXY(vehicle, *where)
         except self._errors:
@@ -332,7 +335,8 @@ class World:
         if on_road != self._on_road:
             self._count(on_road)
         names = self._names
-        places = list(chain.from_iterable(map(vehicle.getPosition, names)))
+        places, speeds = chain.from_iterable(map(vehicle.getPosition, names)), map(vehicle.getSpeed, names)
+        numbers = np.fromiter(chain(places, speeds), np.float64, 3 * len(names))
         lanes = list(map(vehicle.getLaneID, names))
         changed = []
         if lanes != self._lanes:
@@ -343,7 +347,7 @@ class World:
             known.lane = lane
             if known.cruise_mps and not lane.startswith((":", known.edge)):
                 self._limit_speed(name, known, lane)
-        return Seen(names, places, list(map(vehicle.getSpeed, names)), changed)
+        return Seen(names, numbers, changed)
 
     def _forget(self, vehicle: str) -> None:
         """Do not count a vehicle among those that SUMO drives any more."""
@@ -374,13 +378,19 @@ class World:
         """Set what a vehicle drives where nothing hinders it, m/s; over the limit of its road if need be."""
         known = self._vehicles[vehicle]
         known.cruise_mps = max(speed_mps, _CRAWLS_MPS)
-        self._sumo.vehicle.setMaxSpeed(vehicle, known.cruise_mps)
+        self._set_top(vehicle, known, known.cruise_mps)
         self._limit_speed(vehicle, known, known.edge)
 
     def limit_speed(self, vehicle: str, speed_mps: float) -> None:
         """Let a vehicle drive at most this, which is no more than its cruise speed, until that is set anew."""
-        if vehicle in self._vehicles:
-            self._sumo.vehicle.setMaxSpeed(vehicle, max(speed_mps, _CRAWLS_MPS))
+        known = self._vehicles.get(vehicle)
+        if known is not None:
+            self._set_top(vehicle, known, max(speed_mps, _CRAWLS_MPS))
+
+    def _set_top(self, vehicle: str, known: _Known, speed_mps: float) -> None:
+        if speed_mps != known.top_mps:
+            known.top_mps = speed_mps
+            self._sumo.vehicle.setMaxSpeed(vehicle, speed_mps)
 
     def set_limit(self, lane: str, speed_mps: float) -> None:
         """Give a lane another speed limit, m/s, for the rest of the run."""
@@ -477,6 +487,13 @@ class World:
 
 def _degrees(heading_rad: float) -> float:
     return (90.0 - math.degrees(heading_rad)) % 360.0
+
+
+@lru_cache(maxsize=4096)
+def _edge_and_index(lane: str) -> tuple[str, int]:
+    """Return the edge of a lane, and which of its lanes it is; "" and -1 for none."""
+    edge, _, index = lane.rpartition("_")
+    return edge, int(index or -1)
 
 
 def _import_libsumo() -> ModuleType:

@@ -22,7 +22,8 @@ def _seen(world: World, vehicle: str) -> tuple[float, float, float]:
     """x, y of its front, and its speed."""
     seen = world.vehicles()
     k = seen.names.index(vehicle)
-    return seen.places[2 * k], seen.places[2 * k + 1], seen.speeds[k]
+    x, y, speed = seen.numbers[[2 * k, 2 * k + 1, 2 * len(seen.names) + k]].tolist()
+    return x, y, speed
 
 
 def test_a_vehicle_is_where_it_was_placed(town: Town) -> None:

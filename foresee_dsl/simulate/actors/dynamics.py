@@ -16,7 +16,7 @@ import numpy as np
 
 from foresee_dsl.compile.bundle import ModelSpec
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
-from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.arrays import FloatArray, Records
 from foresee_dsl.kernels.bicycle import BicycleLimits, VehicleState, step
 from foresee_dsl.kernels.boxes import wheels
 from foresee_dsl.kernels.records import dtype_of
@@ -129,12 +129,15 @@ class Bicycle:
         `ValueError`.
         """
         row = np.array((state.x, state.y, state.heading, state.speed, state.acceleration, state.yaw_rate, state.steer))
-        self.move(row, control, dt)
+        self.move(row.view(_STATE), Control(*checked(control)), dt)
         return BicycleState(*row.tolist())
 
-    def move(self, row: FloatArray, control: Control, dt: float) -> None:
-        """Do the same to a state that is given as an array, [7] the fields of `BicycleState`, which is changed."""
-        step(row.view(_STATE), self._limits, *checked(control), dt)
+    def move(self, state: Records, control: Control, dt: float) -> None:
+        """Do the same to a state that is given as an array of one `VehicleState`, which is changed.
+
+        `control`: within its ranges (`checked`).
+        """
+        step(state, self._limits, control.steer, control.throttle, control.brake, dt)
 
     def steer_for(self, curvature: float) -> float:
         """Return the angle of the front wheels (rad) whose rear axle runs on this curvature (1/m), within the limit."""

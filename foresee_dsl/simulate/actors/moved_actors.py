@@ -9,17 +9,21 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 from foresee_dsl.compile.bundle import PlacedActor, RecordedState
 from foresee_dsl.compile.roads.network import RoadNetwork
 from foresee_dsl.compile.roads.polyline import Points
 from foresee_dsl.drivers.protocol import Control, VehicleLimits
 from foresee_dsl.kernels import path_following
-from foresee_dsl.kernels.boxes import Mover, corner_points
+from foresee_dsl.kernels.arrays import FloatArray, Records
+from foresee_dsl.kernels.bicycle import VehicleState
+from foresee_dsl.kernels.boxes import Box, Mover, corner_points
+from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.simulate.actors.dynamics import Bicycle, BicycleState, centre_of_front, lateral_limit_mps2, limits_of
 from foresee_dsl.simulate.actors.lane_recovery import LaneRecovery
 from foresee_dsl.simulate.actors.path_followers import PathFollower
-from foresee_dsl.simulate.actors.states import Actor
+from foresee_dsl.simulate.actors.states import Actor, StateTable
 from foresee_dsl.simulate.actors.sumo_vehicles import ROUNDING_M, SumoVehicle
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import GHOST_TYPE, World
@@ -37,11 +41,12 @@ PASSES_M = 1.1
 class Ego(Actor):
     """The vehicle of the driver under test."""
 
-    __slots__ = ("_recorded", "motion")
+    __slots__ = ("_recorded", "_state", "motion")
 
     def __init__(self, actor: PlacedActor, friction: float) -> None:
         """Start where the actor is placed."""
         super().__init__(actor)
+        self._state: Records = self._row.view(dtype_of(VehicleState))
         self.motion = Bicycle(limits_of(actor.model, friction))
         self._recorded = iter(recorded_states(self.bicycle(), actor.recorded, self.motion))
 
@@ -50,17 +55,25 @@ class Ego(Actor):
         """What it can do."""
         return self.motion.limits
 
+    def join(self, state_table: StateTable, number: int, row: FloatArray) -> None:
+        """See `Actor.join`."""
+        super().join(state_table, number, row)
+        self._state = row.view(dtype_of(VehicleState))
+
     def drive(self, control: Control) -> None:
         """Move one step; the lane is read from the network, not from SUMO.
 
-        While there are recorded states it moves to the next of them, whatever the driver answers.
+        While there are recorded states it moves to the next of them, whatever the driver answers. `control`: within its
+        ranges.
         """
         recorded = next(self._recorded, None)
         if recorded is not None:
             self.set_state(recorded)
         else:
-            self.motion.move(self._row, control, STEP_S)
-            self._row[2] = math.remainder(self.heading, math.tau)
+            self.motion.move(self._state, control, STEP_S)
+            heading = self.heading
+            if not -math.pi <= heading <= math.pi:
+                self._row[2] = math.remainder(heading, math.tau)
 
 
 def recorded_states(start: BicycleState, recorded: Sequence[RecordedState], motion: Bicycle) -> Iterator[BicycleState]:
@@ -120,11 +133,9 @@ def _cubic(a: float, a_rate: float, b: float, b_rate: float, span_s: float, shar
 
 
 class LanePosition(NamedTuple):
-    """Where a body is seen: x, y of its middle (m), the lane with its heading there (rad), the length along it (m)."""
+    """Where a body is seen: x, y (m) and heading (rad) of the stand-in's front, its length (m), its lane."""
 
-    x: float
-    y: float
-    heading_rad: float
+    front: tuple[float, float, float]
     length_m: float
     lane: str
 
@@ -141,17 +152,16 @@ class StandIn:
         self._world, self._name, self._edge = world, name, edge
         self._in: dict[str, float] = {}
         self._positions: Sequence[LanePosition] = ()
+        self._standing: dict[str, LanePosition] = {}  # by the name of the stand-in
 
     def show(self, positions: Sequence[LanePosition]) -> None:
         """Show a body that stands at these places for the next step, and nowhere else."""
         if positions is not self._positions:
             self._positions = positions
-            names = {f"~{self._name}~{position.lane}" for position in positions}
-            self._remove([name for name in self._in if name not in names])
-        for x, y, heading, length, lane in positions:
-            half = length / 2
-            front = x + half * math.cos(heading), y + half * math.sin(heading), heading
-            self._place(f"~{self._name}~{lane}", lane, front, length, 0.0)
+            self._standing = {f"~{self._name}~{position.lane}": position for position in positions}
+            self._remove([name for name in self._in if name not in self._standing])
+        for name, position in self._standing.items():
+            self._place(name, position.lane, position.front, position.length_m, 0.0)
 
     def place(self, lane: str, front: tuple[float, float, float], length_m: float, speed_mps: float) -> None:
         """Show a body on one lane for the next step, and nowhere else, with its speed along the lane.
@@ -166,6 +176,7 @@ class StandIn:
     def hide(self) -> None:
         """Show the body nowhere."""
         self._positions = ()
+        self._standing.clear()
         self._remove(list(self._in))
 
     @property
@@ -201,11 +212,11 @@ class StaticActor(Actor):
         """Stand where it is placed, and find the lanes that it blocks."""
         super().__init__(actor)
         self.stand_in = StandIn(world, actor.id, edge)
-        self.positions = _blocked(self, network)
+        self.positions = _blocked_by(self, network)
 
     def look(self, network: RoadNetwork) -> None:
         """Find the lanes that it blocks where it is now."""
-        self.positions = _blocked(self, network)
+        self.positions = _blocked_by(self, network)
 
 
 class PathActor(Actor):
@@ -318,10 +329,25 @@ def with_timing(actor: PlacedActor) -> PlacedActor:
     return replace(actor, cruise_mps=min(actor.cruise_mps * k, top), speed_mps=min(actor.speed_mps * k, top))
 
 
-def _blocked(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:
-    """The stretches of lanes that a body blocks."""
+_MOST_KNOWN = 2048
+"""Results that are kept of one network. Ours: the bodies of some hundred test cases."""
+_BLOCKED: WeakKeyDictionary[RoadNetwork, dict[Box, tuple[LanePosition, ...]]] = WeakKeyDictionary()
+"""What was looked up: the obstacles of a clip's children stand at the same places."""
+
+
+def _blocked_by(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:
+    """Return the stretches of lanes that a body blocks."""
+    known, box = _BLOCKED.setdefault(network, {}), block.box
+    if box not in known:
+        if len(known) >= _MOST_KNOWN:
+            known.clear()
+        known[box] = _blocked(box, network)
+    return known[box]
+
+
+def _blocked(block: Box, network: RoadNetwork) -> tuple[LanePosition, ...]:
     found: dict[str, LanePosition] = {}
-    for x, y in ((block.x, block.y), *corner_points(block.box)):
+    for x, y in ((block.x, block.y), *corner_points(block)):
         near = network.nearest_lane(x, y, None, "car", PASSES_M)
         if near is None or near.lane.id in found:
             continue
@@ -329,5 +355,6 @@ def _blocked(block: Actor, network: RoadNetwork) -> tuple[LanePosition, ...]:
         lane_x, lane_y, heading = near.lane.line.at(min(max(pos, 0.0), near.lane.line.length_m))
         turned = block.heading - heading
         extent = abs(math.cos(turned)) * block.length + abs(math.sin(turned)) * block.width
-        found[near.lane.id] = LanePosition(lane_x, lane_y, heading, extent, near.lane.id)
+        front = lane_x + extent / 2 * math.cos(heading), lane_y + extent / 2 * math.sin(heading), heading
+        found[near.lane.id] = LanePosition(front, extent, near.lane.id)
     return tuple(found.values())

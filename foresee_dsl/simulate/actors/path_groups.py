@@ -32,6 +32,9 @@ from foresee_dsl.simulate.trace import STEP_S
 _MATCH_M = 5.0
 """A lane this near to a place on the road is the lane there. Ours."""
 
+_MOST_PATHS = 512
+"""Paths of a network about which something is kept. Ours: those of some hundred test cases."""
+
 
 class LanesUnderPaths:
     """The lanes under the paths of a network, looked up when they are first asked for.
@@ -51,6 +54,8 @@ class LanesUnderPaths:
         """Return what is known of the cells under a path."""
         found = self._cells.get(follower.path)
         if found is None:
+            if len(self._cells) >= _MOST_PATHS:
+                self._cells.clear()
             count = round(follower.line.length_m / CELL_M) + 1
             found = self._cells[follower.path] = np.zeros(count, dtype_of(PathCell))
             found["lane"] = UNKNOWN

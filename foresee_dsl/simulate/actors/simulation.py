@@ -363,6 +363,8 @@ class Simulation:
         self.world.step()
         self._settle()
         for vehicle in self.sumo_vehicles.values():
+            if vehicle.id not in self.world:
+                continue  # not yet
             speed = vehicle.speed if vehicle.speed < STANDS_MPS else max(vehicle.speed, at_least_mps)
             self.world.settle(vehicle.id, speed, vehicle.acceleration)
 

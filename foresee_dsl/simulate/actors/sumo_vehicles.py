@@ -35,6 +35,35 @@ ROUNDING_M = 1e-2
 """An offset from the lane that rounding in a description can explain; it is corrected at once."""
 
 
+class _PlaceInSumo(NamedTuple):
+    """Where SUMO is to have a vehicle a step before the first frame; `rolls`: see `SumoVehicle`."""
+
+    x: float
+    y: float
+    heading_rad: float
+    lane: str
+    route: tuple[str, ...]
+    rolls: bool
+
+
+class _PlaceOnLane(NamedTuple):
+    """The lane that a placed vehicle follows: the nearest point of its middle, m, how far along it that is and how far
+    to its left the vehicle is, m."""
+
+    lane: str
+    x: float
+    y: float
+    along_m: float
+    offset_m: float
+
+
+_MOST_PLACES = 2048
+"""Results that are kept of one network. Ours: the vehicles of a hundred test cases."""
+_PLACES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceInSumo]] = WeakKeyDictionary()
+_ON_LANES: WeakKeyDictionary[RoadNetwork, dict[tuple[Any, ...], _PlaceOnLane]] = WeakKeyDictionary()
+"""What was computed: most vehicles of a clip's children begin at the same places."""
+
+
 class SumoVehicle(Actor):
     """A vehicle that SUMO drives.
 
@@ -104,6 +133,18 @@ class SumoVehicle(Actor):
         """
         if not self.lane:
             return self.placed
+        known, placed = _PLACES.setdefault(self._network, {}), self.placed
+        key = (self.lane, self.speed, placed.x, placed.y, placed.heading_rad, self.line_m, placed.route, placed.model)
+        found = known.get(key)
+        if found is None:
+            if len(known) >= _MOST_PLACES:
+                known.clear()
+            found = known[key] = self._place_in_sumo()
+        x, y, heading, lane, route, self.rolls = found
+        return replace(placed, x=x, y=y, heading_rad=heading, lane=lane, route=route)
+
+    def _place_in_sumo(self) -> _PlaceInSumo:
+        """See `in_sumo`."""
         lane = self._network.lanes[self.lane]
         shape = lane.centreline
         now = float(shapely.line_locate_point(shape, shapely.Point(self.record["sumo_x"], self.record["sumo_y"])))
@@ -114,14 +155,14 @@ class SumoVehicle(Actor):
             left_m = self.speed * STEP_S - now * lane.length_m / shape.length
             lane, shape = came_from, came_from.centreline
             before = shape.length * (1 - left_m / lane.length_m)
-        self.rolls = before > 0
-        at = shapely.line_interpolate_point(shape, before if self.rolls else now)
+        rolls = before > 0
+        at = shapely.line_interpolate_point(shape, before if rolls else now)
         near_s = self._beside[1] if lane.id == self._beside[0] else None
         heading = lane.line.at(lane.line.project(at.x, at.y, near_s)[0])[2]
         route = self.placed.route
-        if not lane.internal and (before if self.rolls else now) < self.length:
+        if not lane.internal and (before if rolls else now) < self.length:
             route = self._with_edge_before(lane, route)
-        return replace(self.placed, x=at.x, y=at.y, heading_rad=heading, lane=lane.id, route=route)
+        return _PlaceInSumo(at.x, at.y, heading, lane.id, route, rolls)
 
     def _with_edge_before(self, lane: Lane, route: tuple[str, ...]) -> tuple[str, ...]:
         """Return a route with the edge from which a vehicle came whose rear is inside the junction still.
@@ -147,19 +188,27 @@ class SumoVehicle(Actor):
 
     def _find_lane(self, nearest: Lane) -> None:
         """Find the lane that the vehicle follows, and the place on it that SUMO is to have it at."""
+        known, placed, record = _ON_LANES.setdefault(self._network, {}), self.placed, self.record
+        key = (nearest.id, self.speed, placed.x, placed.y, placed.heading_rad, placed.line_m, placed.model)
+        found = known.get(key)
+        if found is None:
+            if len(known) >= _MOST_PLACES:
+                known.clear()
+            found = known[key] = self._place_on_lane(nearest)
+        self.lane, record["sumo_x"], record["sumo_y"], record["heading_s"], record["offset"] = found
+        self._beside = found.lane, found.along_m
+
+    def _place_on_lane(self, nearest: Lane) -> _PlaceOnLane:
+        """See `_find_lane`."""
         # Who keeps beside the middle of its lane is not on its way to another one.
-        x, y, record = self.placed.x, self.placed.y, self.record
+        x, y = self.placed.x, self.placed.y
         near_s, lateral = nearest.line.project(x, y)
         lane = nearest if self.placed.line_m else self._heads_for(nearest, near_s, lateral)
-        self.lane = lane.id
         line = lane.centreline
         centre = shapely.line_interpolate_point(line, shapely.line_locate_point(line, shapely.Point(x, y)))
-        record["sumo_x"], record["sumo_y"] = centre.x, centre.y
         if lane is not nearest:
             near_s, lateral = lane.line.project(x, y)
-        self._beside = lane.id, near_s
-        record["heading_s"] = near_s
-        record["offset"] = lateral if abs(lateral) > ROUNDING_M else 0.0
+        return _PlaceOnLane(lane.id, centre.x, centre.y, near_s, lateral if abs(lateral) > ROUNDING_M else 0.0)
 
     def _heads_for(self, nearest: Lane, s: float, lateral: float) -> Lane:
         """Return the lane that a vehicle between two lanes is changing to: the one that it turns towards.
@@ -260,7 +309,7 @@ class SumoTraffic:
 
     def follow(self) -> tuple[str, ...]:
         """Move every vehicle to where SUMO has it after a step; return the ids of those that have left the world."""
-        names, places, speeds, changed = self._world.vehicles()
+        names, numbers, changed = self._world.vehicles()
         left: tuple[str, ...] = ()
         if names is not self._names:
             left = self._note_names(names)
@@ -269,9 +318,7 @@ class SumoTraffic:
             if lane != self._vehicles[number].lane:
                 self._vehicles[number].lane = lane
                 self._set_lane(number, lane)
-        sumo_traffic.follow(
-            self._seen, np.array(places), np.array(speeds), self._records, self._states, self._table.vertices, STEP_S
-        )
+        sumo_traffic.follow(self._seen, numbers, self._records, self._states, self._table.vertices, STEP_S)
         return left
 
     def drop(self, vehicle: str) -> None:
@@ -293,7 +340,7 @@ class SumoTraffic:
         found = sumo_traffic.slow_for_bends(
             self._driven, self._records, self._states, self._table.vertices, self._bends.points, self._changed, STEP_S
         )
-        changed: list[int] = self._changed[:found].tolist()
+        changed: list[int] = self._changed[:found].tolist() if found else []
         return changed
 
     def _set_lane(self, number: int, lane: str) -> None:
