@@ -59,8 +59,9 @@ class ChildStep(ClipPart["MutantsStep", Mutants]):
         file = work.folder / f"{self.name}.foresee"
         mutant = mutant_of(self.mutant.text).model_copy(update={"name": self.name})
         outcome, result = run_child(
-            mutant, parent, file, driver=work.settings.driver, seed=self.seed, deadlines=work.deadlines
-        )
+            mutant, parent, file, driver=work.settings.driver, seed=self.seed, deadlines=work.deadlines,
+            meaning=self.mutant.meaning,
+        )  # fmt: skip
         return outcome, result.trace if result.verdict.is_failure else None
 
     def broken(self, case: TestCase, file: str, verdict: Verdict, reason: str) -> ChildOutcome:  # noqa: ARG002
@@ -77,9 +78,13 @@ def run_child(
     driver: str,
     seed: int,
     deadlines: Deadlines = DEADLINES,
+    meaning: str = "",
 ) -> tuple[ChildOutcome, RunResult]:
-    """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it."""
-    case = expand_mutant(mutant, clip_case, source=file)
+    """Run a mutant; write into it what was found and, of a failure, whether a careful driver would have avoided it.
+
+    `meaning`: that of its test case, where it is known already.
+    """
+    case = expand_mutant(mutant, clip_case, source=file, meaning=meaning)
     result = run_test_case(case, driver, seed, deadlines=deadlines)
     known = explained(case, result)
     mutant, story = with_found(mutant, result.reason, known), known.story

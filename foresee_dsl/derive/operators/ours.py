@@ -74,7 +74,10 @@ class HeadStart(BuiltIn):
         moves = situation.speed_mps(target, 0) > STANDS_MPS
         if was is None or not moves or not _moves_on_path(situation, target, preset):
             return ()
-        places = self._places(situation, target, was.si, preset.head_start)
+        known, settings = situation.head_starts, preset.head_start
+        if (target, settings) not in known:  # no draw changes them
+            known[target, settings] = tuple(self._places(situation, target, was.si, settings))
+        places = known[target, settings]
         return self.changed(situation, target, places[int(rng.integers(len(places)))] if places else None)
 
     def rolled_out(self, boxes: FloatArray, change: Change, run: ActorsRun) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from foresee_dsl.compile.bundle import ModelSpec
-from foresee_dsl.derive.presets import Preset
+from foresee_dsl.derive.presets import HeadStartSettings, Preset
 from foresee_dsl.forecast.geometry import distances_to_ego
 from foresee_dsl.forecast.settings import VEHICLE_KINDS
 from foresee_dsl.kernels.arrays import FloatArray
@@ -60,6 +60,11 @@ class Situation:
     @cached_property
     def fitting_models(self) -> dict[str, tuple[str, ...]]:
         """The models that fit in the place of actors, as far as an operator has looked for them."""
+        return {}
+
+    @cached_property
+    def head_starts(self) -> dict[tuple[str, HeadStartSettings], tuple[float, ...]]:
+        """Where actors may begin on their paths, m, as far as an operator has looked for it."""
         return {}
 
     def info(self, actor: str) -> ActorInfo:

@@ -58,11 +58,13 @@ def expand_clip(clip: m.Clip, parent: TestCase, *, source: Path, document: Docum
     )
 
 
-def expand_mutant(mutant: m.Mutant, clip_case: TestCase, *, source: Path, document: Document | None = None) -> TestCase:
+def expand_mutant(
+    mutant: m.Mutant, clip_case: TestCase, *, source: Path, document: Document | None = None, meaning: str = ""
+) -> TestCase:
     """Make the full scenario of a mutant: the clip's, with every `change` line applied in order.
 
     A change of `steer`, `timing` or `delay` replaces what the actor had. The clip may be another mutant of it; `source`
-    and `document` as of `expand_clip`.
+    and `document` as of `expand_clip`. `meaning`: the test case's, where it is known already.
     """
     name = document.path if document is not None else source.as_posix()
     source = absolute(source)
@@ -76,7 +78,7 @@ def expand_mutant(mutant: m.Mutant, clip_case: TestCase, *, source: Path, docume
     findings.raise_if_any()
     body = tuple(item for item in changed if not isinstance(item, m.UseNetwork | m.UseModels | m.Network))
     scenario = _behind_tags(mutant.name, body, *surroundings(clip_case, source.parent))
-    meaning = meaning_hash(scenario, clip_case.network, clip_case.models)
+    meaning = meaning or meaning_hash(scenario, clip_case.network, clip_case.models)
     return replace(
         clip_case, id=name, scenario=scenario, meaning=meaning, source=source, document=document, mutant=mutant
     )
