@@ -14,6 +14,7 @@ from foresee_dsl.drivers.protocol import Closing, Control, Driver, Mission
 from foresee_dsl.errors import DriverLateError, SimulationError
 from foresee_dsl.kernels.arrays import FloatArray
 from foresee_dsl.kernels.boxes import drives_on
+from foresee_dsl.kernels.direct import direct
 from foresee_dsl.simulate.actors.dynamics import checked
 from foresee_dsl.simulate.actors.moved_actors import STANDS_MPS
 from foresee_dsl.simulate.actors.simulation import Simulation
@@ -123,15 +124,17 @@ class _Run:
         others = self._simulation.actors[1:]
         self._sensing = Sensing(self._simulation, self._mission, seed, sensors)
         self._conditions.eyes, self._conditions.sightlines = self._sensing, LinesOfSight(self._simulation)
-        self._sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
-        self._squares = squares_of(self._simulation.network)
+        sizes = np.array([(actor.length, actor.width) for actor in others], dtype=np.float64).reshape(-1, 2)
+        squares = self._squares = squares_of(self._simulation.network)
         ego = self._simulation.ego
-        self._footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
+        footprint = np.array([ego.length, ego.width, *ego.motion.axles(WHEEL_INSET_M)])
+        self._drives_on = direct(drives_on)
+        self._around = sizes, footprint, squares.left, squares.bottom, squares.cell, squares.known
         self._judge = Judge(
             ids=[actor.id for actor in others],
             # What stands for the whole run is a static object, a parked car too.
             kinds=["obstacle" if a.placed.control == "static" else a.placed.model.kind for a in others],
-            sizes=self._sizes,
+            sizes=sizes,
             ego_size=(ego.length, ego.width),
             end_s=bundle.scene.end_s,
             must_arrive=bundle.scene.must_arrive,
@@ -175,26 +178,33 @@ class _Run:
 
     def _look(self, states: FloatArray) -> Decision | None:
         simulation = self._simulation
+        time_s = simulation.time_s
         arrived = not self._began_at_goal and self._conditions.arrived("ego")
-        decision = None
-        if not arrived and self._drives_on(states):
+        # A cheap test shows that nothing ends the run at this frame, as it nearly always does.
+        if (
+            not arrived
+            and states.item(SPEED) >= STANDS_MPS
+            and time_s < self._bundle.scene.end_s - STEP_S / 2
+            and self._drives_on(states, *self._around)
+        ):
             self._judge.moves()
-        else:
-            ego = simulation.ego.bicycle()
-            decision = self._judge.look(
-                simulation.time_s,
-                ego,
-                states[1:, :3],
-                states[1:, SPEED],
-                off_road=not self._squares.hold(off_road_points(simulation.ego.motion, ego)),
-                arrived=arrived,
-                may_wait=self._may_wait(),
-            )
+            self._expectations.look(time_s, ego_hit=False)
+            return None
+        ego = simulation.ego.bicycle()
+        decision = self._judge.look(
+            time_s,
+            ego,
+            states[1:, :3],
+            states[1:, SPEED],
+            off_road=not self._squares.hold(off_road_points(simulation.ego.motion, ego)),
+            arrived=arrived,
+            may_wait=self._may_wait(),
+        )
         if decision is not None and decision.verdict is Verdict.F1 and not decision.with_:
             decision = self._of_the_map(decision)
         if decision is not None and decision.verdict in (Verdict.STUCK, Verdict.TIMEOUT):
             decision = replace(decision, reason=f"{decision.reason}; {self._waits_for()}")
-        self._expectations.look(simulation.time_s, ego_hit=decision is not None and bool(decision.with_))
+        self._expectations.look(time_s, ego_hit=decision is not None and bool(decision.with_))
         return decision
 
     def _of_the_map(self, decision: Decision) -> Decision:
@@ -205,17 +215,6 @@ class _Run:
             return decision
         reason = f"invalid: the ego left the drivable area at {decision.time_s:.2f} s where the map is broken: {fault}"
         return replace(decision, verdict=Verdict.INVALID, reason=reason)
-
-    def _drives_on(self, states: FloatArray) -> bool:
-        """Whether a cheap test shows that nothing ends the run at this frame, as it nearly always does."""
-        squares = self._squares
-        return (
-            states.item(SPEED) >= STANDS_MPS
-            and self._simulation.time_s < self._bundle.scene.end_s - STEP_S / 2
-            and drives_on(
-                states, self._sizes, self._footprint, squares.left, squares.bottom, squares.cell, squares.known
-            )
-        )
 
     def _may_wait(self) -> bool:
         """Whether there is something to wait for: a signal that is not green, or an actor (no static object) in front.

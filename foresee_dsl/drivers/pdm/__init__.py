@@ -17,6 +17,7 @@ from foresee_dsl.drivers.pdm.route import build_route
 from foresee_dsl.drivers.pdm.situation import ego_record, read_situation, signal_brakings, write_state
 from foresee_dsl.drivers.protocol import Control, Mission, Observation, Reason, SignalColour, VehicleLimits
 from foresee_dsl.drivers.tracking import SignalMemory, Tracker, Tracks
+from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.pdm.decision import decide, hold
 
 
@@ -40,12 +41,15 @@ class _State:
     """What lasts from one `reset` to the next: the route, the ego's record [1] and that as floats, tracks, signals."""
 
     def __init__(self, mission: Mission, vehicle: VehicleLimits) -> None:
-        self._route, self._egos = build_route(mission, vehicle), ego_record(vehicle)
+        route = self._route = build_route(mission, vehicle)
+        self._egos = ego_record(vehicle)
         self._numbers, self._strongest_mps2 = self._egos.view(np.float64), float(self._egos["strongest"][0])
         self._tracker, self._signals = Tracker(), SignalMemory()
         self._plan: _Plan | None = None
         self._vehicle, self._basis = vehicle, _Basis()
-        self._braking = signal_brakings(self._route, self._strongest_mps2, {})
+        self._road = route.points, route.coarse, route.foes, route.paths, route.junctions
+        self._hold, self._decide = direct(hold), direct(decide)
+        self._braking = signal_brakings(route, self._strongest_mps2, {})
         self._explained: tuple[_Basis | None, tuple[Reason, ...]] = (None, ())
 
     def step(self, observation: Observation) -> Control:
@@ -55,12 +59,11 @@ class _State:
         route, egos, plan = self._route, self._egos, self._plan
         write_state(self._numbers, observation.ego)
         if plan is not None and measured_s == plan.measured_s:
-            return Control(*hold(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
+            return Control(*self._hold(egos, route.points, route.coarse, plan.offset_m, plan.acceleration_mps2))
         tracks, signals = self._tracker.update(observation), self._signals.update(observation)
         if signals != self._basis.signals:
             self._braking = signal_brakings(route, self._strongest_mps2, signals)
-        road = route.points, route.coarse, route.foes, route.paths, route.junctions
-        offset, acceleration, answer = decide(egos, tracks.table, *road, self._braking)
+        offset, acceleration, answer = self._decide(egos, tracks.table, *self._road, self._braking)
         self._plan = _Plan(measured_s, offset, acceleration)
         self._basis = _Basis(observation, tracks, signals)
         return Control(*answer)
@@ -78,9 +81,8 @@ class _State:
         now = read_situation(route, self._vehicle, observation, tracks, signals)
 
         def decided(others: Tracks, colours: Mapping[str, SignalColour]) -> Wish:
-            road = route.points, route.coarse, route.foes, route.paths, route.junctions
             braking = signal_brakings(route, self._strongest_mps2, colours)
-            offset, acceleration, _ = decide(ego_now(now), others.table, *road, braking)
+            offset, acceleration, _ = decide(ego_now(now), others.table, *self._road, braking)
             return Wish(acceleration, offset)
 
         self._explained = self._basis, reasons_alone(now, tracks, decided)

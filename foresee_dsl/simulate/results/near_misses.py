@@ -98,7 +98,7 @@ def times_to_collision(trace: Trace, actor: int) -> FloatArray:
     run, frames = _Run(trace), np.arange(trace.frames)
     found = np.full(trace.frames, np.inf)
     if trace.frames:
-        ego = _Path(run, 0)
+        ego = run.path(0)
         rows, ttc, _ = _with(run, ego, actor, frames, _ahead(run, ego, frames))
         found[rows] = ttc
     return found
@@ -113,7 +113,7 @@ def braking_needed(trace: Trace, actor: int) -> FloatArray:
     run, frames = _Run(trace), np.arange(trace.frames)
     found = np.zeros(trace.frames)
     if trace.frames:
-        ego = _Path(run, 0)
+        ego = run.path(0)
         rows, _, drac = _with(run, ego, actor, frames, _ahead(run, ego, frames))
         found[rows] = drac
     return found
@@ -132,11 +132,23 @@ class _Run:
         delta = self.xy[:, 1:] - self.xy[:, :1]
         self.apart: FloatArray = np.hypot(delta[..., 0], delta[..., 1])
         """[T, A - 1] m between the middles, NaN where absent."""
+        self._paths: dict[int, _Path] = {}
 
     def boxes(self, frames: IntArray, actors: IntArray | int) -> FloatArray:
         """Return footprints, [N, 5]."""
-        xy, size = self.xy[frames, actors], np.broadcast_to(self.size[actors], (len(frames), 2))
-        return np.column_stack([xy, self.heading[frames, actors], size])
+        found = np.empty((len(frames), 5))
+        found[:, :2], found[:, 2], found[:, 3:] = (
+            self.xy[frames, actors],
+            self.heading[frames, actors],
+            self.size[actors],
+        )
+        return found
+
+    def path(self, actor: int) -> _Path:
+        """Return one actor's path; remembered."""
+        if actor not in self._paths:
+            self._paths[actor] = _Path(self, actor)
+        return self._paths[actor]
 
     def miss(self, value: float, frame: int, actor: int) -> NearMiss:
         """Return a value with its time and the other's id."""
@@ -149,7 +161,9 @@ class _Path:
     def __init__(self, run: _Run, actor: int) -> None:
         self.present: IntArray = np.flatnonzero(~np.isnan(run.xy[:, actor, 0]))
         self._xy, self._heading = run.xy[self.present, actor], np.unwrap(run.heading[self.present, actor])
-        self._along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self._xy, axis=0).T))])
+        steps = self._xy[1:] - self._xy[:-1]
+        self._along = np.zeros(len(self._xy) or 1)
+        np.cumsum(np.hypot(steps[:, 0], steps[:, 1]), out=self._along[1:])
         self.along: FloatArray = np.full(len(run.xy), np.nan)
         self.along[self.present] = self._along
 
@@ -187,7 +201,7 @@ def _closest(run: _Run) -> NearMiss | None:
 
 def _conflicts(run: _Run) -> tuple[NearMiss | None, NearMiss | None]:
     """Return the smallest TTC and the largest DRAC."""
-    ego, frames = _Path(run, 0), len(run.xy)
+    ego, frames = run.path(0), len(run.xy)
     # The last frame is where a run fails.
     looked_at = np.unique(np.append(np.arange(0, frames, _SKIPPED), max(frames - 1, 0))) if frames else np.arange(0)
     soonest: NearMiss | None = None
@@ -228,7 +242,7 @@ def _with(
     can = np.flatnonzero(run.apart[looked_at, actor - 1] - reach <= closing * HORIZON_S)  # False where absent
     if not can.size:
         return can, np.empty(0), np.empty(0)
-    frames, path = looked_at[can], _Path(run, actor)
+    frames, path = looked_at[can], run.path(actor)
     speeds = run.speed[frames, 0], run.speed[frames, actor]
     x, y = path.places(path.along[frames, None] + speeds[1][:, None] * _STEPS_AHEAD_S)
     near = (x - ego_places[0][can]) ** 2 + (y - ego_places[1][can]) ** 2 <= reach * reach
@@ -259,8 +273,10 @@ def _with(
 
 
 def _swept(path: _Path, along: FloatArray, size: FloatArray) -> FloatArray:
-    x, y = path.places(along)
-    return np.column_stack([x, y, path.headings(along), np.broadcast_to(size, (len(along), 2))])
+    found = np.empty((len(along), 5))
+    found[:, 0], found[:, 1] = path.places(along)
+    found[:, 2], found[:, 3:] = path.headings(along), size
+    return found
 
 
 # --- post-encroachment time ------------------------------------------------------------------------------------------
@@ -301,7 +317,7 @@ def _encroachment(run: _Run) -> NearMiss | None:
 def _pieces(run: _Run, actors: list[int]) -> _Pieces:
     first, last, of = [], [], []
     for actor in actors:
-        path = _Path(run, actor)
+        path = run.path(actor)
         if not path.present.size:
             continue
         number = np.floor(path.along[path.present] / _BIN_M)

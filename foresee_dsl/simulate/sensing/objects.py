@@ -12,6 +12,7 @@ import numpy as np
 from foresee_dsl.drivers.protocol import ActorClass, SeenActor
 from foresee_dsl.drivers.tracking import ObjectTable
 from foresee_dsl.kernels.arrays import FloatArray
+from foresee_dsl.kernels.direct import direct
 from foresee_dsl.kernels.object_list import ScanSettings, measured
 from foresee_dsl.kernels.records import dtype_of
 from foresee_dsl.kernels.sight import SightLimits
@@ -100,6 +101,7 @@ class ObjectList:
         self._poses = np.empty((2, 3))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
+        self._measured = direct(measured)
 
     def measure(self, frame: int, ego: Pose, estimated: Pose, states: FloatArray) -> tuple[SeenActor, ...]:
         """Return the objects that are seen, the nearest first; arguments as of `table`."""
@@ -127,7 +129,7 @@ class ObjectList:
         walls, noise = self._sight.walls.near(ego[0], ego[1]), self._noise
         poses, states = self._poses, np.ascontiguousarray(states)
         poses[0], poses[1] = ego, estimated
-        return measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
+        return self._measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
 
 
 def _scan_settings(sight: Sight, settings: SensorSettings) -> ScanSettings:

@@ -26,7 +26,7 @@ from foresee_dsl.simulate.results.verdict import ExpectationResult
 from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.triggers.conditions import Conditions, Outcome, every, some
 from foresee_dsl.simulate.triggers.record import Run, Runs
-from foresee_dsl.simulate.triggers.truths import truth_of
+from foresee_dsl.simulate.triggers.truths import Truth, truth_of
 
 Note = Callable[[int, Run | None], None]
 """Told when what a `for` is about begins to hold, or ceases to (None): its place among the condition's `parts`."""
@@ -44,7 +44,8 @@ class Watch:
         self._condition, self._conditions, self._note = condition, conditions, note
         self._windows: dict[int, _Window] = {}
         self._last: tuple[int, Outcome | None] | None = None
-        self._truth = truth_of(condition, conditions)
+        self.truth: Truth = truth_of(condition, conditions) or self._followed
+        """Says whether the condition holds at this frame, without its margin; None where it cannot be evaluated."""
         self._held: tuple[int, bool | None] = (-1, None)
 
     def look(self) -> Outcome | None:
@@ -61,14 +62,15 @@ class Watch:
         return outcome is not None and outcome.held
 
     def held(self) -> bool | None:
-        """Whether the condition holds at this frame, without its margin; None where it cannot be evaluated."""
-        if self._truth is None:
-            outcome = self.look()
-            return None if outcome is None else bool(outcome.held)
+        """Return `truth` of this frame, as it was when it was first asked for."""
         frame = self._conditions.frame
         if self._held[0] != frame:
-            self._held = frame, self._truth()
+            self._held = frame, self.truth()
         return self._held[1]
+
+    def _followed(self) -> bool | None:
+        outcome = self.look()
+        return None if outcome is None else bool(outcome.held)
 
     @property
     def runs(self) -> Runs:
@@ -145,14 +147,16 @@ class Expectations:
     """
 
     def __init__(self, expects: Sequence[Expect], conditions: Conditions) -> None:
-        self._watched = [_Watched(expect, conditions) for expect in expects]
+        self._watched = self._open = [_Watched(expect, conditions) for expect in expects]
         self._conditions = conditions
 
     def look(self, time_s: float, *, ego_hit: bool) -> None:
         """Look at a frame; `ego_hit`: the ego touches something (known already, so not computed again)."""
         self._conditions.ego_hit = ego_hit
-        for watched in self._watched:
+        for watched in self._open:
             watched.look(time_s)
+            if watched.settled:
+                self._open = [other for other in self._open if other is not watched]
         self._conditions.ego_hit = None
 
     def results(self) -> tuple[ExpectationResult, ...]:
@@ -161,19 +165,25 @@ class Expectations:
 
 
 class _Watched:
-    """One expectation; its margin is how far it was from the opposite."""
+    """One expectation; its margin is how far it was from the opposite.
+
+    Attributes:
+        settled: nothing can change it any more.
+    """
 
     def __init__(self, expect: Expect, conditions: Conditions) -> None:
         self._expect = expect
         self._watch = Watch(expect.condition, conditions)
         self._so_far: Outcome | None = None
         self._until = math.inf if expect.within is None else si_of(expect.within) + 1e-9
+        self.settled = False
         is_fact = isinstance(expect.condition, Predicate | Sees | InSight | Shows)
         self._fact = truth_of(expect.condition, conditions) if is_fact else None
         self._was: bool | None = None
 
     def look(self, time_s: float) -> None:
         if time_s > self._until:
+            self.settled = True
             return
         if self._fact is not None:
             held = self._fact()
@@ -187,6 +197,9 @@ class _Watched:
             outcome = outcome.negated()
         join = some if self._expect.mode == "eventually" else every
         self._so_far = outcome if self._so_far is None else join((self._so_far, outcome))
+        # A fact that decides has no margin that another frame could change.
+        decides = self._so_far is not None and self._so_far.held == (self._expect.mode == "eventually")
+        self.settled = decides and isinstance(self._expect.condition, Predicate)
 
     def result(self) -> ExpectationResult:
         text, name = print_item(self._expect), self._expect.name or ""

@@ -85,11 +85,12 @@ class Director:
         self._new.clear()
         for trigger in self._triggers:
             trigger.look()
-        for name in [name for name, at in self._starts.items() if time_s >= at - STEP_S / 100]:
-            del self._starts[name]
-            self._simulation.order_speed(self._simulation.by_id[name], self._simulation.cruise_mps[name])
-        self._keep_bounds()
-        self._update(list(self._commands))
+        if self._starts:
+            self._start_due(time_s)
+        if self._bound:
+            self._keep_bounds()
+        if self._commands:
+            self._update(list(self._commands))
         # What is complete now lets the next step begin now; an order that it gives may be complete at once.
         for _ in count():
             self._new.clear()
@@ -98,16 +99,7 @@ class Director:
             if not self._new:
                 break
             self._update(self._new)
-        self._stray(time_s)
-        for name, order in list(self._sideways.items()):
-            self._update_sideways(name, order)
-        # After whatever triggers ordered in this step.
-        for name, braking in list(self._braking.items()):
-            acted = braking.acts
-            if not braking.update(time_s):
-                del self._braking[name]
-            if braking.acts and not acted:
-                self.event("brakes", {}, name)
+        self._after(time_s)
         for trigger in self._triggers:
             trigger.record()
 
@@ -116,6 +108,29 @@ class Director:
         orders = {actor: tuple(states) for actor, states in self._orders.items()}
         triggers = tuple(tuple(trigger.states) for trigger in self._triggers)
         return DirectorRecord(triggers, orders, self._places, tuple(self._things))
+
+    def _after(self, time_s: float) -> None:
+        """Let the orders have their effect that come after whatever triggers ordered in this step."""
+        if self._strays:
+            self._stray(time_s)
+        if self._sideways:
+            for name, order in list(self._sideways.items()):
+                self._update_sideways(name, order)
+        if self._braking:
+            self._brake(time_s)
+
+    def _start_due(self, time_s: float) -> None:
+        for name in [name for name, at in self._starts.items() if time_s >= at - STEP_S / 100]:
+            del self._starts[name]
+            self._simulation.order_speed(self._simulation.by_id[name], self._simulation.cruise_mps[name])
+
+    def _brake(self, time_s: float) -> None:
+        for name, braking in list(self._braking.items()):
+            acted = braking.acts
+            if not braking.update(time_s):
+                del self._braking[name]
+            if braking.acts and not acted:
+                self.event("brakes", {}, name)
 
     def _update(self, names: Iterable[str]) -> None:
         for name in list(dict.fromkeys(names)):
@@ -461,12 +476,12 @@ class Director:
                 self._simulation.ignore(actor, what, on=near)
 
     def _near(self, actor: Actor, junction: str) -> bool:
-        progress, frame = self._simulation.progress, self._simulation.frame
+        progress = self._simulation.progress
         span = progress.span(actor, junction)
         if span is None:
             return False
-        rear = progress.front(actor, frame) - actor.length
-        return rear <= span[1] and progress.to_junction(actor, junction, frame) <= BOUND_FROM_M
+        front = progress.front(actor, self._simulation.frame)
+        return front - actor.length <= span[1] and span[0] - front <= BOUND_FROM_M
 
 
 def _at_once() -> bool:

@@ -56,7 +56,7 @@ class Trigger:
         """Look at the condition at this frame; fire when it begins to hold."""
         if self._watch is None:
             return
-        held = self._watch.held()
+        held = self._watch.truth()
         if held is None or held is self._held:  # too early to say, or never: it neither begins to hold nor ceases to
             return
         fires, ceased = held, not held

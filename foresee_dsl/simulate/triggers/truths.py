@@ -15,6 +15,7 @@ from functools import partial
 from typing import NamedTuple
 
 from foresee_dsl.kernels.conditions import UNSURE, beside_area, gap, time_to_touch
+from foresee_dsl.kernels.direct import direct
 from foresee_dsl.language import model as m
 from foresee_dsl.language.traversal import parts, si_of, word_of
 from foresee_dsl.simulate.actors.moved_actors import PathActor
@@ -91,7 +92,7 @@ def _reads(measure: m.Measure, conditions: Conditions) -> tuple[Reads, int]:
     if other is not None and measure.what in ("distance", "ttc", "headway"):
         kernel = time_to_touch if measure.what == "ttc" else gap
         rows = conditions.rows[actor.id], conditions.rows[other.id]
-        between = partial(kernel, conditions.states, conditions.sizes, *rows)
+        between = partial(direct(kernel), conditions.states, conditions.sizes, *rows)
         return partial(_headway if measure.what == "headway" else _between, actor, other, between), _PAIR
     return partial(conditions.value, measure), _cost_of(measure, conditions)
 
@@ -138,12 +139,14 @@ def _cost_of(item: m.Condition | m.Measure, conditions: Conditions) -> int:
 
 def _in_junction(actor: Actor, junction: str, conditions: Conditions) -> Truth:
     area, borders, bounds = conditions.outlines.of(junction)
-    states, sizes, row = conditions.states, conditions.sizes, conditions.rows[actor.id]
+    beside = partial(
+        direct(beside_area), conditions.states, conditions.sizes, conditions.rows[actor.id], borders, bounds
+    )
 
     def inside() -> bool | None:
         if not actor.present:
             return None
-        side = beside_area(states, sizes, row, borders, bounds)
+        side = beside()
         if side == UNSURE:
             return not conditions.outlines.distance(actor.box, junction) > 0
         return side < 0
