@@ -39,7 +39,7 @@ imports: $(VENV)/.installed-dev
 	@$(BIN)/lint-imports --no-logo
 
 unit: $(VENV)/.installed-dev  ## the tests alone (ARGS="-k name")
-	@$(BIN)/pytest -n $(JOBS) $(ARGS)
+	@$(BIN)/pytest -n $$(( $(JOBS) + 1 )) $(ARGS)  # one more: tests wait for processes, browsers and servers
 
 bench: $(VENV)/.installed-dev  ## measure: speed against its targets (ARGS="language")
 	@$(BIN)/python -m benchmarks.run $(ARGS)
