@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import re
 import subprocess
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+import typer
 
+from foresee_dsl import cli
 from tests.support.command import foresee
 
 VERDICTS = {"pass", "F1", "F2", "F3", "F4", "F5", "stuck", "timeout", "crash", "invalid"}
@@ -36,6 +40,14 @@ def test_every_command_is_there_and_explains_itself() -> None:
     for name in names:
         assert name in text
         assert "Usage" in foresee(name, "--help").stdout
+
+
+def test_the_help_has_the_first_line_of_each_command_without_running_its_module() -> None:
+    for _, name, function in cli.COMMANDS:
+        module, _, attribute = f"foresee_dsl.cli.{function}".rpartition(".")
+        found = getattr(import_module(module), attribute)
+        meant = found.info.help if isinstance(found, typer.Typer) else inspect.getdoc(found)
+        assert meant and cli._help_of(module, attribute) == meant, name
 
 
 def test_wrong_usage_is_2(scenarios: Path) -> None:

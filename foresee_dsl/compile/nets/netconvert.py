@@ -45,6 +45,9 @@ def sumo_home() -> Path:
 @cache
 def tool_version() -> str:
     """Return the version of the installed netconvert, such as `1.28.0`."""
+    named = list(sumo_home().parent.glob("eclipse_sumo-*.dist-info"))
+    if len(named) == 1:  # the folder's name says it
+        return named[0].name.removesuffix(".dist-info").partition("-")[2]
     from importlib import metadata  # takes long to import, as `subprocess` does
 
     try:

@@ -13,11 +13,11 @@ from typing import Any, get_args
 
 import lark
 from lark import Lark, Token, Tree
-from lark.parsers.lalr_analysis import Action
 
 from foresee_dsl import disk_cache
 from foresee_dsl.files import cache_folder, data_folder
 from foresee_dsl.language import model as m
+from foresee_dsl.language.syntax.packed import PACKED, pack
 
 PLACES = MappingProxyType(
     {
@@ -82,7 +82,7 @@ def grammar_text() -> str:
 
 def _cached(starts: tuple[str, ...]) -> Lark:
     grammar = grammar_text()
-    made_of = (grammar, repr(starts), lark.__version__, sys.version, f"{__name__}.{_collect.__qualname__}")
+    made_of = (grammar, repr(starts), lark.__version__, sys.version, f"{__name__}.{_collect.__qualname__}", PACKED)
     key = hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:16]
     try:
         file = cache_folder("grammar") / f"{key}.pickle"
@@ -91,19 +91,17 @@ def _cached(starts: tuple[str, ...]) -> Lark:
     found: Lark | None = disk_cache.load(file)
     if found is None:
         found = _build(grammar, starts)
-        disk_cache.store(file, found, _LarkPickler)
+        disk_cache.store(file, found, LarkPickler)
     return found
 
 
-class _LarkPickler(pickle.Pickler):
+class LarkPickler(pickle.Pickler):
     """Stores a parser as a whole, so that it is read three times faster than by Lark's own cache (`Lark(cache=...)`,
     lark 1.3), which makes each of its thousands of rules and symbols by a call in Python."""
 
     def reducer_override(self, part: object) -> Any:  # noqa: ANN401 - what pickle takes
-        """Store what there is only one of by its name: modules, and the two actions, which Lark tells apart by `is`."""
-        if isinstance(part, ModuleType):
-            return import_module, (part.__name__,)
-        return str(part) if isinstance(part, Action) else NotImplemented
+        """Store modules, which pickle refuses, by their names."""
+        return (import_module, (part.__name__,)) if isinstance(part, ModuleType) else NotImplemented
 
 
 def _build(grammar: str, starts: tuple[str, ...]) -> Lark:
@@ -116,7 +114,7 @@ def _build(grammar: str, starts: tuple[str, ...]) -> Lark:
         maybe_placeholders=True,
         lexer_callbacks={"COMMENT": _collect},
     )
-    del built.grammar  # only the tables made from it are used, and it is a quarter of what would be stored
+    pack(built, LarkPickler)
     return built
 
 
