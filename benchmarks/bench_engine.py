@@ -30,6 +30,8 @@ from foresee_dsl.simulate.trace import STEP_S
 from foresee_dsl.simulate.world import World
 
 ROUNDS = 12
+SOURCE = "busy.foresee"
+"""The file of the scenario that the child is cut from."""
 CHILD_S, FROM_S = 10.0, 4.0
 _TOWN = Path(__file__).parent.parent / "scenarios" / "networks" / "town.foresee"
 _SCENE = f"""foresee 1
@@ -127,7 +129,7 @@ def library_ratio(clips: Iterable[SumoBundle]) -> tuple[int, float]:
 
 def child_of(folder: Path) -> SumoBundle:
     """Return a clip of 10 s in the middle of a run, compiled."""
-    file = folder / "busy.foresee"
+    file = folder / SOURCE
     file.write_text(_SCENE)
     case = load_test_case(str(file), allow_outside=True)
     trace = run(compile_test_case(case), PdmDriver(), seed=0).trace
@@ -146,6 +148,7 @@ def _state_of(child: SumoBundle, folder: Path) -> Path:
 
 
 def _bare(state: Path, steps: int, *, reads: bool) -> None:
+    """Let libsumo load a state and step; `reads`: asking after each step where everybody is."""
     vehicle = libsumo.vehicle
     reading: list[Callable[[str], object]] = [vehicle.getPosition, vehicle.getSpeed, vehicle.getAngle] if reads else []
     libsumo.simulation.loadState(str(state))

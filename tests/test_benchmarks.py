@@ -6,10 +6,14 @@ import json
 from pathlib import Path
 
 import pytest
+from defusedxml import ElementTree
 from rich.console import Console
 
 from benchmarks import bench_engine, bench_forecast, bench_workers, library, run, sections, whose_fault
 from benchmarks.figures import Figure
+from benchmarks.peers import __main__ as peers
+from benchmarks.peers import scene
+from benchmarks.peers.__main__ import NotMeasuredError, Peer
 from benchmarks.scale import actors, schedule
 from foresee_dsl.campaign.campaign_file import read_campaign
 from foresee_dsl.campaign.settings import CampaignSettings
@@ -164,3 +168,24 @@ def test_the_row_of_crossings_has_the_actors_that_it_says(tmp_path: Path) -> Non
     for number in (10, 30):
         file.write_text(actors.scene(number))
         assert len(compile_test_case(load_test_case(str(file))).scene.actors) == number
+
+
+def test_a_peer_that_does_not_run_is_left_out_with_the_reason(tmp_path: Path) -> None:
+    broken = Peer("broken", "nothing_of_this_name", (), (), "none")
+    with pytest.raises(NotMeasuredError, match=r"does not run here \(exit code 2\)") as why:
+        peers.measured(broken, tmp_path)
+    title = peers.PEERS[0].title
+    text = peers.as_text(
+        {title: {"cpu_s": 0.05, "actors": 21, "version": "1"}}, {"broken": str(why.value), title: "late"}
+    )
+    assert f"| {title} | 1 | 21 | 200 |" in text
+    assert text.count("Not measured") == 1 and "Not measured: broken, as it does not run here" in text
+
+
+def test_the_scene_of_the_peers_has_everybody(tmp_path: Path) -> None:
+    child = scene.write_scene(tmp_path)
+    routes = ElementTree.parse(tmp_path / "scene.vehicles.rou.xml").getroot()
+    assert {one.get("id") for one in routes.iter("vehicle")} == {actor.id for actor in child.scene.actors}
+    assert ElementTree.parse(tmp_path / "map.xodr").getroot().tag == "OpenDRIVE"
+    wanted = {name for peer in peers.PEERS if peer.packages for name in peer.packages}
+    assert not any("/" in name or ":" in name for name in wanted)

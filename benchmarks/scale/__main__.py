@@ -10,7 +10,7 @@ from importlib import import_module
 
 from benchmarks.sections import write_section
 
-NAMES = ("actors", "cases", "cluster", "schedule")
+NAMES = ("parts", "actors", "cases", "cluster", "schedule")
 
 
 def main(words: list[str]) -> int:
