@@ -163,43 +163,15 @@ def _advance(follower: Record, line: Records, bends: Records, dt: float) -> tupl
     return _pose(along, half, line)
 
 
-@compiled(FOLLOWERS, STATES, FLOATS, VERTICES, SPEED_POINTS, FLOAT)
-def advance(followers: Records, states: Records, along: FloatArray, lines: Records, bends: Records, dt: float) -> None:
-    """Move followers on by a step, and their states with them.
-
-    `states`, `along`: of all actors. `lines`, `bends`: of all paths, one after the other.
-    """
-    for n in range(followers.size):
-        follower = followers[n]
-        if follower["row"] < 0:
-            continue
-        state, before, heading_before = states[follower["row"]], follower["speed"], follower["heading"]
-        line = lines[follower["line_begin"] : follower["line_end"]]
-        halted = follower["pace"] == 0.0 or follower["along"] >= line[line.size - 1]["along"]
-        if halted and before == state["speed"] == state["acceleration"] == state["yaw_rate"] == 0.0:
-            continue
-        speeds = bends[follower["bends_begin"] : follower["bends_end"]]
-        x, y, heading = _advance(follower, line, speeds, dt)
-        follower["heading"] = heading
-        state["x"], state["y"], state["heading"] = x, y, _wrapped(heading)
-        state["speed"], state["acceleration"] = follower["speed"], (follower["speed"] - before) / dt
-        state["yaw_rate"] = _wrapped(heading - heading_before) / dt
-        along[follower["row"]] = follower["along"]
-
-
 @inner
 def _cell(along: float, follower: Record) -> int:
     """Return which cell of its path lies at a length."""
     return int(max(min(np.rint(along / CELL_M), follower["cells_end"] - follower["cells_begin"] - 1), 0))
 
 
-@compiled(FOLLOWERS, STATES, VERTICES, CELLS, SIGHTS)
-def find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
-    """Find out where SUMO's vehicles see followers: on the road, or about to step on it.
-
-    `sights` is filled for those that are seen, and with `OFF_ROAD` for those that are not seen any more, as many as are
-    returned. It ends at a cell that has to be looked up first: the last of `sights` says which (`UNKNOWN`).
-    """
+@inner
+def _find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
+    """See `find_seen`."""
     found = 0
     for n in range(followers.size):
         follower = followers[n]
@@ -228,3 +200,47 @@ def find_seen(followers: Records, states: Records, lines: Records, cells: Record
         sight["x"], sight["y"] = state["x"] + half * np.cos(heading), state["y"] + half * np.sin(heading)
         sight["heading"], sight["length"], sight["speed"] = heading, length, speed if speed > 0.0 else 0.0
     return found
+
+
+@compiled(FOLLOWERS, STATES, VERTICES, CELLS, SIGHTS)
+def find_seen(followers: Records, states: Records, lines: Records, cells: Records, sights: Records) -> int:
+    """Find out where SUMO's vehicles see followers: on the road, or about to step on it.
+
+    `sights` is filled for those that are seen, and with `OFF_ROAD` for those that are not seen any more, as many as are
+    returned. It ends at a cell that has to be looked up first: the last of `sights` says which (`UNKNOWN`).
+    """
+    return _find_seen(followers, states, lines, cells, sights)
+
+
+@compiled(FOLLOWERS, STATES, FLOATS, VERTICES, SPEED_POINTS, CELLS, SIGHTS, FLOAT)
+def advance(
+    followers: Records,
+    states: Records,
+    along: FloatArray,
+    lines: Records,
+    bends: Records,
+    cells: Records,
+    sights: Records,
+    dt: float,
+) -> int:
+    """Move followers on by a step, and their states with them; return and fill what `find_seen` does.
+
+    `states`, `along`: of all actors. `lines`, `bends`, `cells`: of all paths, one after the other.
+    """
+    for n in range(followers.size):
+        follower = followers[n]
+        if follower["row"] < 0:
+            continue
+        state, before, heading_before = states[follower["row"]], follower["speed"], follower["heading"]
+        line = lines[follower["line_begin"] : follower["line_end"]]
+        halted = follower["pace"] == 0.0 or follower["along"] >= line[line.size - 1]["along"]
+        if halted and before == state["speed"] == state["acceleration"] == state["yaw_rate"] == 0.0:
+            continue
+        speeds = bends[follower["bends_begin"] : follower["bends_end"]]
+        x, y, heading = _advance(follower, line, speeds, dt)
+        follower["heading"] = heading
+        state["x"], state["y"], state["heading"] = x, y, _wrapped(heading)
+        state["speed"], state["acceleration"] = follower["speed"], (follower["speed"] - before) / dt
+        state["yaw_rate"] = _wrapped(heading - heading_before) / dt
+        along[follower["row"]] = follower["along"]
+    return _find_seen(followers, states, lines, cells, sights)

@@ -104,13 +104,15 @@ class PathGroup:
         self._lanes = lanes_under_paths(network)
         self._with_stops = [actor for actor in actors if actor.stops]
         self._seen: list[StandIn] = []
+        self._found: int | None = None  # what `find_seen` would return
         self._sights = np.zeros(len(actors), dtype_of(Sight))
         self._records = np.zeros(len(actors), dtype_of(Follower))
-        self._records["row"], self._records["seen_on"] = rows, OFF_ROAD
+        self._seen_on = self._records["seen_on"]  # a view: looking it up costs more than using it
+        self._seen_on[:], self._records["row"] = OFF_ROAD, rows
         for n, actor in enumerate(actors):
             actor.path_changed = self.gather
             if actor.stand_in.is_seen:
-                self._records["seen_on"][n] = NO_LANE
+                self._seen_on[n] = NO_LANE
         self.gather()
 
     def gather(self) -> None:
@@ -139,7 +141,8 @@ class PathGroup:
             return
         for actor in self._with_stops:
             actor.follower.stop_m = actor.red_light()
-        advance(self._records, self._states, self._along, self._lines, self._bends, STEP_S)
+        records, sights = self._records, self._sights
+        self._found = advance(records, self._states, self._along, self._lines, self._bends, self._cells, sights, STEP_S)
 
     def show(self) -> None:
         """Let SUMO's vehicles see those on the road, or about to step on it, in the next step."""
@@ -154,7 +157,7 @@ class PathGroup:
             else:
                 stand_in.place(self._lanes.ids[lane] if lane >= 0 else "", (x, y, heading), length, speed)
                 self._seen.append(stand_in)
-            self._records["seen_on"][n] = lane
+            self._seen_on[n] = lane
 
     def settle(self) -> None:
         """After a step: tell SUMO the speeds of those that its vehicles see."""
@@ -168,12 +171,16 @@ class PathGroup:
         self._seen = [stand_in for stand_in in self._seen if stand_in is not actor.stand_in]
 
     def _find(self) -> list[tuple[int, int, int, float, float, float, float, float]]:
-        """Return the fields of what `find_seen` finds."""
-        while found := find_seen(self._records, self._states, self._lines, self._cells, self._sights):
+        """Return the fields of what `find_seen` finds; `move` has done so already, but before the first frame."""
+        found, self._found = self._found, None
+        if found is None:
+            found = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
+        while found:
             sights: list[tuple[int, int, int, float, float, float, float, float]] = self._sights[:found].tolist()
             n, lane, cell, *_ = sights[-1]
             if lane != UNKNOWN:
                 return sights
             known = self._lanes.look_up(self._actors[n].follower, cell)
             self._cells[self._records["cells_begin"][n] + cell] = known[cell]
+            found = find_seen(self._records, self._states, self._lines, self._cells, self._sights)
         return []
