@@ -294,7 +294,11 @@ class World:
         Bodies must be placed anew before the next step.
         """
         vehicle = self._sumo.vehicle
-        for lane in dict.fromkeys(map(self._lane_of, self._bodies)):
+        try:
+            lanes = list(map(vehicle.getLaneID, self._bodies))
+        except self._errors:  # one is at the end of its route
+            lanes = list(map(self._lane_of, self._bodies))
+        for lane in dict.fromkeys(lanes):
             queue = self._sumo.lane.getLastStepVehicleIDs(lane) if lane else ()
             if len(queue) < 2:
                 continue

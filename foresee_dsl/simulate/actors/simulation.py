@@ -68,7 +68,8 @@ class Simulation:
         on_paths = {actor.id for actor in self.guided if actor.guide is not None}
         self.sumo_vehicles = {actor.id: actor for actor in vehicles if actor.id not in on_paths}
         self._joined: list[SumoVehicle] = []
-        self.static_actors = [actor for actor in self.actors if isinstance(actor, StaticActor)]
+        bodies = (actor for actor in self.actors if isinstance(actor, StaticActor))
+        self._in_the_way = [body for body in bodies if body.positions or isinstance(body, OpenDoor)]
         self.steered = [actor for actor in self.actors if isinstance(actor, SteeredVehicle)]
         self.by_id = {actor.id: actor for actor in self.actors}
         self.doors = [actor for actor in self.actors if isinstance(actor, OpenDoor)]
@@ -225,7 +226,7 @@ class Simulation:
             self._paths.drop(actor)
         elif isinstance(actor, StaticActor):
             actor.stand_in.hide()
-            self.static_actors = [other for other in self.static_actors if other is not actor]
+            self._in_the_way = [other for other in self._in_the_way if other is not actor]
 
     def close_up(self, actor: Actor, *, on: bool) -> None:
         """Let a vehicle that SUMO drives come as near to others as it is told, or keep its usual distance again."""
@@ -391,7 +392,7 @@ class Simulation:
         self._paths.show()
         for guided in self.guided:
             guided.show()
-        for static in self.static_actors:
+        for static in self._in_the_way:
             static.stand_in.show(static.positions)
         for steered in self.steered:
             if steered.taken is not None and steered.present:
@@ -399,9 +400,10 @@ class Simulation:
                 self.world.place(steered.id, x, y, steered.heading)
 
     def _settle(self) -> None:
-        self.world.settle(self.ego.id, self.ego.speed, self.ego.acceleration)
+        ego = self.ego
+        self.world.settle(ego.id, ego.speed, ego.acceleration)
         self._paths.settle()
-        for static in self.static_actors:
+        for static in self._in_the_way:
             static.stand_in.settle()
         for guided in self.guided:
             if guided.guide is not None:
