@@ -148,7 +148,7 @@ class _Around:
             walk = walkways(self._network).walk(self._sidewalk_places[int(k)], cruise * self._end_s, self._rng)
             if walk is None:
                 return
-            pose = Polyline.of(walk.points).at(0.0)
+            pose = Polyline.of(walk.points[:2]).at(0.0)
             actor = PlacedActor(name, spec, "path", *pose, speed_mps=cruise, cruise_mps=cruise)
             yield replace(actor, path=walk.points, walk_stops=walk.stops)
 
@@ -219,8 +219,7 @@ class _Around:
 
     @cached_property
     def _sidewalk_places(self) -> list[XY]:
-        ways = walkways(self._network)
-        points = np.array([xy for way in ways.sidewalks for xy in Polyline.of(ways.shapes[way]).xy]).reshape(-1, 2)
+        points = np.array(walkways(self._network).sidewalk_points).reshape(-1, 2)
         near = shapely.contains_xy(self._near, points[:, 0], points[:, 1])
         return [(float(x), float(y)) for x, y in points[near]]
 

@@ -8,7 +8,16 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from foresee_dsl.compile.roads.polyline import XY, Points, distance, distance_to, distinct, lengths, whole_millimetres
+from foresee_dsl.compile.roads.polyline import (
+    XY,
+    Points,
+    Polyline,
+    distance,
+    distance_to,
+    distinct,
+    lengths,
+    whole_millimetres,
+)
 from foresee_dsl.compile.roads.topology import Crossing, Topology
 
 if TYPE_CHECKING:
@@ -74,6 +83,11 @@ class Walkways:
     def sidewalks(self) -> tuple[str, ...]:
         """Lanes that are no crossings, in the net's order."""
         return tuple(way for way in self.shapes if way not in self.crossings)
+
+    @cached_property
+    def sidewalk_points(self) -> Points:
+        """Points along all sidewalks, m: the same for every test case of a network."""
+        return tuple(xy for way in self.sidewalks for xy in Polyline.of(self.shapes[way]).xy)
 
     def walk(self, from_xy: XY, length_m: float, rng: np.random.Generator) -> Walk | None:
         """Walk at random, `length_m` at least, from the sidewalk nearest to a point, over crossings too, turning round
