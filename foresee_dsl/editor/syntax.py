@@ -9,6 +9,7 @@ from functools import lru_cache
 from lark import Token, Tree
 from lark.exceptions import UnexpectedInput
 
+from foresee_dsl.language import model as m
 from foresee_dsl.language.parser import MAX_BYTES, plain
 from foresee_dsl.language.syntax.grammar import parse_tree
 from foresee_dsl.language.syntax.node import Node
@@ -53,7 +54,15 @@ def read_syntax(text: str) -> Syntax:
 def root_of(tree: Tree[Token]) -> Node | None:
     """Return the definition of a file's tree as a node."""
     definition = next((c for c in tree.children if isinstance(c, Tree) and c.data != "header"), None)
-    return NodeMaker(tree).make(definition) if definition is not None else None
+    if definition is None:
+        return None
+    maker = NodeMaker(tree)
+    root = maker.make(definition)
+    if maker.settles:
+        from foresee_dsl.language.syntax.parameters import settle
+
+        settle(maker.stated, whole=root.kind is not m.Extension)
+    return root
 
 
 def walk(node: Node, above: tuple[Node, ...] = ()) -> Iterator[tuple[Node, tuple[Node, ...]]]:

@@ -14,7 +14,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from foresee_dsl import disk_cache
 from foresee_dsl.errors import Diagnostic, InputError, Span
-from foresee_dsl.language.model import Catalogue, Definition, Network
+from foresee_dsl.language.model import Catalogue, Definition, Extension, Network
 from foresee_dsl.language.project.document import Document
 from foresee_dsl.language.syntax.builder import Builder
 from foresee_dsl.language.syntax.comments import attach
@@ -69,6 +69,10 @@ def parse(text: str, path: str) -> Document:
     if header is not None:
         errors += _wrong_version(header)
     nodes = [maker.make(child) for child in parts if child.data != "header"]
+    if maker.settles:
+        from foresee_dsl.language.syntax.parameters import settle
+
+        errors += settle(maker.stated, whole=all(node.kind is not Extension for node in nodes))
     models = [builder.build(node) for node in nodes]
     errors += [*maker.errors, *builder.errors, *_nameless(nodes, path)]
     if errors:
@@ -79,7 +83,7 @@ def parse(text: str, path: str) -> Document:
     if header is None or not isinstance(model, Definition):
         raise TypeError("the grammar lets a file be a header and one definition, nothing else")
     around = attach(nodes[0], span_of(header), comments, text)
-    spans, calculates = builder.spans, maker.calculates
+    spans, calculates = builder.spans, maker.calculates or maker.settles
     return Document(path=path, text=text, model=model, spans=spans, comments=around, calculates=calculates)
 
 

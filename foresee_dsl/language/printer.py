@@ -184,7 +184,7 @@ def written(item: m.Item, parameters: frozenset[str] = _NO_NAMES) -> str:
     Digits are the author's, and a condition has no more brackets than it needs. Of a statement, it is what stands
     before its braces. An id that is called like one of the parameters is quoted.
     """
-    if isinstance(item, m.Quantity):
+    if isinstance(item, m.Quantity) and not isinstance(item, m.Calculated):
         return f"{item.value:f} {item.unit}" if item.unit else f"{item.value:f}"
     return _phrase(read_pattern(item.own_pattern()).head, item, parameters)
 

@@ -23,7 +23,7 @@ WRITTEN_BY_HAND = {
     m.Quantity: "a number and its unit",
     m.Measure: "its pattern depends on what it measures",
 }
-MADE_FROM = {m.Sum: "calculation", m.Product: "calculation"}
+MADE_FROM = {m.Sum: "calculation", m.Product: "calculation", m.Calculated: "calculation"}
 """Rules that make several classes."""
 NOT_IN_PATTERNS = {
     m.EdgeRoute: {"shortest"},  # the three dots

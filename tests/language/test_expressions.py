@@ -6,12 +6,14 @@ import pytest
 
 from foresee_dsl.errors import Diagnostic, InputError
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic.cases import case_values
 from foresee_dsl.language.arithmetic.evaluate import evaluate
 from foresee_dsl.language.checks.documents import check_document
 from foresee_dsl.language.meaning import same_value
 from foresee_dsl.language.parser import format_text, parse
-from foresee_dsl.language.printer import written
+from foresee_dsl.language.printer import value_text, written
 from foresee_dsl.language.project.concretise import concretise
+from foresee_dsl.language.sampling.draws import with_drawn_cases
 
 _FRAME = """foresee 1
 
@@ -215,3 +217,83 @@ def test_a_parameter_may_be_called_min():
     end = concretise(model, None).one(m.End)
     assert end is not None
     assert end.after == m.Quantity(value=3, unit="s")
+
+
+_STATED = """foresee 1
+
+scenario stated {
+  use network "town.foresee"
+  tags [
+    the, beside,
+    the_bus
+  ]
+
+  param gap: time = 3 * 0.5 s in 0 s..2 * 2 s step 1 s / 2
+  param pace: speed = 36 km/h in [20 km/h, 2 * 18 km/h] as choice(1, 1 + 1)
+  param room: length = pace * gap + 2 m
+  param width: length = room in 1 m..2 * room as normal(room, room / 4)
+  param twice: length = 2 * width
+
+  ego: car.sedan { route from west straight over j4 }
+  end after 20 s
+  cases 2 * 2 from seed 7
+  case late { gap = 2 s }
+}
+"""
+
+
+def _case_values(text: str) -> dict[str, dict[str, str]]:
+    drawn = with_drawn_cases(parse(text, "stated.foresee")).model
+    assert isinstance(drawn, m.Scenario)
+    return {
+        case.name: {name: value_text(value) for name, value in case_values(drawn, case).items()}
+        for case in drawn.all(m.Case)
+    }
+
+
+def test_parameters_are_stated_by_expressions():
+    """Bounds by the others' defaults, a default by what the others are in the case; what is drawn is a plain value."""
+    assert check_document(parse(_STATED, "stated.foresee")) == ()
+    values = _case_values(_STATED)
+    assert list(values) == ["seed7_01", "seed7_02", "seed7_03", "seed7_04", "late"]
+    late = {"gap": "2 s", "pace": "36 km/h", "room": "22 m", "width": "22 m", "twice": "44 m"}
+    assert values["late"] == late
+    plain = _STATED.replace("3 * 0.5 s in 0 s..2 * 2 s step 1 s / 2", "1.5 s in 0 s..4 s step 0.5 s")
+    plain = plain.replace("2 * 18 km/h", "36 km/h").replace("1 + 1", "2").replace("2 * 2 from", "4 from")
+    plain = plain.replace("1 m..2 * room as normal(room, room / 4)", "1 m..34 m as normal(17 m, 4.25 m)")
+    assert _case_values(plain) == values
+
+
+def test_what_is_stated_by_expressions_is_written_as_it_was():
+    formatted = format_text(_STATED, "stated.foresee")
+    assert "  tags [the, beside, the_bus]\n" in formatted
+    for line in _STATED.split("\n"):
+        assert line.strip().startswith(("tags", "the", "]", "ego", "route")) or line in formatted
+    assert format_text(formatted, "stated.foresee") == formatted
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "message"),
+    [
+        ("param far: length = 2 * wdth", "FS031", "unknown parameter 'wdth'"),
+        ("param far: time = gap + width", "FS062", "`gap` is a time, but `width` is a length"),
+        ("param far: time = far * 2", "FS063", "'far' is worked out of itself: far -> far"),
+        ("param far: time = 1 s in 0 s..gap / (gap - 1.5 s)", "FS063", "divides by zero"),
+        ("param far: speed = 2 * gap", "FS034", "`2 * gap` is a time, but a speed is needed here"),
+        ("param far: time = 9 s in 0 s..2 * gap", "FS033", "`9 s` is outside the range of 'far', 0 s..2 * gap"),
+        ("cases 5 / 2 from seed 7", "FS010", "`5 / 2` is no whole number"),
+    ],
+)
+def test_what_is_stated_wrongly(line: str, code: str, message: str):
+    found = [(one.code, one.message) for one in _mistakes(line)]
+    assert any(one == code and message in said for one, said in found), found
+    assert all(one == code for one, _ in found), found
+
+
+def test_results_of_drawn_cases_are_checked_before_they_run():
+    found = _mistakes(
+        "vehicle other: car.compact { route from west straight over j4; delay gap - 2.5 s }\n  cases 5 from seed 3"
+    )
+    assert len(found) == 1 and found[0].code == "FS050"
+    assert found[0].message.startswith("in case 'seed3_")
+    assert "such as by `max(gap - 2.5 s, 0 s)`" in found[0].help

@@ -18,6 +18,8 @@ def references(value: m.Item) -> Iterator[m.Ref]:
     match value:
         case m.Ref():
             yield value
+        case m.Calculated(expression=expression):
+            yield from references(expression)
         case m.Sum(left=left, right=right) | m.Product(left=left, right=right):
             yield from references(left)
             yield from references(right)
@@ -34,11 +36,17 @@ def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamV
     Raises:
         ExpressionError: a value that is worked out of others has none; `item` is its assignment, or a part of it.
     """
-    defaults = {param.name: param.default for param in scenario.all(m.Param)}
+    params = scenario.all(m.Param)
+    defaults = {param.name: plain(param.default) for param in params}
     if case is None:
         return defaults
-    types = {param.name: param.type for param in scenario.all(m.Param)}
+    types = {param.name: param.type for param in params}
     given = {assignment.name: assignment for assignment in case.values}
+    for param in params:
+        if param.name not in given and isinstance(param.default, m.Calculated) and any(references(param.default)):
+            default = param.default.expression
+            value = default.name if isinstance(default, m.Ref) else default
+            given[param.name] = m.Assignment(name=param.name, value=value)
     found: dict[str, m.ParamValue] = {}
 
     def value_of(name: str, asking: tuple[str, ...]) -> m.ParamValue:
@@ -66,6 +74,11 @@ def case_values(scenario: m.Scenario, case: m.Case | None) -> dict[str, m.ParamV
         for name, assignment in given.items()
         if name not in defaults and not isinstance(assignment.value, m.EXPRESSIONS)
     }
+
+
+def plain(value: m.ParamValue) -> m.ParamValue:
+    """Return a parameter's value without how it is worked out."""
+    return value.plain if isinstance(value, m.Calculated) else value
 
 
 def needed_by(assignment: m.Assignment, types: Mapping[str, m.ParamType]) -> tuple[m.Ref, ...]:

@@ -9,7 +9,7 @@ from typing import get_args
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
-from foresee_dsl.language.arithmetic.cases import case_values, needed_by
+from foresee_dsl.language.arithmetic.cases import case_values, needed_by, plain, references
 from foresee_dsl.language.arithmetic.results import not_by_zero
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import same_value
@@ -89,18 +89,30 @@ def _check_worked_out(findings: Findings, scenario: m.Scenario, case: m.Case, pa
     """Check what the values that are worked out of others come to: they lie in their parameters' ranges."""
     types = {name: known.type for name, known in parameters.items()}
     computed = [given for given in case.values if needed_by(given, types) or isinstance(given.value, m.EXPRESSIONS)]
-    if not computed:
+    given = {assignment.name for assignment in case.values}
+    following = [
+        known
+        for name, known in parameters.items()
+        if name not in given
+        and isinstance(known.default, m.Calculated)
+        and any(references(known.default))
+        and known.default.dimension in (known.type, "ratio")
+    ]
+    if not computed and not following:
         return
     try:
         values = case_values(scenario, case)
     except ExpressionError as error:
         item, help = error.item, not_by_zero(error.item, {p.name: p.default for p in parameters.values()})
         if isinstance(item, m.Assignment):
-            help = f"write a value: `{item.name} = {value_text(parameters[item.name].default)}`"
+            help = f"write a value: `{item.name} = {value_text(plain(parameters[item.name].default))}`"
+            item = item if any(item is assignment for assignment in case.values) else case
         findings.add(item, "", c.NO_RESULT, f"in case '{case.name}' {error.message}", help)
         return
-    for given in computed:
-        _check_value(findings, parameters[given.name], given, "value", values[given.name])
+    for assignment in computed:
+        _check_value(findings, parameters[assignment.name], assignment, "value", values[assignment.name])
+    for known in following:
+        _check_value(findings, known, case, "name", values[known.name])
 
 
 def _check_parameter(findings: Findings, parameter: m.Param) -> None:

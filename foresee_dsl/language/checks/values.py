@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic.cases import case_values
@@ -13,6 +14,7 @@ from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model import ParamType
 from foresee_dsl.language.model.pattern import form_of, word_before
 from foresee_dsl.language.printer import written
+from foresee_dsl.language.sampling.draws import TooFewError, draw
 from foresee_dsl.language.traversal import fields_of, walk
 from foresee_dsl.language.units import Dimension
 
@@ -90,16 +92,23 @@ def _needed(item: m.Item, field: str) -> Dimension | None:
 
 
 def _check_results(findings: Findings, scenario: m.Scenario) -> None:
-    """Report values that do not fit their place in some written case, or by default."""
+    """Report values that do not fit their place in some case, written or drawn, or by default."""
     found = list(uses(scenario.body))
     if not found:
         return
     written_cases = scenario.all(m.Case)
-    cases = [(case.name, case_values(scenario, case)) for case in written_cases]
+    cases = [(case.name, case_values(scenario, case)) for case in (*written_cases, *_drawn(scenario))]
     if not written_cases and not scenario.all(m.Cases):
         cases = [("", case_values(scenario, None))]
     for wrong in unfit(found, cases):
         findings.add(wrong.item, wrong.field, wrong.code, wrong.message, wrong.help)
+
+
+def _drawn(scenario: m.Scenario) -> Iterator[m.Case]:
+    """Yield the drawn cases; none of a statement of whose draws too few satisfy every `require`, which is reported."""
+    for cases in scenario.all(m.Cases):
+        with suppress(TooFewError):
+            yield from draw(scenario, cases)
 
 
 _A_MODEL = {

@@ -188,7 +188,7 @@ def renamed(item: _T, old: str, new: str) -> _T:
 
 
 def _renamed_value(value: object, old: str, new: str) -> object:
-    if isinstance(value, m.Item) and not isinstance(value, m.Quantity):
+    if isinstance(value, m.Item) and (isinstance(value, m.Calculated) or not isinstance(value, m.Quantity)):
         return renamed(value, old, new)
     if isinstance(value, tuple):
         parts = tuple(_renamed_value(part, old, new) for part in value)

@@ -22,6 +22,8 @@ _UNITS: Mapping[Dimension, str] = {**SI_WORD, "speed": "km/h"}
 _SORTED = (m.Scenario, m.Clip, m.Ego, m.Actor, m.Case, m.Catalogue, m.Mutant)
 """Blocks whose statements stand in any order, but for `ORDERED` ones among their like."""
 
+_WORKED_OUT = (*m.EXPRESSIONS, m.Calculated)
+
 _T = TypeVar("_T", bound=m.Item)
 
 
@@ -71,7 +73,7 @@ def _respelled(path: str, a: m.Item, b: m.Item) -> Iterator[TextChange]:
             pairs = [(was, now)] if isinstance(was, m.Item) and isinstance(now, m.Item) else []
         for one, other in pairs:
             inside = join(path, label(one)) if is_statement(one) else path
-            if isinstance(one, m.EXPRESSIONS) or isinstance(other, m.EXPRESSIONS):
+            if isinstance(one, _WORKED_OUT) or isinstance(other, _WORKED_OUT):
                 if one != other and same_value(one, other):
                     yield TextChange(f"{field_path(inside, a, name)}", text(one), text(other))
             else:
@@ -79,8 +81,10 @@ def _respelled(path: str, a: m.Item, b: m.Item) -> Iterator[TextChange]:
 
 
 def _plain(item: _T, people: bool) -> _T:
+    if isinstance(item, m.Calculated) and any(references(item)):
+        return cast(_T, item.model_copy(update={"expression": _plain(item.expression, people)}))
     if isinstance(item, m.Quantity):
-        return cast(_T, _one_unit(item))
+        return cast(_T, _one_unit(item.plain if isinstance(item, m.Calculated) else item))
     if isinstance(item, m.EXPRESSIONS) and not any(references(item)):
         with contextlib.suppress(ExpressionError):
             return cast(_T, _one_unit(evaluate(item)))

@@ -77,7 +77,7 @@ def _add(found: dict[tuple[Span | None, str], Diagnostic], document: Document, l
 
 
 def _unused_parameters(scenario: m.Scenario) -> Iterator[Found]:
-    users = (item for item in scenario.body if not isinstance(item, m.Param | m.Case))
+    users = (item for item in scenario.body if not isinstance(item, m.Case))
     used = {part.name for item in users for part in walk(item) if isinstance(part, m.Ref)}
     types = {parameter.name: parameter.type for parameter in scenario.all(m.Param)}
     assignments = (given for case in scenario.all(m.Case) for given in case.values)

@@ -137,6 +137,19 @@ EXPRESSIONS = (Sum, Product, Negative, Extreme)
 AnyValue = Quantity | Ref | Expression
 
 
+class Calculated(Quantity, kind=""):
+    """What an expression in the statement of a parameter comes to, with the others' defaults; and how it is written."""
+
+    pattern = "{expression}"
+
+    expression: Expression | Ref
+
+    @property
+    def plain(self) -> Quantity:
+        """The value alone, as a case has it."""
+        return Quantity(value=self.value, unit=self.unit)
+
+
 @cache
 def _adapter(also: tuple[type[Item], ...]) -> TypeAdapter[Any]:
     union: Any = Union[(AnyValue, *also)]

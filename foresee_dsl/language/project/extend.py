@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from foresee_dsl.errors import Diagnostic, Span
 from foresee_dsl.language import model as m
+from foresee_dsl.language.arithmetic import ExpressionError
 from foresee_dsl.language.changes import changed_body, weakened
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.messages.findings import Findings
@@ -85,12 +86,31 @@ class _Joiner:
                 case m.Change():
                     self._change(line)
         self._findings.raise_if_any()
+        self._settle_again()
         model = m.Scenario(name=self._extension.name, body=(*self._docs, *self._tags, *self._expected, *self._body))
         self._place(self._spans, model, self._extension)
         base = replace(self._parent, spans=self._base_spans)
         calculates = self._document.calculates or self._parent.calculates
         joined = replace(self._document, model=model, spans=self._spans, base=base, calculates=calculates)
         return replace(joined, written=self._extension, alive=tuple(self._alive))
+
+    def _settle_again(self) -> None:
+        if not (self._document.calculates or self._parent.calculates):
+            return
+        from foresee_dsl.language.project.stated import settled_again
+
+        try:
+            self._body = settled_again(self._extension.name, self._body, self._moved_to)
+        except ExpressionError as error:
+            item = error.item if not isinstance(error.item, m.Assignment) else self._extension
+            self._findings.add(item, "name", c.NO_RESULT, error.message, "write another value")
+            self._findings.raise_if_any()
+
+    def _moved_to(self, was: m.Item, now: m.Item) -> None:
+        """Give an item the places of another."""
+        for spans in (self._spans, self._base_spans):
+            spans |= {(id(now), field): span for (key, field), span in [*spans.items()] if key == id(was)}
+        self._alive.append(was)
 
     # ---- the four kinds of line ------------------------------------------------------------------------------------
 

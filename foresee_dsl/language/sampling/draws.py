@@ -17,7 +17,7 @@ from types import MappingProxyType
 from foresee_dsl.errors import InputError, Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.arithmetic import ExpressionError
-from foresee_dsl.language.arithmetic.cases import case_values, references
+from foresee_dsl.language.arithmetic.cases import case_values, plain, references
 from foresee_dsl.language.codes import names as c
 from foresee_dsl.language.meaning import SIGNIFICANT_DIGITS
 from foresee_dsl.language.printer import value_text, written
@@ -77,7 +77,7 @@ class Axis:
 def axis_of(param: m.Param) -> Axis | None:
     """Return what a parameter is drawn from, or None for one that keeps its default (no range, no options)."""
     if param.options is not None:
-        return Axis(param.name, len(param.options), options=param.options)
+        return Axis(param.name, len(param.options), options=tuple(plain(option) for option in param.options))
     if param.range is None:
         return None
     limits, unit = param.range, param.range.low.unit
@@ -148,13 +148,18 @@ class _Drawer:
     def __init__(self, scenario: m.Scenario, seed: int) -> None:
         self._seed = seed
         self._requires = scenario.all(m.Require)
+        self._scenario = scenario
+        self._dependent = False
+        """Some parameter's default is worked out of others: what it is, is known once those are drawn."""
         self._fixed: dict[str, m.ParamValue] = {}
         self._free: list[tuple[m.Param, Axis]] = []
         self._grid: list[Axis] = []
         for param in scenario.all(m.Param):
             axis = axis_of(param)
-            if axis is None:
-                self._fixed[param.name] = param.default
+            if isinstance(param.default, m.Calculated) and axis is None and any(references(param.default)):
+                self._dependent = True
+            elif axis is None:
+                self._fixed[param.name] = plain(param.default)
             elif isinstance(param.distribution, m.Grid):
                 self._grid.append(axis)
             else:
@@ -175,6 +180,9 @@ class _Drawer:
                 tries = 1
             for _ in range(min(tries, MAX_TRIES - attempt)):
                 values = known | {p.name: _drawn(p, a, self._seed, case, attempt) for p, a in self._free}
+                if self._dependent:
+                    given = tuple(m.Assignment(name=n, value=v) for n, v in values.items() if n in self.drawn)
+                    values = case_values(self._scenario, m.Case(name="drawn", values=given))
                 attempt += 1
                 self._tried += 1
                 violated = self._violated(values)

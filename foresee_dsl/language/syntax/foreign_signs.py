@@ -118,23 +118,12 @@ def inside(text: str, rule: str, at: int) -> Foreign | None:
     return (
         _weather(text)
         or _share(text, at)
-        or _of_param(text, rule, at)
         or _plus(text, at)
         or _one_value(text, at)
         or _power(text, at)
         or _function(text, at)
         or _measured_left(text, rule, at)
         or _measured_right(text, rule, at)
-    )
-
-
-def _of_param(text: str, rule: str, at: int) -> Foreign | None:
-    """A calculation where a parameter's values are stated."""
-    if not text.startswith("param ") or text[at : at + 1] not in ("+", "-", "*", "/", "(") or rule not in TOP:
-        return None
-    help = "write the value; what is worked out of a parameter is written where it is used, `2 * width`"
-    return Foreign(
-        at, at + 1, "the default, range and options of a parameter are values: nothing is worked out here", help
     )
 
 

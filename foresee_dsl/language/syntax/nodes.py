@@ -14,6 +14,7 @@ from lark import Token, Tree
 from foresee_dsl.errors import Span
 from foresee_dsl.language import model as m
 from foresee_dsl.language.messages.suggest import did_you_mean
+from foresee_dsl.language.messages.words import NOUNS
 from foresee_dsl.language.model.pattern import FieldForm, Form, Slot, form_of, read_pattern
 from foresee_dsl.language.syntax.node import Node, TextError
 from foresee_dsl.language.units import UNITS
@@ -51,6 +52,7 @@ RESERVED = frozenset((*_TURNS, *m.SIGNAL_COLOURS))
 _KINDS = MappingProxyType({m.rule_of(kind): kind for kind in m.ITEMS})
 """Which class a rule of the grammar makes."""
 _CALCULATED = frozenset({"calculation", "negative", "extreme"})
+_WORKED_OUT = _CALCULATED | {"ref"}
 _NESTED = _CALCULATED | {"either", "both", "not", "sustained", "then"}
 """Rules that can contain themselves, directly or not."""
 
@@ -72,6 +74,10 @@ class NodeMaker:
     def __init__(self, tree: _Tree) -> None:
         self.errors: list[TextError] = []
         self._tree = tree
+        self.stated: list[Node] = []
+        """The statements of parameters and of drawn cases."""
+        self.settles = False
+        """Something is worked out in them, which `parameters.settle` does once all are made."""
         extends = any(part.data == "extension" for part in _trees(tree.children))
         self._parameters = ANY_NAME if extends else frozenset(_parameter_names(tree))
         self.calculates = False
@@ -84,6 +90,7 @@ class NodeMaker:
             "assignment": self._assignment,
             "network": self._network,
             "param": self._param,
+            "cases": self._cases,
             "weather": self._weather,
             "edge_route": self._edge_route,
             "leg": self._leg,
@@ -336,9 +343,32 @@ class NodeMaker:
         return node
 
     def _param(self, tree: _Tree) -> Node:
-        *first, values, distribution = tree.children
+        name, type_, written, values, distribution = tree.children
+        numbers = str(type_) in NOUNS
+        default = self._word_or_ref(written, numbers=numbers)
+        if isinstance(values, Tree) and values.data == "list":
+            options = [self._word_or_ref(child, numbers=numbers) for child in values.children if child is not None]
+            values = Tree("list", [option for option in options if option is not None], values.meta)
+        inside = (part for part in (values, distribution) if isinstance(part, Tree))
+        parts = [default, *(child for part in inside for child in part.children)]
+        self.settles |= any(isinstance(part, Tree) and part.data in _WORKED_OUT for part in parts)
         is_range = isinstance(values, Tree) and values.data == "range"
-        return self._made(tree, (*first, *((values, None) if is_range else (None, values)), distribution))
+        ranges = (values, None) if is_range else (None, values)
+        node = self._made(tree, (name, type_, default, *ranges, distribution))
+        self.stated.append(node)
+        return node
+
+    def _word_or_ref(self, child: _Child, *, numbers: bool) -> _Child:
+        """Return a value of a parameter; a bare name is another parameter's where a number belongs."""
+        if not isinstance(child, Tree) or child.data != "ref":
+            return child
+        return child if numbers and str(child.children[0]) in self._parameters else _word_of_ref(child)
+
+    def _cases(self, tree: _Tree) -> Node:
+        node = self._made(tree, tree.children)
+        self.settles |= any(child.data in _WORKED_OUT for child in _trees(tree.children))
+        self.stated.append(node)
+        return node
 
     def _weather(self, tree: _Tree) -> Node:
         node = self._made(tree, ())
