@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from foresee_dsl.forecast.foresee import close_encounters, passes
-from foresee_dsl.forecast.protocol import Group, RiskyPoint
+from foresee_dsl.forecast.protocol import RiskyPoint
 from foresee_dsl.forecast.settings import ForeseeSettings
 from foresee_dsl.simulate.trace import STEP_S, Trace, X, Y
 
@@ -60,10 +60,12 @@ class RandomRanker:
         """Draw moments of a run; see `Ranker.rank`."""
         del after_s
         frames = _waypoint_frames(trace)
-        frames = frames[frames >= _earliest(before_s)]
+        frames = frames[frames >= math.ceil(before_s / STEP_S - 1e-9)]
         drawn = np.random.default_rng(np.random.SeedSequence(seed)).permutation(frames)
         return tuple(
-            _point_without_actor(trace, int(frame), rank, f"random waypoint, passed at {trace.time_s[frame]:.2f} s")
+            RiskyPoint.without_actor(
+                trace, rank, int(frame), 1 / rank, f"random waypoint, passed at {trace.time_s[frame]:.2f} s"
+            )
             for rank, frame in enumerate(drawn, start=1)
         )
 
@@ -81,13 +83,9 @@ class ExhaustiveRanker:
         del seed, after_s
         seconds = range(math.ceil(before_s - 1e-9), math.floor(trace.duration_s + 1e-9) + 1)
         return tuple(
-            _point_without_actor(trace, trace.frame_at(second), rank, f"every second: {second:.2f} s")
+            RiskyPoint.without_actor(trace, rank, trace.frame_at(second), 1 / rank, f"every second: {second:.2f} s")
             for rank, second in enumerate(seconds, start=1)
         )
-
-
-def _earliest(before_s: float) -> int:
-    return math.ceil(before_s / STEP_S - 1e-9)
 
 
 def _waypoint_frames(trace: Trace) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
@@ -100,18 +98,3 @@ def _waypoint_frames(trace: Trace) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     nearest = gaps.argmin(axis=1)
     reached = gaps[np.arange(len(gaps)), nearest] <= _REACHED_M
     return np.unique(nearest[reached])
-
-
-def _point_without_actor(trace: Trace, frame: int, rank: int, why: str) -> RiskyPoint:
-    group: Group = "none"
-    return RiskyPoint(
-        rank=rank,
-        frame=frame,
-        time_s=float(trace.time_s[frame]),
-        actor="",
-        group=group,
-        distance_m=math.nan,
-        trajectory_distance_m=math.nan,
-        score=1 / rank,
-        why=why,
-    )

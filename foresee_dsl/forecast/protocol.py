@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, Self, runtime_checkable
@@ -43,6 +44,11 @@ class RiskyPoint:
     why: str
 
     shown = "rank time_s:2 frame actor group distance_m?:3 why"
+
+    @classmethod
+    def without_actor(cls, trace: Trace, rank: int, frame: int, score: float, why: str) -> Self:
+        """Return a moment of a run that no actor makes risky."""
+        return cls(rank, frame, float(trace.time_s[frame]), "", "none", math.nan, math.nan, score, why)
 
 
 @runtime_checkable

@@ -24,6 +24,10 @@ class Clock(StrEnum):
     SIMULATED = "simulated"
     WALL = "wall"
 
+    def of(self, took: Child | MeasuredClip | Measured) -> float:
+        """Return the time that something took, s."""
+        return took.simulated_s if self is Clock.SIMULATED else took.wall_s
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -43,11 +47,6 @@ class Curve:
     def at(self, time_s: float) -> int:
         """Return how many were found by then."""
         return int(np.searchsorted(self.times_s, time_s, side="right"))
-
-    @property
-    def per_hour(self) -> float:
-        """Collisions an hour; NaN of a campaign that took no time."""
-        return len(self.times_s) / (self.end_s / 3600) if self.end_s else float("nan")
 
 
 @dataclass(frozen=True)
@@ -85,14 +84,11 @@ class _Parts:
 
 
 def _parts(measured: Measured, clock: Clock) -> _Parts:
-    def length(run: MeasuredClip | Child) -> float:
-        return run.simulated_s if clock is Clock.SIMULATED else run.wall_s
-
     ordered = sorted(measured.usable, key=lambda case: sha256(case.name.encode()).digest())
     rows = []
     for number, case in enumerate(ordered):
         for clip in case.clips:
-            ends = np.cumsum([length(clip), *map(length, clip.children)])
+            ends = np.cumsum([clock.of(clip), *map(clock.of, clip.children)])
             collided = np.array([child.verdict.is_collision for child in clip.children], dtype=bool)
             rows.append((clip.position, number, float(ends[-1]), ends[1:][collided]))
     rows.sort(key=lambda row: row[:2])

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from foresee_dsl.errors import ForeseeError
 from foresee_dsl.files import write_whole
-from foresee_dsl.study import fuzzed
 from foresee_dsl.study.fuzzed import Fuzzed
 from foresee_dsl.study.halves import Half
-from foresee_dsl.study.measured import Measured, load, save
+from foresee_dsl.study.measured import Measured
 from foresee_dsl.study.settings import StudySettings, Wanted
 
 SCHEMA = 1
+_KINDS = {"study campaign": Measured, "study fuzzing": Fuzzed}
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class StudyFolder:
 
     def keep(self, wanted: Wanted, measured: Measured) -> None:
         """Write what a campaign gave."""
-        save(measured, self._measured / f"{wanted.name}.json")
+        _save(self._measured / f"{wanted.name}.json", "study campaign", measured, "cases")
 
     def campaigns(self) -> tuple[Measured, ...]:
         """Return what all its campaigns gave, in the order of their files.
@@ -87,15 +88,15 @@ class StudyFolder:
         files = sorted(self._measured.glob("*.json"))
         if not files:
             raise ForeseeError(f"there is no study in {self.at}: `foresee study rq1 --out {self.at}` makes one")
-        return tuple(load(file) for file in files)
+        return tuple(_load(file, "study campaign") for file in files)
 
     def keep_fuzzed(self, found: Fuzzed) -> None:
         """Write what DriveFuzz did in one iteration."""
-        fuzzed.save(found, self.fuzzed / f"{found.name}.json")
+        _save(self.fuzzed / f"{found.name}.json", "study fuzzing", found, "seeds")
 
     def fuzzings(self) -> tuple[Fuzzed, ...]:
         """Return what DriveFuzz did, in the order of the files."""
-        return tuple(fuzzed.load(file) for file in sorted(self.fuzzed.glob("*.json")))
+        return tuple(_load(file, "study fuzzing") for file in sorted(self.fuzzed.glob("*.json")))
 
     def write(self, record: Record) -> None:
         """Write `study.json`."""
@@ -130,3 +131,33 @@ class StudyFolder:
         record = replace(before, settings=settings, asked={**before.asked, **asked}, notes=notes)
         self.write(record)
         return record
+
+
+def _save(file: Path, document: str, found: Any, rows: str) -> None:  # noqa: ANN401 - Measured or Fuzzed
+    """Write a document with a line for each element of its field `rows`."""
+    head = {"schema": SCHEMA, "document": document, **_adapter(document).dump_python(found, mode="json")}
+    lines = ",\n".join(f"  {json.dumps(row, separators=(',', ':'))}" for row in head.pop(rows))
+    write_whole(file, f'{json.dumps(head, indent=1)[:-2]},\n "{rows}": [\n{lines}\n ]\n}}\n')
+
+
+def _load(file: Path, document: str) -> Any:  # noqa: ANN401 - Measured or Fuzzed
+    """Read a document.
+
+    Raises:
+        ForeseeError: it is none, or another version's.
+    """
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+        if (data.pop("schema", None), data.pop("document", None)) != (SCHEMA, document):
+            raise ValueError("another kind of file")
+        return _adapter(document).validate_python(data, strict=False)
+    except ValueError as err:  # pydantic's errors are some of these
+        why = type(err).__name__
+        raise ForeseeError(f"{file} cannot be read ({why}): run the study again, its store has all") from err
+
+
+@cache
+def _adapter(document: str) -> Any:  # noqa: ANN401 - pydantic's own
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(_KINDS[document])

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-from typing import Any
 
 from foresee_dsl import __version__
 from foresee_dsl.campaign.driving import case_name
-from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import write_whole
 from foresee_dsl.fuzz.records import FuzzResult, SeedFuzz
 from foresee_dsl.language.project.document import TestCase
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.study.halves import Half, half_of
-
-SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -80,33 +72,3 @@ def _seed(found: SeedFuzz, case: TestCase) -> FuzzedSeed:
         simulated_s=round(sum(run.duration_s for run in found.every), 2),
         wall_s=round(sum(run.outcome.wall_s for run in found.every), 4),
     )
-
-
-def save(found: Fuzzed, file: Path) -> None:
-    """Write it, a line for each seed."""
-    head = {"schema": SCHEMA, "document": "study fuzzing", **_adapter().dump_python(found, mode="json")}
-    seeds = ",\n".join(f"  {json.dumps(seed)}" for seed in head.pop("seeds"))
-    write_whole(file, f'{json.dumps(head, indent=1)[:-2]},\n "seeds": [\n{seeds}\n ]\n}}\n')
-
-
-def load(file: Path) -> Fuzzed:
-    """Read it.
-
-    Raises:
-        ForeseeError: it is none, or another version's.
-    """
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-        if data.pop("schema", None) != SCHEMA or data.pop("document", None) != "study fuzzing":
-            raise ValueError("another kind of file")
-        found: Fuzzed = _adapter().validate_python(data, strict=False)
-    except ValueError as err:  # pydantic's errors are some of these
-        raise ForeseeError(f"{file} cannot be read: run `foresee study rq4` again, its store has all") from err
-    return found
-
-
-@cache
-def _adapter() -> Any:  # noqa: ANN401 - pydantic's own
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(Fuzzed)

@@ -5,21 +5,15 @@ The store has everything, for this version of the tool; from these files tables 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from foresee_dsl.errors import ForeseeError
-from foresee_dsl.files import write_whole
 from foresee_dsl.simulate.results.verdict import Verdict
 from foresee_dsl.study.halves import Half
-
-SCHEMA = 1
 
 
 class Counted(StrEnum):
@@ -150,34 +144,39 @@ class Measured:
         """The risky points that were studied."""
         return sum(len(case.clips) for case in self.usable)
 
+    @property
+    def children_run(self) -> tuple[Child, ...]:
+        """The mutated clips of all test cases."""
+        return tuple(child for case in self.usable for child in case.children)
+
     def count(self, what: Counted) -> int:
         """Return how many collisions, findings or avoidable findings there are."""
-        return counted((child for case in self.usable for child in case.children), what)
+        return counted(self.children_run, what)
 
     def of_verdict(self, verdict: Verdict) -> int:
         """Return how many children ended so."""
-        return sum(child.verdict is verdict for case in self.usable for child in case.children)
+        return sum(child.verdict is verdict for child in self.children_run)
 
     @property
     def simulated_s(self) -> float:
         """What clips and children simulated; the test cases' own runs are the same for every ranker, and left out."""
-        return sum(run.simulated_s for run in self._derived())
+        return sum(run.simulated_s for run in self._derived)
 
     @property
     def wall_s(self) -> float:
         """The time of one core that they took."""
-        return sum(run.wall_s for run in self._derived())
+        return sum(run.wall_s for run in self._derived)
 
+    @property
     def _derived(self) -> Iterator[MeasuredClip | Child]:
-        for case in self.usable:
-            for clip in case.clips:
-                yield clip
-                yield from clip.children
+        for clip in (clip for case in self.usable for clip in case.clips):
+            yield clip
+            yield from clip.children
 
 
 def avoided(measured: Measured, who: str) -> int:
     """Return how many findings somebody (of `AVOIDERS`) avoids one failure of at least."""
-    children = (child for case in measured.usable for child in case.children)
+    children = measured.children_run
     return len({child.story for child in children if child.verdict.is_collision and who in child.avoided_by})
 
 
@@ -187,38 +186,3 @@ def counted(children: Iterable[Child], what: Counted) -> int:
     if what is Counted.COLLISIONS:
         return len(collisions)
     return len({child.story for child in collisions if what is Counted.FINDINGS or child.avoided_by})
-
-
-def save(measured: Measured, file: Path) -> None:
-    """Write a campaign's file, a line for each test case."""
-    head = {"schema": SCHEMA, "document": "study campaign", **_adapter().dump_python(measured, mode="json")}
-    cases = ",\n".join(f"  {json.dumps(case, separators=(',', ':'))}" for case in head.pop("cases"))
-    own = json.dumps(head, indent=1)
-    write_whole(file, f'{own[:-2]},\n "cases": [\n{cases}\n ]\n}}\n')
-
-
-def load(file: Path) -> Measured:
-    """Read a campaign's file.
-
-    Raises:
-        ForeseeError: it is none, or another version's.
-    """
-    from pydantic import ValidationError
-
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-        if data.pop("schema", None) != SCHEMA or data.pop("document", None) != "study campaign":
-            raise ForeseeError(f"{file} is no campaign of a study that this version reads: run the study again")
-        measured: Measured = _adapter().validate_python(data, strict=False)
-    except (ValueError, ValidationError) as err:
-        raise ForeseeError(
-            f"{file} cannot be read ({type(err).__name__}): run the study again, its store has all"
-        ) from err
-    return measured
-
-
-@cache
-def _adapter() -> Any:  # noqa: ANN401 - pydantic's own
-    from pydantic import TypeAdapter
-
-    return TypeAdapter(Measured)

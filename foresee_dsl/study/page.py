@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -65,8 +66,8 @@ def write_page(
         parts=parts,
         pictures=pictures,
     )  # fmt: skip
-    lines = (line.rstrip() for line in text.splitlines())
-    write_whole(page, "\n".join(_one_blank(lines)) + "\n")
+    lines = "\n".join(line.rstrip() for line in text.splitlines())
+    write_whole(page, re.sub(r"\n{3,}", "\n\n", lines).strip("\n") + "\n")
 
 
 def _took(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
@@ -78,22 +79,9 @@ def _took(results: Results, record: Record) -> Iterator[tuple[str, ...]]:
         there = [m for m in found if m is not None]
         if not there:
             continue
-        runs = sum(1 + len(clip.children) for m in there for case in m.usable for clip in case.clips)
+        runs = sum(m.clips + len(m.children_run) for m in there)
         yield (
             name, str(len(there)), f"{runs:,}", f"{sum(m.simulated_s for m in there) / 3600:.1f} h",
             f"{sum(m.wall_s for m in there) / 60:.0f} min",
             f"{took.wall_s / 60:.0f} min on {took.jobs} workers",
         )  # fmt: skip
-
-
-def _one_blank(lines: Iterator[str]) -> Iterator[str]:
-    """Leave out blank lines that follow a blank line, and those at the end."""
-    waiting, begun = False, False
-    for line in lines:
-        if not line:
-            waiting = True
-            continue
-        if waiting and begun:
-            yield ""
-        waiting, begun = False, True
-        yield line

@@ -182,7 +182,7 @@ def weather_collisions(results: Results, driver: str) -> Ours | None:
     """Return the share of clips that collide in heavy weather, %."""
     found = tuple(m for name in _drivers(results, driver)
                   for m in results.of_campaign(name, "foresee", preset=HEAVY_WEATHER))  # fmt: skip
-    children = _by_case(found, lambda case: float(sum(len(clip.children) for clip in case.clips)))
+    children = _by_case(found, lambda case: float(len(list(case.children))))
     return _scaled(_ratio(_by_case(found, _collisions), children), 100)
 
 
@@ -249,5 +249,5 @@ def a_child_of_paper(driver: str, ranker: str) -> float | None:
 def a_child(results: Results, driver: str, ranker: str) -> float | None:
     """Return our collisions a child, with clips of the chosen length."""
     found = _campaigns(results, driver, ranker, CHOSEN_S)
-    children = sum(len(clip.children) for m in found for case in m.usable for clip in case.clips)
+    children = sum(len(m.children_run) for m in found)
     return sum(map(_collisions, found)) / children if children else None

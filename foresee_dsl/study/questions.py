@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
 
@@ -40,23 +40,15 @@ def campaigns(
     *,
     drivers: Iterable[str] | None = None,
     groups: Iterable[str] = (BUNDLED,),
+    repetitions: int | None = None,
 ) -> Iterator[Wanted]:
     """Yield a campaign for each combination and repetition."""
     asked = settings.drivers if drivers is None else drivers
     for group, driver, ranker, clip_s in product(groups, asked, rankers, clips_s):
-        for repetition in range(settings.repetitions):
+        for repetition in range(settings.repetitions if repetitions is None else repetitions):
             seed = settings.seed + repetition
-            yield Wanted(
-                group,
-                driver,
-                ranker,
-                clip_s,
-                repetition,
-                seed,
-                settings.preset,
-                children=settings.children,
-                against=settings.against,
-            )
+            yield Wanted(group, driver, ranker, clip_s, repetition, seed, settings.preset,
+                         children=settings.children, against=settings.against)  # fmt: skip
 
 
 def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> Iterator[Wanted]:
@@ -64,12 +56,9 @@ def exhaustive(settings: StudySettings, clips_s: Iterable[float] = CLIPS_S) -> I
 
     Their failures, many and much alike, are not driven by reference drivers, which would take most of the time.
     """
-    for driver, clip_s in product(settings.searched, clips_s):
-        for repetition in range(settings.exhaustive_repetitions):
-            yield Wanted(
-                BUNDLED, driver, EXHAUSTIVE, clip_s, repetition, settings.seed + repetition, settings.preset,
-                EVERY_POINT, settings.children, against=(),
-            )  # fmt: skip
+    searches = campaigns(settings, (EXHAUSTIVE,), clips_s, drivers=settings.searched,
+                         repetitions=settings.exhaustive_repetitions)  # fmt: skip
+    return (replace(wanted, risky_points=EVERY_POINT, against=()) for wanted in searches)
 
 
 def _effectiveness(settings: StudySettings) -> Iterator[Wanted]:
@@ -89,27 +78,13 @@ def _efficiency(settings: StudySettings) -> Iterator[Wanted]:
 
 def _complementarity(settings: StudySettings) -> Iterator[Wanted]:
     """The first iteration; what the second needs is known after it (`study.complementing`)."""
-    for wanted in campaigns(settings, ("foresee",)):
-        if wanted.repetition < settings.fuzz_repetitions:
-            yield wanted
+    return campaigns(settings, ("foresee",), repetitions=min(settings.fuzz_repetitions, settings.repetitions))
 
 
 def _generality(settings: StudySettings) -> Iterator[Wanted]:
     yield from campaigns(settings, ("foresee",), groups=(BUNDLED, *settings.towns))
-    for driver in settings.drivers:
-        for repetition in range(settings.repetitions):
-            seed = settings.seed + repetition
-            yield Wanted(
-                BUNDLED,
-                driver,
-                "foresee",
-                CHOSEN_S,
-                repetition,
-                seed,
-                HEAVY_WEATHER,
-                children=1,
-                against=settings.against,
-            )
+    for wanted in campaigns(settings, ("foresee",)):
+        yield replace(wanted, preset=HEAVY_WEATHER, children=1)
 
 
 def _of(settings: StudySettings, *names: str) -> tuple[str, ...]:
@@ -120,29 +95,20 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
     {
         q.name: q
         for q in (
-            Question(
-                "rq1",
-                "Effectiveness",
-                "How many failures do near misses give, by length of the clips and number of risky points, and what "
-                "share of an exhaustive search is that?",
-                _effectiveness,
-            ),
-            Question(
-                "rq2",
-                "Comparison",
-                "Does forecasting find more failures than random points, SelfOracle's alarms, or mere proximity?",
-                _comparison,
-            ),
+            Question("rq1", "Effectiveness",
+                     "How many failures do near misses give, by length of the clips and number of risky points, and "
+                     "what share of an exhaustive search is that?", _effectiveness),
+            Question("rq2", "Comparison",
+                     "Does forecasting find more failures than random points, SelfOracle's alarms, or mere proximity?",
+                     _comparison),
             Question("rq3", "Efficiency", "How fast are failures found?", _efficiency),
-            Question(
-                "rq4", "Complementarity", "What does forecasting find where DriveFuzz found nothing?", _complementarity
-            ),
-            Question(
-                "rq5", "Generality", "Does it work in other towns, with other drivers, in heavy weather?", _generality
-            ),
+            Question("rq4", "Complementarity", "What does forecasting find where DriveFuzz found nothing?",
+                     _complementarity),
+            Question("rq5", "Generality", "Does it work in other towns, with other drivers, in heavy weather?",
+                     _generality),
         )
     }
-)
+)  # fmt: skip
 """The paper's questions (section 4.1), by name."""
 
 

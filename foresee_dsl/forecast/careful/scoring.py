@@ -125,17 +125,10 @@ def scored(run: Recorded, candidates: Sequence[Candidate]) -> list[Scored]:
     avoidable = 0.5 * avoided.any(axis=1) + 0.5 * avoided.mean(axis=1)
     score = hit * (LEAST_SHARE + (1 - LEAST_SHARE) * avoidable)
     return [
-        _one(
-            candidates[k],
-            float(score[k]),
-            float(hit[k]),
-            float(avoidable[k]),
-            drives[k],
-            bool(avoided[k, 0]),
-            careful[k, 0],
-        )
+        _one(candidates[k], float(score[k]), float(hit[k]), float(avoidable[k]), drives[k], bool(avoided[k, 0]),
+             careful[k, 0])
         for k in range(len(candidates))
-    ]
+    ]  # fmt: skip
 
 
 def _ahead_in_line(run: Recorded, candidates: Sequence[Candidate], blind: Records) -> BoolArray:

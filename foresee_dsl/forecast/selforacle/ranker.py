@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 from foresee_dsl.errors import ForeseeError
-from foresee_dsl.forecast.protocol import Group, RiskyPoint, Surroundings
+from foresee_dsl.forecast.protocol import RiskyPoint, Surroundings
 from foresee_dsl.forecast.selforacle.pictures import classes_seen, looked_at, pictures_of
 from foresee_dsl.forecast.selforacle.segments import Segment, segments_of
 from foresee_dsl.forecast.selforacle.watcher import watcher_of
@@ -89,16 +89,6 @@ def _driver_of(trace: Trace) -> str:
 
 
 def _point(trace: Trace, segment: Segment, rank: int, threshold: float) -> RiskyPoint:
-    group: Group = "none"
-    times = segment.error / threshold
-    return RiskyPoint(
-        rank=rank,
-        frame=segment.middle,
-        time_s=float(trace.time_s[segment.middle]),
-        actor="",
-        group=group,
-        distance_m=math.nan,
-        trajectory_distance_m=math.nan,
-        score=round(times, 6),
-        why=f"unusual picture: error {times:.2f} times the threshold at {trace.time_s[segment.middle]:.2f} s",
-    )
+    times, at = segment.error / threshold, segment.middle
+    why = f"unusual picture: error {times:.2f} times the threshold at {trace.time_s[at]:.2f} s"
+    return RiskyPoint.without_actor(trace, rank, at, round(times, 6), why)

@@ -14,8 +14,6 @@ from foresee_dsl.errors import ForeseeError
 SIZES = ("negligible", "small", "medium", "large")
 _A_FROM = (0.56, 0.64, 0.71)
 """From where on an A is small, medium, large (Vargha and Delaney 2000, table 1)."""
-_D_FROM = (0.2, 0.5, 0.8)
-"""From where on a d is small, medium, large (Cohen 1988, section 2.2)."""
 
 
 def a12(first: Sequence[float], second: Sequence[float]) -> float:
@@ -47,11 +45,6 @@ def cohens_d(first: Sequence[float], second: Sequence[float]) -> float:
 def a12_size(value: float) -> str:
     """Return the size of an A in a word, whichever sample is larger."""
     return "undefined" if math.isnan(value) else SIZES[bisect.bisect_right(_A_FROM, max(value, 1 - value))]
-
-
-def d_size(value: float) -> str:
-    """Return the size of a d in a word, whichever sample is larger."""
-    return "undefined" if math.isnan(value) else SIZES[bisect.bisect_right(_D_FROM, abs(value))]
 
 
 def lacks_statsmodels() -> str:

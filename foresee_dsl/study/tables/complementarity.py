@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from foresee_dsl.study.complementing import Split, split
 from foresee_dsl.study.fuzzed import Fuzzed
 from foresee_dsl.study.measured import Measured
-from foresee_dsl.study.results import Results, mean, total
-from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, Value
+from foresee_dsl.study.results import Results, mean
+from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, Value, family_rows
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,7 @@ def _added(results: Results) -> Table:
         if not done:
             continue
         lines = [tuple(_numbers(done, family)) for family in results.families]
-        rows.append(Row(driver, kind=RowKind.HEADING))
-        rows += [Row(f"Scenario{f}", _with_shares(line)) for f, line in zip(results.families, lines, strict=True)]
-        rows.append(Row("Σ", _with_shares(tuple(map(total, zip(*lines, strict=True)))), RowKind.SUM))
+        rows += family_rows(driver, results.families, lines, _with_shares)
     notes = (
         "#F: failing test cases, each counted once. Plain: unmutated. In each iteration DriveFuzz comes first; foresee "
         "(clips of 10 s, n_rp = 4) is asked about the test cases that DriveFuzz did not bring to fail. +%: over plain. "
@@ -120,8 +118,8 @@ def _cost(found: list[Iteration]) -> Iterator[Value]:
     sides = (
         ([sum(s.runs for s in one.fuzzing.seeds) for one in found],
          [sum(s.simulated_s for s in one.fuzzing.seeds) for one in found], [len(one.found.fuzzed) for one in found]),
-        ([sum(1 + len(clip.children) for case in m.usable for clip in case.clips) for m in asked],
-         [m.simulated_s for m in asked], [len(one.found.forecast) for one in found]),
+        ([m.clips + len(m.children_run) for m in asked], [m.simulated_s for m in asked],
+         [len(one.found.forecast) for one in found]),
     )  # fmt: skip
     for runs, seconds, failing in sides:
         hours = sum(seconds) / 3600

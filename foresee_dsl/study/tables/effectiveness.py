@@ -11,7 +11,7 @@ from foresee_dsl.study.results import Results, mean, total
 from foresee_dsl.study.settings import EXHAUSTIVE
 from foresee_dsl.study.statistics import compare
 from foresee_dsl.study.tables.comparing import Compared, comparison_table
-from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, Value
+from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, Value, family_rows
 
 NOTES = (
     "#RPs: risky points that were studied, one clip each; #C: collisions (F1 to F5) among their children; both are "
@@ -54,10 +54,7 @@ def _of_driver(results: Results, driver: str) -> Iterator[Row]:
     ]
     if not any(value is not None for line in lines for value in line):
         return
-    yield Row(driver, kind=RowKind.HEADING)
-    for family, line in zip(results.families, lines, strict=True):
-        yield Row(f"Scenario{family}", tuple(line))
-    yield Row("Σ", tuple(map(total, zip(*lines, strict=True))), RowKind.SUM)
+    yield from family_rows(driver, results.families, lines)
 
 
 def _configurations(results: Results, driver: str, family: str, clip_s: float) -> Iterator[float | None]:
@@ -83,10 +80,8 @@ def _ranking(results: Results, clip_s: float) -> Table:
         ]  # fmt: skip
         if not any(value is not None for line in lines for value in line):
             continue
-        rows.append(Row(driver, kind=RowKind.HEADING))
-        rows += [Row(f"Scenario{f}", tuple(line)) for f, line in zip(results.families, lines, strict=True)]
-        sums = tuple(map(total, zip(*lines, strict=True)))
-        rows.append(Row("Σ", sums, RowKind.SUM))
+        rows += family_rows(driver, results.families, lines)
+        sums = [total(column) for column in zip(*lines, strict=True)]
         rates: list[Value] = []
         for points, collisions in zip(sums[::2], sums[1::2], strict=True):
             rates += [None, collisions / points if points and collisions is not None else None]

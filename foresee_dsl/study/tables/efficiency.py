@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
-import numpy as np
-
-from foresee_dsl.study.curves import Clock, Curve, compared_areas, curve
+from foresee_dsl.study.curves import Clock, compared_areas, curve
 from foresee_dsl.study.measured import Counted, Measured
 from foresee_dsl.study.questions import CHOSEN_S, CLIPS_S
 from foresee_dsl.study.results import Results, mean
@@ -48,7 +46,7 @@ def _an_hour(results: Results, clock: Clock) -> Table:
             if ranker == EXHAUSTIVE:
                 rates[-1] = None  # no reference driver drives its failures
             more = 100 * (rates[0] / slowest - 1) if slowest and rates[0] is not None and ranker != EXHAUSTIVE else None
-            hours = mean(_seconds(m, clock) / 3600 for m in found)
+            hours = mean(clock.of(m) / 3600 for m in found)
             lines.append(Row(ranker, (mean(m.count(Counted.COLLISIONS) for m in found), hours, *rates, more)))
         if lines and (clip_s == CHOSEN_S or everything):
             rows += [Row(f"{driver}, clips of {clip_s:g} s", kind=RowKind.HEADING), *lines]
@@ -57,12 +55,8 @@ def _an_hour(results: Results, clock: Clock) -> Table:
                  (note,))  # fmt: skip
 
 
-def _seconds(measured: Measured, clock: Clock) -> float:
-    return measured.simulated_s if clock is Clock.SIMULATED else measured.wall_s
-
-
 def _rate(found: tuple[Measured, ...], what: Counted, clock: Clock) -> float | None:
-    hours = sum(_seconds(m, clock) for m in found) / 3600
+    hours = sum(map(clock.of, found)) / 3600
     return sum(m.count(what) for m in found) / hours if hours else None
 
 
@@ -82,11 +76,11 @@ def _areas(results: Results, clock: Clock) -> Table:
             if other == "foresee" or not own or not theirs:
                 continue
             found, later = compared_areas(own, theirs, clock)
-            read = [[_at(m, found.end_s, share, clock) for m in side] for share in SHARES for side in (own, theirs)]
+            curves = [[curve(m, clock) for m in side] for side in (own, theirs)]
+            read = [mean(one.at(share * found.end_s) for one in side) for side in curves for share in SHARES]
             lines.append(
                 Row(f"against {other}", (
-                    found.first, found.second, found.ratio, *found.interval, found.end_s / 3600, later.ratio,
-                    *map(mean, read[::2]), *map(mean, read[1::2]),
+                    found.first, found.second, found.ratio, *found.interval, found.end_s / 3600, later.ratio, *read,
                 ))
             )  # fmt: skip
         if lines:
@@ -98,8 +92,3 @@ def _areas(results: Results, clock: Clock) -> Table:
     )
     return Table(_name("rq3_areas", clock), f"RQ3: areas under the curves, {clock.value} time", columns, tuple(rows),
                  notes=notes)  # fmt: skip
-
-
-def _at(measured: Measured, end_s: float, share: float, clock: Clock) -> float:
-    found: Curve = curve(measured, clock)
-    return float(np.searchsorted(found.times_s, share * end_s, side="right"))

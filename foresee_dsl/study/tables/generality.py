@@ -66,7 +66,7 @@ def _number(value: Value) -> float | None:
 
 
 def _counts(found: tuple[Measured, ...]) -> Iterator[Value]:
-    children = mean(sum(len(clip.children) for case in m.usable for clip in case.clips) for m in found)
+    children = mean(len(m.children_run) for m in found)
     collided = mean(m.count(Counted.COLLISIONS) for m in found)
     yield children
     yield from (mean(m.of_verdict(kind) for m in found) for kind in _KINDS)

@@ -10,7 +10,7 @@ from foresee_dsl.study.measured import AVOIDERS, Counted, Measured, avoided
 from foresee_dsl.study.results import TOGETHER, Results, mean, total
 from foresee_dsl.study.statistics import compare
 from foresee_dsl.study.tables.comparing import Compared, comparison_table
-from foresee_dsl.study.tables.table import Column, Row, RowKind, Table
+from foresee_dsl.study.tables.table import Column, Row, RowKind, Table, family_rows
 
 _KINDS = (*COLLISIONS, Verdict.STUCK)
 
@@ -38,10 +38,8 @@ def _by_kind(results: Results) -> Table:
         lines = [list(_kinds(results, driver, family, rankers)) for family in results.families]
         if not any(value is not None for line in lines for value in line[1:]):
             continue
-        rows.append(Row(driver, kind=RowKind.HEADING))
-        rows += [Row(f"Scenario{f}", tuple(line)) for f, line in zip(results.families, lines, strict=True)]
+        rows += family_rows(driver, results.families, lines)
         sums.append(tuple(map(total, zip(*lines, strict=True))))
-        rows.append(Row("Σ", sums[-1], RowKind.SUM))
     if len(sums) > 1:
         rows.append(Row("Total", tuple(map(total, zip(*sums, strict=True))), RowKind.SUM))
     notes = (
@@ -53,7 +51,7 @@ def _by_kind(results: Results) -> Table:
 
 def _kinds(results: Results, driver: str, family: str, rankers: tuple[str, ...]) -> Iterator[float | None]:
     own = results.of_campaign(driver, "foresee", family=family)
-    yield mean(sum(len(clip.children) for case in m.usable for clip in case.clips) for m in own)
+    yield mean(len(m.children_run) for m in own)
     for ranker in rankers:
         found = results.of_campaign(driver, ranker, family=family)
         numbers = {kind: mean(m.of_verdict(kind) for m in found) for kind in _KINDS}
@@ -66,7 +64,7 @@ def _by_family(results: Results) -> Table:
     """Findings and avoidable findings, where the paper counts collisions."""
     rankers = shown_rankers(results)
     columns = tuple(Column(what.value, (ranker,)) for ranker in rankers for what in Counted)
-    rows = []
+    rows: list[Row] = []
     for driver in results.drivers:
         lines = [
             tuple(mean(m.count(what) for m in results.of_campaign(driver, ranker, family=family))
@@ -75,9 +73,7 @@ def _by_family(results: Results) -> Table:
         ]  # fmt: skip
         if not any(value is not None for line in lines for value in line):
             continue
-        rows.append(Row(driver, kind=RowKind.HEADING))
-        rows += [Row(f"Scenario{f}", line) for f, line in zip(results.families, lines, strict=True)]
-        rows.append(Row("Σ", tuple(map(total, zip(*lines, strict=True))), RowKind.SUM))
+        rows += family_rows(driver, results.families, lines)
     notes = (
         "Findings: collisions of one family that tell the same story are one. Avoidable: another driver avoids one of "
         "them, or R157's driver or the anticipating one would have. Means of the repetitions.",
@@ -108,7 +104,7 @@ def _totals(found: tuple[Measured, ...]) -> Iterator[float | None]:
     clips = mean(m.clips for m in found)
     numbers = {what: mean(m.count(what) for m in found) for what in Counted}
     yield clips
-    yield mean(sum(len(clip.children) for case in m.usable for clip in case.clips) for m in found)
+    yield mean(len(m.children_run) for m in found)
     yield from numbers.values()
     yield from (n / clips if clips and n is not None else None for n in numbers.values())
     stories, avoidable = numbers[Counted.FINDINGS], numbers[Counted.AVOIDABLE]

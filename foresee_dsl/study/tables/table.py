@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import groupby
 
 from foresee_dsl.files import templates
+from foresee_dsl.study.results import total
 
 Value = str | int | float | None
 
@@ -62,6 +63,18 @@ class Row:
     label: str
     values: tuple[Value, ...] = ()
     kind: RowKind = RowKind.ROW
+
+
+def family_rows(
+    heading: str,
+    families: Sequence[str],
+    lines: Sequence[Sequence[float | None]],
+    shown: Callable[[tuple[float | None, ...]], tuple[Value, ...]] = tuple,
+) -> list[Row]:
+    """Return a heading, a row for each family, and their sum. `shown`: makes the row's values of a line."""
+    rows = [Row(f"Scenario{f}", shown(tuple(line))) for f, line in zip(families, lines, strict=True)]
+    sums = shown(tuple(map(total, zip(*lines, strict=True))))
+    return [Row(heading, kind=RowKind.HEADING), *rows, Row("Σ", sums, RowKind.SUM)]
 
 
 @dataclass(frozen=True)
