@@ -51,3 +51,14 @@ def test_what_is_imported_stays() -> None:
     assert sys.modules["json"] is json
     import_late("no_such_module")
     assert not isinstance(sys.modules.get("no_such_module"), ModuleType)
+
+
+def test_a_package_has_the_standin_as_it_would_have_the_module() -> None:
+    import wsgiref
+
+    vars(wsgiref).pop("util", None)
+    import_late("wsgiref.util")
+    import wsgiref.util
+
+    assert callable(wsgiref.util.guess_scheme)
+    assert wsgiref.util is sys.modules["wsgiref.util"]
