@@ -46,7 +46,8 @@ class BundledDriver(Generic[S]):
         Raises:
             DriverError: `reset` was not called.
         """
-        return self.state.step(observation)
+        state = self._state
+        return (self.state if state is None else state).step(observation)
 
     def explain(self) -> Sequence[Reason]:
         """Return the reasons for the last answer, the strongest first; they are computed now."""

@@ -254,3 +254,19 @@ def test_a_measurement_that_is_no_number_does_no_harm_outside_of_its_arrays(brok
             assert isinstance(driver.step(replace(observation, actors=(bad, *rest))), Control)
     driver.reset(task, SEDAN, seed=0)
     assert [driver.step(o) for o in observations] == before
+
+
+def test_the_nearest_point_of_a_route_is_found_without_looking_at_all() -> None:
+    rng = np.random.default_rng(1)
+    for count in (1, 2, 15, 16, 17, 300, 700):
+        heading = np.cumsum(rng.normal(0, 0.15, count))
+        x, y = np.round(np.cumsum(np.cos(heading)), 1), np.round(np.cumsum(np.sin(heading)), 1)
+        apart = np.hypot(np.diff(x), np.diff(y)).max(initial=0.1)
+        coarse = np.stack([x, y, np.cos(heading), np.sin(heading), np.full(count, apart)])
+        for k in range(50):
+            at = rng.integers(count)
+            px, py = rng.uniform(-300, 300, 2) if k % 5 == 0 else (x[at] + rng.normal(0, 3), y[at] + rng.normal(0, 3))
+            cos, sin = math.cos(k), math.sin(k)
+            dx, dy = px - x, py - y
+            costs = dx * dx + dy * dy + 12.5 * (1.0 - (cos * coarse[2] + sin * coarse[3]))
+            assert route_kernels._nearest_coarse(px, py, cos, sin, coarse) == int(np.argmin(costs))

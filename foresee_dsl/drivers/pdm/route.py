@@ -30,7 +30,8 @@ class Route:
     """The mission, ready for look-ups.
 
     Attributes:
-        points: [N] `RoutePoint`s on an even grid. coarse: [4, N / COARSE] x, y, cos and sin of every `COARSE`th one.
+        points: [N] `RoutePoint`s on an even grid.
+        coarse: [5, N / COARSE] x, y, cos and sin of every `COARSE`th one, and how far two neighbours are apart at most.
         columns: [N] each field of `points` once more, in one piece, from which numpy reads many places in less time.
         passages: the junctions as the mission has them. junctions: [J] the same as `Junction`s.
         foes: [F] `Foe`s, in the order of their junctions. paths: the `PathPoint`s of one foe after the other.
@@ -127,13 +128,19 @@ def _built(task: _Task) -> Route:
     return Route(
         points=points,
         columns=columns,
-        coarse=np.stack([columns[name][::COARSE] for name in ("x", "y", "cos", "sin")]),
+        coarse=_coarse(columns),
         passages=mission.junctions,
         junctions=np.array(junctions, JUNCTION),
         foes=foes,
         paths=paths,
         signals=tuple((k, j.signal) for k, j in enumerate(mission.junctions) if j.signal is not None),
     )
+
+
+def _coarse(columns: dict[str, FloatArray]) -> FloatArray:
+    x, y, cos, sin = (columns[name][::COARSE] for name in ("x", "y", "cos", "sin"))
+    spacing = np.hypot(np.diff(x), np.diff(y)).max(initial=GRID_M)
+    return np.stack([x, y, cos, sin, np.full(len(x), spacing)])
 
 
 def _smooth(values: FloatArray) -> FloatArray:

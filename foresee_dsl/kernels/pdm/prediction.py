@@ -30,7 +30,8 @@ FOE_COSINE = math.cos(cfg.FOE_HEADING_RAD)
 
 @compiled(r.ACTORS, r.FOES, r.PATHS)
 def match(actors: Records, foes: Records, paths: Records) -> Records:
-    """Find the actors on the paths of crossing streams, [A, F]; an actor in the ego's lane is on none."""
+    """Find the actors on the paths of crossing streams, [A, F]; an actor in the ego's lane is on none, and
+    a path of a crossing is for those on foot."""
     matches = np.empty((len(actors), len(foes)), MATCH)
     for f in range(len(foes)):
         foe = foes[f]
@@ -38,6 +39,9 @@ def match(actors: Records, foes: Records, paths: Records) -> Records:
         reach = 2 * cfg.FOE_REACH_M if on_foot else cfg.FOE_REACH_M
         for a in range(len(actors)):
             one, found = actors[a], matches[a, f]
+            if one["own_lane"] or one["obstacle"] or on_foot != one["pedestrian"]:
+                found["on"], found["s"], found["speed"], found["d"] = False, 0.0, 0.0, 0.0
+                continue
             x, y = one["x"], one["y"]
             i, nearest = start, np.inf
             for j in range(start, foe["end"], PATH_STRIDE):
@@ -51,8 +55,7 @@ def match(actors: Records, foes: Records, paths: Records) -> Records:
             cosine = one["cos"] * tx + one["sin"] * ty
             # Pedestrians use a crossing in either direction; standing ones may face anywhere.
             aligned = (abs(cosine) if on_foot else cosine) > FOE_COSINE or (on_foot and one["speed"] < cfg.COAST_MPS)
-            there = aligned and abs(d) < reach and s < foe["length"]
-            found["on"] = there and not one["own_lane"] and not one["obstacle"] and on_foot == one["pedestrian"]
+            found["on"] = aligned and abs(d) < reach and s < foe["length"]
             found["s"], found["speed"], found["d"] = s, cosine * one["speed"], d
     return matches
 

@@ -97,7 +97,8 @@ class ObjectList:
         heading_rad = np.array([spreads.get(kind, noise.heading_rad) for kind in bodies.kinds], dtype=np.float64)
         self._bodies = sight.bodies.copy()
         self._bodies["heading_spread"] = heading_rad
-        self._settings = np.array([_scan_settings(sight, settings)], dtype_of(ScanSettings))
+        limits = SightLimits(*sight.limits[0].item())
+        self._settings = np.array([_scan_settings(limits, settings)], dtype_of(ScanSettings))
         self._poses = np.empty((2, 3))
         self._noise = Streams(seed, names, (slow, slow, slow, slow, 1.0, 1.0), max(frames_of(noise.slow_s), 1))
         self._tracks = Tracks(seed, frames_of(settings.forgets_s))
@@ -132,10 +133,11 @@ class ObjectList:
         return self._measured(frame, poses, states, self._bodies, walls, noise.keys, noise.scales, self._settings)
 
 
-def _scan_settings(sight: Sight, settings: SensorSettings) -> ScanSettings:
+@lru_cache(maxsize=16)
+def _scan_settings(limits: SightLimits, settings: SensorSettings) -> ScanSettings:
     known: dict[str, Any] = asdict(settings.noise)
     known |= {f"missed_{name}": value for name, value in asdict(settings.dropouts).items()}
-    known |= {name: sight.limits[name][0] for name in SightLimits._fields}
+    known |= limits._asdict()
     known |= {"least_size": LEAST_SIZE, "slow_frames": max(frames_of(settings.noise.slow_s), 1)}
     known["missed_frames"] = max(frames_of(settings.dropouts.lasts_s), 1)
     return ScanSettings(**{name: known[name] for name in ScanSettings._fields})

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, make_dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 
@@ -44,6 +45,12 @@ class _Scan:
     table: ObjectTable | None = None
     signals: dict[str, SignalColour] | None = None
     actors: tuple[SeenActor, ...] | None = None
+
+
+_OpenEgoState: Any = make_dataclass(
+    "_OpenEgoState", [(field.name, field.type) for field in fields(EgoState)], slots=True
+)
+"""What becomes an `EgoState`: see `objects.seen_actors`."""
 
 
 class _LazyObservation(Observation):
@@ -167,8 +174,10 @@ class Sensing:
     def ego_state(self, frame: int, states: FloatArray) -> EgoState:
         """Return what the vehicle knows of itself at an absolute frame, from the states there. Speed, acceleration, yaw
         rate and steering are measured on board, exactly."""
-        x, y, heading, speed, acceleration, yaw_rate, steer = states[0].tolist()
-        return EgoState(*self._estimated_pose(frame, (x, y, heading)), speed, acceleration, yaw_rate, steer)
+        state = _OpenEgoState(*states[0].tolist())
+        state.x, state.y, state.heading_rad = self._estimated_pose(frame, (state.x, state.y, state.heading_rad))
+        state.__class__ = EgoState
+        return cast(EgoState, state)
 
     def table(self, scan: _Scan) -> ObjectTable:
         """Return the object list of a scan."""
