@@ -144,7 +144,7 @@ def test_a_schedule_waits_for_what_a_task_follows_from_and_for_the_campaigns_own
     nothing = schedule.Own(0.0, 0.0)
     took_s = {workers: schedule.scheduled_s(work, workers, nothing) for workers in (1, 4, 8, 100)}
     assert took_s == {1: 13.0, 4: 7.0, 8: 6.0, 100: 6.0}
-    assert schedule.longest_chain_s(work) == 6.0
+    assert [task.took_s for task in schedule.longest_chain(work)] == [2.0, 1.0, 3.0]
     # 13 s of work: 4 workers are busy for 13 of 28 s, 3 for 13 of 24.
     assert schedule.largest_useful(work, nothing) == 3
     slow = schedule.Own(1.0, 0.5)

@@ -33,13 +33,14 @@ class Task:
 
     Attributes:
         took_s: by the store. results: rows that the campaign's process stores. order: smaller ones go first.
-        then: tasks that are known when its results are stored.
+        then: tasks that are known when its results are stored. kind: of its first step.
     """
 
     took_s: float
     results: int
     order: tuple[int, int]
     then: list[Task] = field(default_factory=list)
+    kind: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,24 +64,24 @@ def work_of(store: Path, repeat: int = 1) -> Work:
         found: defaultdict[str, dict[str, float]] = defaultdict(dict)
         for kind, name, took_s in rows.execute("SELECT kind, name, wall_s FROM runs ORDER BY kind, name"):
             found[kind][name] = took_s
-    seeds = {n: Task(t + found["forecast"].get(n, 0.0), 2, (0, 0)) for n, t in found["seed"].items()}
+    seeds = {n: Task(t + found["forecast"].get(n, 0.0), 2, (0, 0), [], "test case") for n, t in found["seed"].items()}
     clips, children, small = {}, {}, {}
     for name, took_s in found["clip"].items():
         case, _, rank = name.rpartition("_p")
-        clips[name] = Task(took_s + found["mutants"].get(name, 0.0), 2, (int(rank), 1))
+        clips[name] = Task(took_s + found["mutants"].get(name, 0.0), 2, (int(rank), 1), [], "clip")
         seeds[case].then.append(clips[name])
     for name, took_s in found["child"].items():
         clip = name.rpartition("_m")[0]
         clip = clip if clip in clips else clip.rpartition("_s")[0]
-        children[name] = Task(took_s, 1, (clips[clip].order[0], 2))
+        children[name] = Task(took_s, 1, (clips[clip].order[0], 2), [], "child")
         clips[clip].then += [children[name], *(Task(took_s, 1, children[name].order) for _ in range(repeat - 1))]
     for name, took_s in found["minimise"].items():
-        small[name] = Task(took_s, 1, (1000, 3))
+        small[name] = Task(took_s, 1, (1000, 3), [], "minimising")
     above = {"reference": children, "case_reference": seeds, "minimised_reference": small}
     for kind, by_name in above.items():
         for name, took_s in found[kind].items():
             failure = next(n for n in (name[:k] for k in range(len(name), 0, -1)) if n in by_name)
-            by_name[failure].then.append(Task(took_s, 1, (by_name[failure].order[0], 3)))
+            by_name[failure].then.append(Task(took_s, 1, (by_name[failure].order[0], 3), [], "reference driver"))
     return Work(tuple(seeds.values()), tuple(small.values()))
 
 
@@ -126,13 +127,17 @@ def _run(first: tuple[Task, ...], workers: int, result_s: float, now_s: float) -
     return max(now_s, handled_s)
 
 
-def longest_chain_s(work: Work) -> float:
-    """Return what no number of workers makes shorter: tasks that follow from each other."""
+def longest_chain(work: Work) -> list[Task]:
+    """Return the tasks that follow from each other and take longest: no number of workers makes that shorter."""
 
-    def chain_s(task: Task) -> float:
-        return task.took_s + max(map(chain_s, task.then), default=0.0)
+    def chain(task: Task) -> list[Task]:
+        return [task, *max(map(chain, task.then), key=_took_s, default=[])]
 
-    return max(map(chain_s, work.first)) + max(map(chain_s, work.last), default=0.0)
+    return [*max(map(chain, work.first), key=_took_s), *max(map(chain, work.last), key=_took_s, default=[])]
+
+
+def _took_s(tasks: list[Task]) -> float:
+    return sum(task.took_s for task in tasks)
 
 
 def largest_useful(work: Work, own: Own) -> int:
@@ -164,12 +169,14 @@ def _text(work: Work, title: str, own: Own) -> str:
     for workers in WORKERS:
         took_s = scheduled_s(work, workers, own)
         rows.append((workers, f"{took_s:.1f}", f"{busy_s / took_s:.1f}", f"{busy_s / took_s / workers:.0%}"))
-    most, chain_s, parent_s = largest_useful(work, own), longest_chain_s(work), own.of(work)
+    most, chain, parent_s = largest_useful(work, own), longest_chain(work), own.of(work)
+    chain_s, steps = _took_s(chain), ", ".join(f"{task.kind} {task.took_s:.1f} s" for task in chain)
     limit = "its own process, which handles one result after the other" if parent_s > chain_s else (
         "the longest chain of steps that follow from each other"
     )  # fmt: skip
     return (
         f"{table((f'{title}: workers', 's', 'times one', 'busy'), rows)}\n"
-        f"{len(tasks):,} tasks of {busy_s:.0f} s together; the longest chain takes {chain_s:.1f} s, the campaign's own "
-        f"process {parent_s:.1f} s. Up to {most} workers are busy for half of the time; what limits it is {limit}.\n"
+        f"{len(tasks):,} tasks of {busy_s:.0f} s together; the longest chain takes {chain_s:.1f} s ({steps}), the "
+        f"campaign's own process {parent_s:.1f} s. Up to {most} workers are busy for half of the time; what limits it "
+        f"is {limit}.\n"
     )
