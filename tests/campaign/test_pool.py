@@ -123,6 +123,25 @@ def test_smaller_priorities_go_first() -> None:
         pool.close()
 
 
+def test_a_process_goes_on_with_the_clip_that_it_has_at_hand() -> None:
+    """What follows from a clip comes before a third clip, which is as urgent; the second was handed out already."""
+    pool = WorkerPool(1)
+
+    def add(clip: str, step: str, turn: int) -> None:
+        pool.add([Task(f"{clip}_{step}", math.sqrt, 4.0, shares=("town", clip))], (1, turn))
+
+    for clip in ("a", "b", "c"):
+        add(clip, "clip", 1)
+    seen = []
+    for task, outcome in pool.results():
+        assert outcome == 2.0
+        seen.append(task.name)
+        if task.name.endswith("clip"):
+            add(task.name[0], "child", 2)
+    pool.close()
+    assert seen == ["a_clip", "b_clip", "a_child", "b_child", "c_clip", "c_child"]
+
+
 def test_it_stops_when_it_is_told_and_leaves_no_process() -> None:
     pool = WorkerPool(2)
     pool.add([Task("sleeps", time.sleep, 3600), Task("too", time.sleep, 3600)])
